@@ -140,6 +140,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
         software=tuple(manifest.software.items()),
         identified_with=document.software,
         written_with=f"rid-daq {program_version()}",
+        empty=None if state is None else state.empty_flange,
     )
 
 

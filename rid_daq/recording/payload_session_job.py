@@ -171,7 +171,7 @@ def _result(
             RunSection.of(name, motion.describe(), item.tally, item.robot)
             for name, item in zip(state.measurements, data, strict=True)
         ),
-        verdict=payload_verdict(judged),
+        verdict=payload_verdict(judged, state.empty_flange),
         timing=Timing(
             created_utc=state.folder.manifest().created_utc, run_ids=tuple(state.done.values())
         ),

@@ -13,11 +13,13 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.formats.json_file import parse_json
 from config.model import ConfigModel
+from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import RunData
 
 UNLOADED: Final = "unloaded"
 LOADED: Final = "loaded"
 STATE: Final = "session.json"
+EMPTY_FLANGE: Final = "empty_flange"
 SCHEMA: Final = "rid-daq payload session 1"
 
 
@@ -55,6 +57,12 @@ class SessionState:
     def measurements(self) -> tuple[str, ...]:
         """The steps that are done and that the payload is estimated from."""
         return tuple(name for name in self.done if is_measurement(name))
+
+    @property
+    def empty_flange(self) -> EmptyFlange | None:
+        """How it is known that nothing was on the flange without payload; None where it is not."""
+        told = self.facts.get(EMPTY_FLANGE)
+        return EmptyFlange(told) if told in set(EmptyFlange) else None
 
     def runs(self) -> list[RunData]:
         """Return the runs of those steps.

@@ -20,10 +20,17 @@ from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.preflight.preflight import preflight
-from rid_daq.recording.payload_state import LOADED, UNLOADED, SessionState, is_measurement
+from rid_daq.recording.payload_state import (
+    EMPTY_FLANGE,
+    LOADED,
+    UNLOADED,
+    SessionState,
+    is_measurement,
+)
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, Watch
+from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import MOTION
 from rid_daq.terminal.clearance import require_yes
 from rid_daq.terminal.console import Console
@@ -159,9 +166,10 @@ class PayloadGuide:
             )
         self._preflight()
         config = session.loaded.config
-        empty = ", no payload attached" if UNLOADED in request.wanted else ""
-        clear = f"Nobody in cell {config.name}, emergency stop at hand{empty}?"
+        clear = f"Nobody in cell {config.name}, emergency stop at hand?"
         require_yes(self.console, clear, request.yes or config.simulated)
+        if UNLOADED in request.wanted and UNLOADED not in self.state.done:
+            self.state.note_fact(EMPTY_FLANGE, self._empty_flange().value)
         for step in self._steps():
             run = self._recorded(step)
             measurement = is_measurement(step.name)
@@ -172,6 +180,33 @@ class PayloadGuide:
                 return StepFailed(step.name, run, self.state.folder.run_id)
             self.state.note_step(step.name, run.folder.run_id)
         return None
+
+    def _empty_flange(self) -> EmptyFlange:
+        """Ask whether nothing hangs on the flange: the torques of two runs alone cannot tell.
+
+        Raises
+        ------
+        PreflightError
+            Something hangs there, or nobody can be asked.
+        """
+        if self.session.simulated is not None:
+            return EmptyFlange.SIMULATED
+        question = "Is the flange empty: no payload, gripper or cable hangs on it?"
+        if self.request.yes:
+            self.console.say(question)
+            self.console.say("  answered by flag")
+            return EmptyFlange.BY_FLAG
+        if not self.console.can_ask:
+            raise PreflightError(
+                f"{question} Nobody can be asked here: answer by the flags (--yes)"
+            )
+        if not self.console.confirm(question):
+            raise PreflightError(
+                "nothing was moved: take off what hangs on the flange, then go on with --resume"
+                f" {self.state.folder.run_id}; or weigh against a model of the robot as it stands"
+                " (--model)"
+            )
+        return EmptyFlange.SAID
 
     def _preflight(self) -> None:
         request, session = self.request, self.session

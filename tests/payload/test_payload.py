@@ -104,41 +104,6 @@ def test_apart_tells_what_the_payload_makes_of_each_axis_torque(
     np.testing.assert_allclose(found.payload_nm, made, rtol=0.08)
 
 
-@pytest.fixture(scope="module")
-def experiments(
-    lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion
-) -> list[PeriodicRuns]:
-    return [
-        runs(
-            (lab.averaged(robot, motion, None, seed=100 + seed, friction=1.2), False),
-            (lab.averaged(robot, motion, lab.medium, seed=200 + seed), True),
-        )
-        for seed in range(12)
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("procedure", ["together", "difference", "model", "apart"])
-def test_two_sigma_intervals_hold_in_at_least_nine_of_ten_cases(
-    lab: SimpleNamespace,
-    robot: RobotDescription,
-    experiments: list[PeriodicRuns],
-    procedure: Procedure,
-) -> None:
-    off = []
-    for both in experiments:
-        given, alone = both, None
-        if procedure == "model":
-            alone = both.part([0]).estimate(robot, OPTIONS, [False])
-            given = both.part([1])
-        how = PayloadOptions(procedure, OPTIONS, alone)
-        off.append(sigmas_off(identify_payload(robot, given, how), lab.medium))
-    inside = np.abs(np.array(off)) < 2.0
-    assert inside.mean() >= 0.9
-    # Neither are they wide for safety's sake: scatter over quoted sigma, all parameters together.
-    assert 0.7 < float(np.sqrt(np.mean(np.square(off)))) < 1.4
-
-
 def test_what_the_unloaded_run_carried_is_weighed_by_a_model(
     lab: SimpleNamespace,
     robot: RobotDescription,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from identification.payload.verdict import PayloadResult
-from rid_daq.report.sections.payload import payload_verdict
+from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
 from rid_daq.report.sections.verdict import Verdict
 
 
@@ -85,6 +85,8 @@ class Certificate:
         Name and version of what recorded.
     identified_with, written_with : str
         Which program identified the payload, and which wrote the certificate.
+    empty : EmptyFlange or None
+        How it is known that nothing hung on the flange without payload; None where it is not.
     """
 
     run_id: str
@@ -105,11 +107,12 @@ class Certificate:
     software: tuple[tuple[str, str], ...]
     identified_with: str
     written_with: str
+    empty: EmptyFlange | None = None
 
     @property
     def verdict(self) -> Verdict:
         """Whether the payload is as sure as was asked for."""
-        return payload_verdict(self.payload)
+        return payload_verdict(self.payload, self.empty)
 
     @property
     def is_whole(self) -> bool:

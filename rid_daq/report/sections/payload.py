@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import StrEnum
 from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
@@ -20,6 +21,25 @@ _PROCEDURES = {
     "difference": "Torques of the same motion with and without the payload, subtracted",
     "model": "Runs with the payload, less the model of the unloaded robot",
     "apart": "The robot identified with the payload and without, and subtracted",
+}
+
+
+class EmptyFlange(StrEnum):
+    """How it is known that nothing was on the flange in the runs without payload."""
+
+    SAID = "said"
+    BY_FLAG = "by flag"
+    SIMULATED = "simulated"
+
+
+_EMPTY = {
+    None: "The runs without payload count as empty: what hung on the flange there is missing from"
+    " this mass.",
+    EmptyFlange.SAID: "As you said, nothing was on the flange in the run without payload: what hung"
+    " there all the same is missing from this mass.",
+    EmptyFlange.BY_FLAG: "Nobody was asked whether the flange was empty in the run without payload"
+    " (--yes): what hung there is missing from this mass.",
+    EmptyFlange.SIMULATED: "Nothing was on the simulated flange in the run without payload.",
 }
 
 
@@ -232,8 +252,16 @@ class PayloadSection(Section):
         )
 
 
-def payload_verdict(payload: PayloadResult) -> Verdict:
-    """Return whether a payload is as sure as was asked for."""
+def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> Verdict:
+    """Return whether a payload is as sure as was asked for.
+
+    Parameters
+    ----------
+    payload : PayloadResult
+        The payload.
+    empty : EmptyFlange or None
+        How it is known that nothing hung on the flange without it; None where nobody was asked.
+    """
     estimate = payload.estimate
     checks = [
         Check.of(line.text, line.value, cast("Relation", line.relation), line.limit, line.unit)
@@ -252,10 +280,7 @@ def payload_verdict(payload: PayloadResult) -> Verdict:
     )
     sentence = f"Mass: {mass}. Load data are exported where this verdict is passed."
     if estimate.procedure != "model":
-        sentence += (
-            " The runs without payload count as empty: what hung on the flange there is missing"
-            " from this mass."
-        )
+        sentence += f" {_EMPTY[empty]}"
     if estimate.seen[0]:
         known = 100.0 * estimate.torque_constant_sigma
         sentence += (

@@ -1,0 +1,133 @@
+"""A payload session asks whether the flange is empty, and its verdict says what was answered."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from acquisition.motion.motion_file import AnyMotion, load_motion
+from acquisition.runs.folder import RunFolder
+from config.errors import PreflightError
+from config.load import load_cell
+from identification.payload.verdict import PayloadLimits, PayloadResult, checks
+from rid_daq.jobs.payload.payload_job import PayloadRequest
+from rid_daq.recording import payload_steps
+from rid_daq.recording.payload_state import SessionState
+from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
+from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
+from rid_daq.terminal.console import Console
+from rid_daq.worker.job_console import EventFile, JobConsole
+from rid_daq.worker.orders import Orders
+from tests.builders.certified import estimate_of
+
+EMPTY = "Is the flange empty"
+Lead = Callable[..., StepFailed | None]
+
+
+class Person(Console):
+    """Somebody at the terminal who answers yes, but to some questions."""
+
+    asked: list[str]
+
+    def __init__(self, denies: str = "nothing") -> None:
+        super().__init__()
+        object.__setattr__(self, "asked", [])
+        object.__setattr__(self, "denies", denies)
+
+    @property
+    def can_ask(self) -> bool:
+        return True
+
+    def confirm(self, question: str) -> bool:
+        self.asked.append(question)
+        return cast("Any", self).denies not in question
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> SessionState:
+    return SessionState(RunFolder.create(tmp_path, "payload", kind="payload session"), "kr15")
+
+
+@pytest.fixture(scope="module")
+def motion(six_axis_motion: Callable[[int], Path]) -> AnyMotion:
+    return load_motion(six_axis_motion(2))
+
+
+@pytest.fixture
+def lead(monkeypatch: pytest.MonkeyPatch, state: SessionState, motion: AnyMotion) -> Lead:
+    """Lead through a session whose first motion is stopped at once."""
+    monkeypatch.setattr(payload_steps, "preflight", lambda *_, **__: ([], None))
+    loaded, stopped = load_cell("kr15"), SimpleNamespace(outcome=SimpleNamespace(stop="stopped"))
+    stopped.quality = None
+
+    def led(console: Console, *, simulated: object = None, **words: Any) -> StepFailed | None:
+        session = SimpleNamespace(
+            simulated=simulated, loaded=loaded, cell=loaded.config, record=lambda _request: stopped
+        )
+        asked = PayloadSessionRequest("kr15", state.folder.path.parent, **words)
+        guide = PayloadGuide(
+            asked, cast("Any", session), state, cast("Any", motion), PayloadRequest(), console
+        )
+        return guide.lead()
+
+    return led
+
+
+def said(state: SessionState) -> str:
+    """Return the verdict's sentence by what the session's folder says."""
+    estimate = estimate_of(load_cell("kr15"), ())
+    payload = PayloadResult(estimate, checks(estimate, PayloadLimits()))
+    return payload_verdict(payload, SessionState.read(state.folder).empty_flange).sentence
+
+
+def test_a_person_is_asked_and_the_verdict_says_so(lead: Lead, state: SessionState) -> None:
+    person = Person()
+    assert isinstance(lead(person), StepFailed)
+    assert [EMPTY in question for question in person.asked].count(True) == 1
+    assert "As you said, nothing was on the flange" in said(state)
+
+
+def test_whoever_has_something_on_the_flange_moves_nothing(lead: Lead, state: SessionState) -> None:
+    with pytest.raises(PreflightError, match=r"nothing was moved: take off.*--resume .*--model"):
+        lead(Person(EMPTY))
+    assert state.empty_flange is None
+
+
+def test_a_flag_answers_but_the_verdict_does_not_say_that_you_did(
+    lead: Lead, state: SessionState
+) -> None:
+    lead(Person(), yes=True)
+    assert "Nobody was asked whether the flange was empty" in said(state)
+
+
+def test_a_simulated_flange_is_known(lead: Lead, state: SessionState) -> None:
+    person = Person(EMPTY)
+    lead(person, simulated=SimpleNamespace())
+    assert state.empty_flange is EmptyFlange.SIMULATED
+    assert "Nothing was on the simulated flange" in said(state)
+
+
+@pytest.mark.parametrize("words", [{"model": Path("model.json")}, {}])
+def test_nobody_is_asked_where_there_is_no_unloaded_run_to_come(
+    lead: Lead, state: SessionState, words: dict[str, Any]
+) -> None:
+    if not words:
+        state.note_step("unloaded", "RUN")
+    person = Person()
+    lead(person, **words)
+    assert not any(EMPTY in question for question in person.asked)
+
+
+def test_a_page_is_asked_the_same(lead: Lead, state: SessionState, tmp_path: Path) -> None:
+    orders = Orders(io.StringIO())
+    for number in (1, 2):
+        orders.take({"answer": number, "text": "yes"})
+    with EventFile(tmp_path / "events.jsonl") as events:
+        lead(JobConsole(events=events, orders=orders))
+    assert EMPTY in (tmp_path / "events.jsonl").read_text(encoding="utf-8")
+    assert state.empty_flange is EmptyFlange.SAID
