@@ -91,6 +91,53 @@ def _between_rows(
     )
 
 
+def sizes_between_rows(
+    path: JointTrajectory, sample_period_s: float, acceleration_limit: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the largest speed and acceleration around each row, between the rows too.
+
+    The quintic through each pair of rows stays within the hull of its control points. Where that
+    leaves an acceleration beyond its limit, the acceleration itself is looked at.
+
+    Parameters
+    ----------
+    path : JointTrajectory
+        The rows.
+    sample_period_s : float
+        Time between them [s].
+    acceleration_limit : ndarray, shape (n,)
+        Below it a hull is told in place of an acceleration.
+
+    Returns
+    -------
+    speed, acceleration : ndarray, shape (rows, n)
+        Sizes; of what lies between two rows both have the larger one.
+    """
+    h = sample_period_s
+    q0, v0, a0 = (values[:-1] for values in path)
+    q1, v1, a1 = (values[1:] for values in path)
+    begin, end = v0 + 0.25 * h * a0, v1 - 0.25 * h * a1
+    middle = 5.0 * (q1 - q0) / h - v0 - v1 - begin - end
+    first, second = 4.0 * (middle - begin) / h, 4.0 * (end - middle) / h
+    fastest = np.maximum(np.maximum(np.abs(begin), np.abs(end)), np.abs(middle))
+    hardest = np.maximum(np.abs(first), np.abs(second))
+    beyond = np.nonzero(hardest > acceleration_limit)
+    x = np.linspace(0.0, 1.0, 21)[:, np.newaxis]
+    y = 1.0 - x
+    cubic = (
+        y**3 * a0[beyond] + 3.0 * x * y**2 * first[beyond] + 3.0 * x**2 * y * second[beyond]
+        + x**3 * a1[beyond]
+    )  # fmt: skip
+    hardest[beyond] = np.abs(cubic).max(axis=0)
+    found = []
+    for own, between in ((path.velocity, fastest), (path.acceleration, hardest)):
+        size = np.abs(own)
+        size[:-1] = np.maximum(size[:-1], between)
+        size[1:] = np.maximum(size[1:], between)
+        found.append(size)
+    return found[0], found[1]
+
+
 def beyond_limits(broken: list[str], what: str) -> LimitError:
     """Return the error that says what a path, called `what`, exceeds."""
     return LimitError(

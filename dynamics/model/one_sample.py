@@ -35,14 +35,17 @@ ModelArrays: TypeAlias = tuple[
     FloatArray,  # (n + 2, 10) the links' parameters; gravity; spring
     FloatArray,  # (terms, 8) rotors, armatures, friction, losses: what `_Kind` says
     FloatArray,  # (2, n, n) C and C^-1
-    FloatArray,  # (n + 4, 21) memory to compute in
+    FloatArray,  # (n + 5, 21) memory to compute in
 ]
 
-_ROTOR, _ARMATURE, _FRICTION, _EFFICIENCY, _LOAD = 0.0, 1.0, 2.0, 3.0, 4.0
-_KIND, _JOINT, _VALUE, _FUNCTION, _SPEED = 0, 1, 2, 3, 4
+# Kinds of terms, and the words of their rows.
+_ROTOR, _ARMATURE, FRICTION, EFFICIENCY, _LOAD = 0.0, 1.0, 2.0, 3.0, 4.0
+KIND, JOINT, VALUE, FUNCTION, SPEED = 0, 1, 2, 3, 4
 _LINK, _AXIS, _RATIO = 3, 4, 7
 _NO_SPRING, _STRAIGHT, _FOURIER = 0.0, 1.0, 2.0
-_ACTUATOR, _LOAD_TORQUE, _FREE_TORQUE, _LINK_MOTION = 0, 1, 2, 3  # rows of memory after the links'
+# Rows of memory after the links'. What gears transmit and what acts beside them are those of the
+# last sample, before losses, and so is what the base exerts (as `base_wrench_regressor`).
+_ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH = 0, 1, 2, 3, 4
 
 _NUMBERS: Final[dict[FrictionFunction, int]] = {
     "coulomb": 0, "viscous": 1, "offset": 2, "forward": 3, "backward": 4, "cubic": 5,
@@ -118,7 +121,7 @@ class SampleTorque:
                         " out of the model, or teach `dynamics/model/one_sample.py` to compute it"
                     )
         for loss in model.transmission.losses:
-            kind = _EFFICIENCY if loss.kind == "efficiency" else _LOAD
+            kind = EFFICIENCY if loss.kind == "efficiency" else _LOAD
             terms.append([kind, loss.joint, loss.parameter.value])
         table = np.zeros((len(terms), 8))
         for row, numbers in zip(table, terms, strict=True):
@@ -133,7 +136,7 @@ class SampleTorque:
                 bodies,
                 table,
                 np.array([coupling.joints_by_motors, coupling.motors_by_joints]),
-                np.zeros((n + 4, max(21, n, 6 * (n + 1)))),
+                np.zeros((n + 5, max(21, n, 6 * (n + 1)))),
             ),
         )
 
@@ -167,7 +170,7 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
                 " ahead of the motion: identify a model without the friction term `temperature`"
             )
         speed = speeds[column.joint] if column.function == "stribeck" else 1.0
-        rows.append([_FRICTION, column.joint, value, _NUMBERS[column.function], speed])
+        rows.append([FRICTION, column.joint, value, _NUMBERS[column.function], speed])
     return rows
 
 
@@ -188,8 +191,9 @@ def sample_torque(
     """
     rows, fixed, prismatic, bodies, terms, coupling, memory = model
     n = len(q)
-    speed, carried = memory[n + _ACTUATOR], memory[n + _LOAD_TORQUE]
-    free, links = memory[n + _FREE_TORQUE], memory[n + _LINK_MOTION]
+    speed, carried = memory[n + _ACTUATOR], memory[n + LOAD_TORQUE]
+    free, links = memory[n + FREE_TORQUE], memory[n + _LINK_MOTION]
+    base = memory[n + BASE_WRENCH]
     w = (0.0, 0.0, 0.0)
     dw = (0.0, 0.0, 0.0)
     dv = (-bodies[n, 0], -bodies[n, 1], -bodies[n, 2])
@@ -232,6 +236,8 @@ def sample_torque(
         free[i] = carried[i] = speed[i] = 0.0
         for j in range(n):
             speed[i] += coupling[1, i, j] * v[j]
+    for c in range(6):
+        base[c] = 0.0
     _act(model, a, n)
     force = moment = turning = (0.0, 0.0, 0.0)  # on link i + 1, from all that it carries
     for i in range(n - 1, -1, -1):
@@ -251,16 +257,19 @@ def sample_torque(
             _add(_back(row, moment), _cross((row[9], row[10], row[11]), _back(row, force))),
             _back(row, turning),
         )
+    for c in range(3):
+        base[c] = force[c]
+        base[3 + c] += moment[c] + turning[c]
     for i in range(n):
         factor = 1.0
         direction = carried[i] * speed[i]
         way = 1.0 if direction > 0.0 else (-1.0 if direction < 0.0 else 0.0)
         for k in range(len(terms)):
-            if terms[k, _KIND] >= _EFFICIENCY and int(terms[k, _JOINT]) == i:
-                if terms[k, _KIND] == _EFFICIENCY:
-                    factor *= terms[k, _VALUE] ** -way
+            if terms[k, KIND] >= EFFICIENCY and int(terms[k, JOINT]) == i:
+                if terms[k, KIND] == EFFICIENCY:
+                    factor *= terms[k, VALUE] ** -way
                 else:
-                    factor *= 1.0 + terms[k, _VALUE] * way
+                    factor *= 1.0 + terms[k, VALUE] * way
         torque[i] = factor * carried[i] + free[i]
 
 
@@ -268,36 +277,37 @@ def sample_torque(
 def _act(model: ModelArrays, a: FloatArray, n: int) -> None:
     """Add what acts on actuators, beside the gears: rotors, armatures, friction."""
     bodies, terms, coupling, memory = model[3], model[4], model[5], model[6]
-    speed, free, links = memory[n + _ACTUATOR], memory[n + _FREE_TORQUE], memory[n + _LINK_MOTION]
+    speed, free, links = memory[n + _ACTUATOR], memory[n + FREE_TORQUE], memory[n + _LINK_MOTION]
     smoothing = bodies[n, 3]
     for k in range(len(terms)):
         term = terms[k]
-        j = int(term[_JOINT])
-        if term[_KIND] == _FRICTION:
-            shape = _friction_function(int(term[_FUNCTION]), speed[j], term[_SPEED], smoothing)
-            free[j] += term[_VALUE] * shape
-        elif term[_KIND] <= _ARMATURE:
+        j = int(term[JOINT])
+        if term[KIND] == FRICTION:
+            shape = friction_function(int(term[FUNCTION]), speed[j], term[SPEED], smoothing)
+            free[j] += term[VALUE] * shape
+        elif term[KIND] <= _ARMATURE:
             faster = 0.0
             for i in range(n):
                 faster += coupling[1, j, i] * a[i]
-            if term[_KIND] == _ARMATURE:
-                free[j] += term[_VALUE] * faster
+            if term[KIND] == _ARMATURE:
+                free[j] += term[VALUE] * faster
                 continue
             link = int(term[_LINK])
             axis = (term[_AXIS], term[_AXIS + 1], term[_AXIS + 2])
             w = (links[6 * link], links[6 * link + 1], links[6 * link + 2])
             dw = (links[6 * link + 3], links[6 * link + 4], links[6 * link + 5])
             ratio = term[_RATIO]
-            free[j] += term[_VALUE] * ratio * (ratio * faster + _dot(axis, dw))
-            if link > 0:
-                across = _cross(w, axis)
-                gyro = term[_VALUE] * ratio
-                for c in range(3):
-                    memory[link - 1, 18 + c] += gyro * (faster * axis[c] + speed[j] * across[c])
+            free[j] += term[VALUE] * ratio * (ratio * faster + _dot(axis, dw))
+            across = _cross(w, axis)
+            gyro = term[VALUE] * ratio
+            place, first = (link - 1, 18) if link > 0 else (n + BASE_WRENCH, 3)
+            for c in range(3):
+                memory[place, first + c] += gyro * (faster * axis[c] + speed[j] * across[c])
 
 
 @kernel
-def _friction_function(function: int, u: float, scale: float, smoothing: float) -> float:
+def friction_function(function: int, u: float, scale: float, smoothing: float) -> float:
+    """Return a friction term of size one; `FUNCTION`, the actuator's speed, `SPEED`, smoothing."""
     sign = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else 0.0)
     smooth = math.tanh(u / smoothing) if smoothing > 0.0 else sign
     moving = 1.0 if smoothing > 0.0 else abs(sign)

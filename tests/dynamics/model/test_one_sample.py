@@ -11,7 +11,8 @@ import pytest
 from config.errors import EstimationError
 from config.load import load_robot
 from config.robot.robot import RobotDescription
-from dynamics.model.one_sample import SampleTorque
+from dynamics.model.base_wrench import base_wrench
+from dynamics.model.one_sample import BASE_WRENCH, SampleTorque
 from dynamics.model.robot_model import RobotModel, torque
 
 Motions = Callable[[int, int], np.ndarray]
@@ -23,8 +24,13 @@ def same(model: RobotModel, motion: np.ndarray, seed: int) -> None:
     one = SampleTorque.of(model, theta)
     q, v, a = motion
     expected = torque(model, q, v, a, theta)
-    found = np.array([one(*sample) for sample in motion.transpose(1, 0, 2)])
+    found, base = np.empty_like(expected), np.empty((len(q), 6))
+    for row, sample in enumerate(motion.transpose(1, 0, 2)):
+        found[row] = one(*sample)
+        base[row] = one.arrays[6][one.joints + BASE_WRENCH, :6]
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    wrench = base_wrench(model, q, v, a, theta)
+    np.testing.assert_allclose(base, wrench, rtol=1e-9, atol=1e-9 * np.abs(wrench).max())
 
 
 @pytest.mark.parametrize("name", ["ir361", "kr15", "ur10e"])

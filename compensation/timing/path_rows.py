@@ -1,0 +1,269 @@
+"""`PathRows`: everything that limits a path, as rows in the squared speed and the acceleration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from compensation.timing.joint_curve import JointCurve
+from compensation.timing.limits import TimingLimits
+from compensation.timing.reach_kernels import FrictionArrays, along_path, friction_at_rest
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import LimitError
+from config.robot.robot import RobotDescription
+from dynamics.model.one_sample import EFFICIENCY, FRICTION, JOINT, KIND, VALUE, SampleTorque
+
+WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+STANDS: Final = 1e-7  # of a joint's largest share in the path: rounding is no way
+FASTEST: Final = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class PathDynamics:
+    """A model along a path, and the friction that is added to it.
+
+    Attributes
+    ----------
+    curve : JointCurve
+        The path.
+    robot : RobotDescription
+        Whose joints they are.
+    length : ndarray, shape (points,)
+        The grid.
+    position, slope, bend : ndarray, shape (points, n)
+        The joints there, and their derivatives by the length.
+    parts : ndarray, shape (points, 2 n + 6, 3)
+        What `along_path` computes.
+    friction, losses : ndarray, shape (terms, 8)
+        Rows of `SampleTorque`'s table.
+    smoothing : float
+        Of the sign of friction [rad/s].
+    motor_slope : ndarray, shape (points, n)
+        The actuators' speeds at x = 1.
+    """
+
+    curve: JointCurve
+    robot: RobotDescription
+    length: FloatArray
+    position: FloatArray
+    slope: FloatArray
+    bend: FloatArray
+    parts: FloatArray
+    friction: FloatArray
+    losses: FloatArray
+    smoothing: float
+    motor_slope: FloatArray
+
+    @classmethod
+    def of(
+        cls, curve: JointCurve, robot: RobotDescription, torque: SampleTorque, intervals: int
+    ) -> PathDynamics:
+        """Take a model along a path, at the ends of equal intervals."""
+        length = np.linspace(*curve.ends, intervals + 1)
+        position, slope, bend = curve.at(length)
+        table = torque.arrays[4]
+        kinds = table[:, KIND]
+        rigid = np.ascontiguousarray(table[(kinds != FRICTION) & (kinds < EFFICIENCY)])
+        bodies, memory = torque.arrays[3], torque.arrays[6]
+        without = (*torque.arrays[:4], rigid, torque.arrays[5], memory)
+        parts = np.empty((len(length), 2 * position.shape[1] + 6, 3))
+        along_path(without, position, slope, bend, parts)
+        return cls(
+            curve=curve,
+            robot=robot,
+            length=length,
+            position=position,
+            slope=slope,
+            bend=bend,
+            parts=parts,
+            friction=np.ascontiguousarray(table[kinds == FRICTION]),
+            losses=table[kinds >= EFFICIENCY],
+            smoothing=float(bodies[len(bodies) - 2, 3]),
+            motor_slope=np.ascontiguousarray(slope @ torque.arrays[5][1].T),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PathRows:
+    """Rows and bounds, each divided by its limit, and what is faster than any joint may go.
+
+    Attributes
+    ----------
+    dynamics : PathDynamics
+        Where they come from.
+    labels : tuple of str
+        What each row is, for a message.
+    rows : ndarray, shape (points, rows, 3)
+        By u, by x, at rest.
+    bounds : ndarray, shape (points, rows, 3)
+        Least and largest, and how much of the joint's friction is in the row.
+    size : ndarray, shape (rows,)
+        What rows and bounds were divided by.
+    joints : ndarray, shape (rows,)
+        Whose friction, or -1.
+    both : ndarray, shape (points - 1, n)
+        Where an actuator turns back or stands still, so that its friction has either sign.
+    fastest : ndarray, shape (points,)
+        The largest x by the speed limits.
+    """
+
+    dynamics: PathDynamics
+    labels: tuple[str, ...]
+    rows: FloatArray
+    bounds: FloatArray
+    size: FloatArray
+    joints: IntArray
+    both: BoolArray
+    fastest: FloatArray
+    friction: FrictionArrays = field(init=False)
+
+    def __post_init__(self) -> None:
+        own = self.dynamics
+        arrays = (self.joints, own.friction, own.smoothing, own.motor_slope, self.both)
+        object.__setattr__(self, "friction", arrays)
+
+    @classmethod
+    def of(cls, dynamics: PathDynamics, limits: TimingLimits) -> PathRows:
+        """Put the limits to a model along a path."""
+        names = [joint.name for joint in dynamics.robot.joints]
+        n = len(names)
+        both = _either_sign(dynamics.motor_slope)
+        build = _Builder(len(dynamics.length))
+        lossy = {int(row[JOINT]): row for row in dynamics.losses}
+        load, free = dynamics.parts[:, :n], dynamics.parts[:, n : 2 * n]
+        for j, name in enumerate(names):
+            label, limit = f"torque of {name}", limits.torque[j]
+            if j not in lossy:
+                build.add(label, load[:, j] + free[:, j], limit, j)
+                continue
+            # Behind a gear that loses torque the larger of two lines counts where the joint goes
+            # forwards and the smaller where it goes back; one line alone is on the safe side.
+            ahead, behind = _factors(lossy[j])
+            turns = np.append(both[:, j], False) | np.append(False, both[:, j])
+            forth = dynamics.motor_slope[:, j] > 0.0
+            least = np.where(forth & ~turns, -np.inf, -1.0)
+            most = np.where(~forth & ~turns, np.inf, 1.0)
+            build.add(label, ahead * load[:, j] + free[:, j], limit, j, (least, most))
+            build.add(label, behind * load[:, j] + free[:, j], limit, j)
+        for j, name in enumerate(names):
+            own = np.stack([dynamics.slope[:, j], dynamics.bend[:, j], 0.0 * dynamics.length], 1)
+            build.add(f"acceleration of {name}", own, limits.acceleration[j])
+        if limits.base is not None:
+            for c, name in enumerate(WRENCH):
+                if np.isfinite(limits.base[c]):
+                    build.add(f"{name} of the base", dynamics.parts[:, 2 * n + c], limits.base[c])
+        speed = np.maximum(
+            np.abs(dynamics.slope) / limits.speed, np.abs(dynamics.motor_slope) / limits.speed
+        ).max(axis=1)
+        return cls(
+            dynamics=dynamics,
+            labels=tuple(build.labels),
+            rows=np.ascontiguousarray(np.stack(build.rows, axis=1)),
+            bounds=np.ascontiguousarray(np.stack(build.bounds, axis=1)),
+            size=np.array(build.sizes),
+            joints=np.array(build.joints, dtype=np.int64),
+            both=both,
+            fastest=1.0 / np.maximum(speed, FASTEST**-0.5) ** 2,
+        )
+
+    def tightened(self, free: FloatArray) -> FloatArray:
+        """Return bounds that keep `free` of each row (points, rows) more, as shares of its limit.
+
+        Less where the path could then not even be gone slowly.
+        """
+        least, most = self.at_rest()
+        room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])
+        keep = np.minimum(free, np.maximum(0.95 * room, 0.0))
+        bounds = self.bounds.copy()
+        bounds[:, :, 0] += keep
+        bounds[:, :, 1] -= keep
+        return bounds
+
+    def at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest of each row (points, rows) near standstill."""
+        friction = np.empty((len(self.rows), 2, self.both.shape[1]))
+        friction_at_rest(self.friction, friction)
+        share = self.bounds[:, :, 2]
+        of_joint = np.maximum(self.joints, 0)
+        least = self.rows[:, :, 2] + share * friction[:, 0][:, of_joint]
+        most = self.rows[:, :, 2] + share * friction[:, 1][:, of_joint]
+        return least, most
+
+    def refuse_standing(self, free: FloatArray | float = 0.0) -> None:
+        """Refuse a path on which not even standing is within the limits.
+
+        Parameters
+        ----------
+        free : ndarray, shape (points, rows), or float
+            The share of each limit that is to be kept free.
+
+        Raises
+        ------
+        LimitError
+            Gravity, with the friction of a slow motion, takes more than a limit; the text names
+            the joint and the pose.
+        """
+        least, most = self.at_rest()
+        low, high = self.bounds[:, :, 0] + free, self.bounds[:, :, 1] - free
+        over = np.maximum(low - least, most - high)
+        point, row = np.unravel_index(int(over.argmax()), over.shape)
+        if over[point, row] <= 0.0:
+            return
+        own, size = self.dynamics, self.size[row]
+        upwards = most[point, row] - high[point, row] >= low[point, row] - least[point, row]
+        takes = (most if upwards else least)[point, row] * size
+        allowed = abs((high if upwards else low)[point, row]) * size
+        pose = ", ".join(f"{value:.4g}" for value in own.position[point])
+        raise LimitError(
+            f"the path cannot be driven within its limits at any speed: {self.labels[row]} is"
+            f" {takes:.4g} at the pose ({pose}) already by gravity and the friction of a slow"
+            f" motion ({self.rows[point, row, 2] * size:.4g} without friction),; allowed"
+            f" is {max(allowed, 0.0):.4g}. Move the path, lighten the payload, or allow more"
+        )
+
+
+class _Builder:
+    def __init__(self, points: int) -> None:
+        self.points = points
+        self.labels: list[str] = []
+        self.rows: list[FloatArray] = []
+        self.bounds: list[FloatArray] = []
+        self.sizes: list[float] = []
+        self.joints: list[int] = []
+
+    def add(
+        self,
+        label: str,
+        row: FloatArray,
+        limit: float,
+        joint: int = -1,
+        ends: tuple[FloatArray, FloatArray] | None = None,
+    ) -> None:
+        bounds = np.empty((self.points, 3))
+        bounds[:, 0], bounds[:, 1] = (-1.0, 1.0) if ends is None else ends
+        bounds[:, 2] = 1.0 / limit if joint >= 0 else 0.0
+        self.labels.append(label)
+        self.rows.append(row / limit)
+        self.bounds.append(bounds)
+        self.sizes.append(float(limit))
+        self.joints.append(joint)
+
+
+def _factors(loss: FloatArray) -> tuple[float, float]:
+    """Return by what a gear multiplies a load that is positive, and one that is negative.
+
+    For a joint that goes forwards; the other way round where it goes back.
+    """
+    value = float(loss[VALUE])
+    if loss[KIND] == EFFICIENCY:
+        return 1.0 / value, value
+    return 1.0 + value, 1.0 - value
+
+
+def _either_sign(speed: FloatArray) -> BoolArray:
+    """Return in which interval each actuator turns back, or stands still."""
+    stands = np.abs(speed) <= STANDS * np.abs(speed).max()
+    begin, end = speed[:-1], speed[1:]
+    return np.ascontiguousarray((begin * end <= 0.0) | stands[:-1] | stands[1:])

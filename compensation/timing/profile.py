@@ -1,0 +1,128 @@
+"""`SpeedOverPath`: the fastest speed over a path, by the scan of `reach_kernels`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from compensation.timing.path_rows import PathRows
+from compensation.timing.reach_kernels import backwards, forwards, largest_alone
+from config.arrays import FloatArray
+from config.errors import LimitError
+
+REPAIRS: Final = 60
+SLOWER: Final = 0.9
+ROUNDS: Final = 30
+SAME: Final = 1e-9
+STUCK: Final = 1e-10  # of the largest x on the limit curve
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedOverPath:
+    """How a path is driven.
+
+    Attributes
+    ----------
+    length : ndarray, shape (points,)
+        The grid.
+    x : ndarray, shape (points,)
+        Squared speed.
+    u : ndarray, shape (points - 1,)
+        Acceleration along the path, constant between two points.
+    time_s : ndarray, shape (points,)
+        When each point is passed.
+    """
+
+    length: FloatArray
+    x: FloatArray
+    u: FloatArray
+    time_s: FloatArray
+
+
+def fastest(
+    rows: PathRows,
+    bounds: FloatArray,
+    *,
+    ends: tuple[float, float] = (0.0, 0.0),
+    closed: bool = False,
+    most: FloatArray | None = None,
+) -> SpeedOverPath:
+    """Return the fastest way along a path.
+
+    Parameters
+    ----------
+    rows : PathRows
+        What limits it.
+    bounds : ndarray, shape (points, rows, 3)
+        `rows.bounds`, or tighter ones.
+    ends : (float, float)
+        Speed along the path at its begin and its end, path length per second.
+    closed : bool
+        Whether the path ends where it begins, at the same speed, which is then found.
+    most : ndarray, shape (points,), optional
+        The largest x, where less than the speed limits allow is wanted.
+
+    Raises
+    ------
+    LimitError
+        The speeds at the ends cannot be had, or the limits leave no motion; the text says where.
+    """
+    length = rows.dynamics.length
+    cap = (rows.fastest if most is None else np.minimum(most, rows.fastest)).copy()
+    points = len(length)
+    largest, x, u = np.empty(points), np.empty(points), np.empty(points - 1)
+    begin, end, failed = ends[0] ** 2, ends[1] ** 2, -1
+    if closed:
+        begin = end = float(min(cap[0], cap[-1]))
+    for _ in range(ROUNDS if closed else 1):
+        for _ in range(REPAIRS):
+            backwards(rows.rows, bounds, rows.friction, length, cap, end, largest)
+            start = min(begin, float(largest[0]))
+            failed = forwards(rows.rows, bounds, rows.friction, length, largest, start, x, u)
+            if failed < 0:
+                break
+            cap[failed] = SLOWER * min(cap[failed], x[failed])
+        else:
+            raise _no_way(rows, bounds, failed)
+        if not closed or abs(x[-1] - x[0]) <= SAME * x[0]:
+            break
+        begin = end = float(min(x[0], x[-1]))
+    _refuse_ends(x, ends, closed)
+    stuck = np.flatnonzero(x[1:-1] <= STUCK * x.max()) + 1
+    if len(stuck):
+        raise _no_way(rows, bounds, int(stuck[0]))
+    root = np.sqrt(x)
+    time_s = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(length) / (root[1:] + root[:-1]))])
+    return SpeedOverPath(length, x, u, time_s)
+
+
+def limit_curve(rows: PathRows, bounds: FloatArray) -> FloatArray:
+    """Return the largest squared speed at each point on its own, (points,)."""
+    found = np.empty(len(rows.dynamics.length))
+    largest_alone(rows.rows, bounds, rows.friction, rows.fastest, found)
+    return found
+
+
+def _refuse_ends(x: FloatArray, ends: tuple[float, float], closed: bool) -> None:
+    if closed:
+        return
+    for name, wanted, found in (("begin", ends[0], x[0]), ("end", ends[1], x[-1])):
+        if found < (1.0 - 1e-6) * wanted**2:
+            raise LimitError(
+                f"the path cannot be at a speed of {wanted:.4g} at its {name}: the limits allow"
+                f" {np.sqrt(found):.4g}"
+            )
+
+
+def _no_way(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:
+    least, most = rows.at_rest()
+    room = np.minimum(bounds[point, :, 1] - most[point], least[point] - bounds[point, :, 0])
+    row = int(room.argmin())
+    pose = ", ".join(f"{value:.4g}" for value in rows.dynamics.position[point])
+    return LimitError(
+        f"the path comes to a standstill at the pose ({pose}): {rows.labels[row]} leaves"
+        f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit to move with there. Move the"
+        " path, or allow more"
+    )

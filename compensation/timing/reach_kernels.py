@@ -1,0 +1,366 @@
+"""The scan over path position and squared speed: controllable sets backwards, then forwards.
+
+With x the squared speed along the path and u its acceleration, everything that is limited is a row
+A u + B x + C + f(x) between two bounds, where f is friction at the speed that x makes. u is
+constant between two points of the grid, and the rows of both ends hold. As in TOPP-RA (Pham and
+Pham 2018) the pass backwards finds the largest x at each point from which the end can still be
+reached, and the pass forwards goes as fast as that allows.
+
+For a given x every row bounds u, so what is left of u is an interval. Where it is empty, the two
+rows that empty it are followed, as straight lines with the slope of friction in them, to where they
+meet: Newton's iteration. It ends at an x whose own friction is in the rows, so friction is exact.
+A row without u (a zero-inertia point) bounds x by itself, in the same iteration.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray, IntArray
+from dynamics.kernels.simd import kernel
+from dynamics.model.one_sample import BASE_WRENCH as WRENCH
+from dynamics.model.one_sample import (
+    FREE_TORQUE,
+    FUNCTION,
+    JOINT,
+    LOAD_TORQUE,
+    SPEED,
+    VALUE,
+    ModelArrays,
+    friction_function,
+    sample_torque,
+)
+
+FrictionArrays: TypeAlias = tuple[IntArray, FloatArray, float, FloatArray, BoolArray]
+
+STEPS: Final = 60
+TINY: Final = 1e-14  # of a row's size: it does not see u
+CLOSE: Final = 1e-9
+LOOSE: Final = 1e-6
+SLOPE_STEP: Final = 1e-6
+FROM_REST: Final = 1e-9  # rad/s: friction has its sign, and nothing of its speed
+
+# Words of an interval of u: its ends, and how they move with x.
+LEAST: Final = 0
+MOST: Final = 1
+LEAST_SLOPE: Final = 2
+MOST_SLOPE: Final = 3
+ALONE: Final = 4  # where a row that does not see u asks x to go; -1 where none does
+
+
+@kernel
+def along_path(
+    model: ModelArrays, q: FloatArray, slope: FloatArray, bend: FloatArray, out: FloatArray
+) -> None:
+    """Split what gears transmit, what acts beside them, and the base wrench by u, x and 1.
+
+    Parameters
+    ----------
+    model : tuple of arrays
+        `SampleTorque.arrays`, without friction.
+    q, slope, bend : (points, n) arrays
+        The joints, and their derivatives by the path's length.
+    out : (points, 2 n + 6, 3) array
+        Written: load torques, free torques and base wrench, by u, by x, and at rest.
+    """
+    n = q.shape[1]
+    memory = model[6]
+    rest, torque = np.zeros(n), np.empty(n)
+    for i in range(len(q)):
+        for part in (2, 0, 1):
+            if part == 2:
+                sample_torque(model, q[i], rest, rest, torque)
+            elif part == 0:
+                sample_torque(model, q[i], rest, slope[i], torque)
+            else:
+                sample_torque(model, q[i], slope[i], bend[i], torque)
+            for j in range(n):
+                out[i, j, part] = memory[n + LOAD_TORQUE, j]
+                out[i, n + j, part] = memory[n + FREE_TORQUE, j]
+            for c in range(6):
+                out[i, 2 * n + c, part] = memory[n + WRENCH, c]
+        for row in range(2 * n + 6):
+            out[i, row, 0] -= out[i, row, 2]
+            out[i, row, 1] -= out[i, row, 2]
+
+
+@kernel
+def torques_of(
+    model: ModelArrays,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    torque: FloatArray,
+    wrench: FloatArray,
+) -> None:
+    """Compute torques (samples, n) and base wrenches (samples, 6) of rows of a motion."""
+    n = q.shape[1]
+    for i in range(len(q)):
+        sample_torque(model, q[i], v[i], a[i], torque[i])
+        for c in range(6):
+            wrench[i, c] = model[6][n + WRENCH, c]
+
+
+@kernel
+def friction_at(
+    table: FloatArray,
+    smoothing: float,
+    speed: FloatArray,
+    both: BoolArray,
+    x: float,
+    found: FloatArray,
+) -> None:
+    """Fill `found` (4, n): the least and the largest friction of each joint, and their slopes by x.
+
+    `speed` (n,) is that of the actuators at x = 1. They differ where a joint turns back, or stands
+    still, nearby (`both`): then either sign counts.
+    """
+    root = math.sqrt(max(x, 0.0))
+    for j in range(len(speed)):
+        for word in range(4):
+            found[word, j] = 0.0
+    for k in range(len(table)):
+        j, function = int(table[k, JOINT]), int(table[k, FUNCTION])
+        size, scale = table[k, VALUE], table[k, SPEED]
+        v = speed[j] * root
+        if both[j] and abs(v) < FROM_REST:
+            v = FROM_REST
+        elif abs(v) < FROM_REST:
+            v = FROM_REST if speed[j] > 0.0 else -FROM_REST
+        here = size * friction_function(function, v, scale, smoothing)
+        slope = 0.0
+        if x > 0.0 and speed[j] != 0.0:
+            there = size * friction_function(function, v * (1.0 + SLOPE_STEP), scale, smoothing)
+            slope = (there - here) / (2.0 * SLOPE_STEP * x)
+        other, other_slope = here, slope
+        if both[j]:
+            other = size * friction_function(function, -v, scale, smoothing)
+            if x > 0.0 and speed[j] != 0.0:
+                back = -v * (1.0 + SLOPE_STEP)
+                there = size * friction_function(function, back, scale, smoothing)
+                other_slope = (there - other) / (2.0 * SLOPE_STEP * x)
+        if other < here:
+            here, slope, other, other_slope = other, other_slope, here, slope
+        found[0, j] += here
+        found[1, j] += other
+        found[2, j] += slope
+        found[3, j] += other_slope
+
+
+@kernel
+def friction_at_rest(friction: FrictionArrays, out: FloatArray) -> None:
+    """Fill `out` (points, 2, n): the least and the largest friction of a slow motion."""
+    _, table, smoothing, speed, both = friction
+    found = np.empty((4, speed.shape[1]))
+    turns = np.empty(speed.shape[1], np.bool_)
+    last = len(both) - 1
+    for i in range(len(speed)):
+        for j in range(len(turns)):
+            turns[j] = both[min(i, last), j] or both[max(i - 1, 0), j]
+        friction_at(table, smoothing, speed[i], turns, 0.0, found)
+        for j in range(len(turns)):
+            out[i, 0, j], out[i, 1, j] = found[0, j], found[1, j]
+
+
+@kernel
+def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: float) -> None:
+    """Let by_u u + rest <= bound narrow the interval; rest moves with x by `slope`."""
+    free = bound - rest
+    if by_u > TINY:
+        most = free / by_u
+        if most < room[MOST]:
+            room[MOST], room[MOST_SLOPE] = most, -slope / by_u
+    elif by_u < -TINY:
+        least = free / by_u
+        if least > room[LEAST]:
+            room[LEAST], room[LEAST_SLOPE] = least, -slope / by_u
+    elif free < -CLOSE:
+        # How far x must fall for the row to hold; all the way where that does not help.
+        fall = -free / slope if slope > 0.0 else math.inf
+        room[ALONE] = max(room[ALONE], fall)
+
+
+@kernel
+def _room(
+    rows: FloatArray,
+    bounds: FloatArray,
+    joints: IntArray,
+    friction: FloatArray,
+    x: float,
+    twice_step: float,
+    there: float,
+    room: FloatArray,
+) -> None:
+    """Narrow the interval of u by one end's rows.
+
+    `twice_step` is 0 at the interval's own begin; at its other end x becomes x + twice_step u, and
+    friction is the straight line through `there`.
+    """
+    for r in range(len(rows)):
+        by_u, by_x, rest = rows[r, 0], rows[r, 1], rows[r, 2]
+        j = joints[r]
+        low, high, low_slope, high_slope = 0.0, 0.0, 0.0, 0.0
+        if j >= 0:
+            low, high = bounds[r, 2] * friction[0, j], bounds[r, 2] * friction[1, j]
+            low_slope, high_slope = bounds[r, 2] * friction[2, j], bounds[r, 2] * friction[3, j]
+        if bounds[r, 1] < math.inf:
+            slope = by_x + high_slope
+            shift = 0.0 if twice_step == 0.0 else high_slope * (x - there)
+            _narrow(room, by_u + twice_step * slope, by_x * x + rest + high + shift, slope,
+                    bounds[r, 1])  # fmt: skip
+        if bounds[r, 0] > -math.inf:
+            slope = by_x + low_slope
+            shift = 0.0 if twice_step == 0.0 else low_slope * (x - there)
+            _narrow(room, -by_u - twice_step * slope, -by_x * x - rest - low - shift, -slope,
+                    -bounds[r, 0])  # fmt: skip
+
+
+@kernel
+def _open(room: FloatArray, x: float, twice_step: float, most_there: float) -> None:
+    """Begin with what brings x to 0 or to the most at the other end."""
+    room[LEAST], room[LEAST_SLOPE] = -x / twice_step, -1.0 / twice_step
+    room[MOST], room[MOST_SLOPE] = (most_there - x) / twice_step, -1.0 / twice_step
+    room[ALONE] = -1.0
+
+
+@kernel
+def _lower(room: FloatArray, x: float) -> float:
+    """Return the x below at which an interval that is empty opens, by its two rows."""
+    if room[ALONE] > 0.0:
+        return float(max(0.0, x - room[ALONE]))
+    closing = room[LEAST_SLOPE] - room[MOST_SLOPE]
+    if closing <= 0.0:
+        return 0.5 * x
+    return float(max(0.0, x - (room[LEAST] - room[MOST]) / closing))
+
+
+@kernel
+def _is_open(room: FloatArray) -> bool:
+    size = abs(room[LEAST]) + abs(room[MOST])
+    return bool(room[ALONE] < 0.0 and room[LEAST] - room[MOST] <= CLOSE * size)
+
+
+@kernel
+def largest_alone(
+    rows: FloatArray,
+    bounds: FloatArray,
+    friction: FrictionArrays,
+    most: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Fill `out` (points,) with the limit curve: the largest x at each point on its own."""
+    joints, table, smoothing, speed, both = friction
+    here, room = np.empty((4, speed.shape[1])), np.empty(5)
+    for i in range(len(rows)):
+        x = most[i]
+        for _ in range(STEPS):
+            room[LEAST], room[MOST] = -math.inf, math.inf
+            room[LEAST_SLOPE] = room[MOST_SLOPE] = 0.0
+            room[ALONE] = -1.0
+            friction_at(table, smoothing, speed[i], both[min(i, len(both) - 1)], x, here)
+            _room(rows[i], bounds[i], joints, here, x, 0.0, x, room)
+            if _is_open(room):
+                break
+            x = _lower(room, x)
+        out[i] = x
+
+
+@kernel
+def backwards(
+    rows: FloatArray,
+    bounds: FloatArray,
+    friction: FrictionArrays,
+    length: FloatArray,
+    most: FloatArray,
+    end: float,
+    out: FloatArray,
+) -> None:
+    """Fill `out` (points,) with the largest x from which the end can be reached.
+
+    Parameters
+    ----------
+    rows : (points, rows, 3) array
+        A, B and C.
+    bounds : (points, rows, 3) array
+        The least and the largest that a row may be, and how much of its joint's friction is in it.
+    friction : tuple
+        (rows,) the joint whose friction is in a row, or -1; a table of friction terms as
+        `SampleTorque` has them; the smoothing of their sign; (points, n) the actuators' speeds at
+        x = 1; (points - 1, n) whether an actuator turns back, or stands still, in an interval.
+    length : (points,) array
+        The grid.
+    most : (points,) array
+        The largest x by the speed limits.
+    end : float
+        x at the end.
+    out : (points,) array
+        Written.
+    """
+    joints, table, smoothing, speed, both = friction
+    here, there, room = np.empty((4, speed.shape[1])), np.empty((4, speed.shape[1])), np.empty(5)
+    last = len(rows) - 1
+    out[last] = min(end, most[last])
+    for i in range(last - 1, -1, -1):
+        twice_step = 2.0 * (length[i + 1] - length[i])
+        x, goal = most[i], out[i + 1]
+        for step in range(STEPS):
+            friction_at(table, smoothing, speed[i], both[i], x, here)
+            friction_at(table, smoothing, speed[i + 1], both[i], goal, there)
+            _open(room, x, twice_step, out[i + 1])
+            _room(rows[i], bounds[i], joints, here, x, 0.0, x, room)
+            _room(rows[i + 1], bounds[i + 1], joints, there, x, twice_step, goal, room)
+            if room[ALONE] < 0.0:
+                middle = x + twice_step * 0.5 * (room[LEAST] + room[MOST])
+                before, goal = goal, min(max(middle, 0.0), out[i + 1])
+                settled = abs(goal - before) <= 1e-6 * (goal + before) or step > STEPS // 2
+            else:
+                settled = True
+            if _is_open(room):
+                if settled:
+                    break
+            else:
+                x = _lower(room, x)
+        out[i] = x
+
+
+@kernel
+def forwards(
+    rows: FloatArray,
+    bounds: FloatArray,
+    friction: FrictionArrays,
+    length: FloatArray,
+    largest: FloatArray,
+    start: float,
+    x: FloatArray,
+    u: FloatArray,
+) -> int:
+    """Fill x (points,) and u (points - 1,) with the fastest way; return where it fails, or -1.
+
+    `largest` is what `backwards` found; the other arguments are its. It can fail where friction
+    makes what is feasible not convex: slower there is a way that this one has missed.
+    """
+    joints, table, smoothing, speed, both = friction
+    here, there, room = np.empty((4, speed.shape[1])), np.empty((4, speed.shape[1])), np.empty(5)
+    x[0] = start
+    for i in range(len(rows) - 1):
+        twice_step = 2.0 * (length[i + 1] - length[i])
+        friction_at(table, smoothing, speed[i], both[i], x[i], here)
+        goal = largest[i + 1]
+        for _ in range(STEPS):
+            friction_at(table, smoothing, speed[i + 1], both[i], goal, there)
+            _open(room, x[i], twice_step, largest[i + 1])
+            _room(rows[i], bounds[i], joints, here, x[i], 0.0, x[i], room)
+            _room(rows[i + 1], bounds[i + 1], joints, there, x[i], twice_step, goal, room)
+            before = goal
+            goal = min(max(x[i] + twice_step * room[MOST], 0.0), largest[i + 1])
+            if abs(goal - before) <= 1e-9 * (goal + before):
+                break
+        size = abs(room[LEAST]) + abs(room[MOST])
+        if room[ALONE] >= LOOSE or room[LEAST] - room[MOST] > LOOSE * size:
+            return i
+        x[i + 1] = goal
+        u[i] = (goal - x[i]) / twice_step
+    return -1

@@ -1,0 +1,113 @@
+"""A timed path as rows of a motion, one a cycle.
+
+The speed over the path jumps in its acceleration. Where the path begins and ends at rest, its
+length over time is averaged over a window, exactly, so that accelerations and torques change
+steadily: the rows stay on the path, and come by half a window later.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.motion.samples import JointTrajectory
+from compensation.timing.joint_curve import JointCurve
+from compensation.timing.profile import SpeedOverPath
+from config.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class RowsInTime:
+    """Rows of a motion, and where on the path each is.
+
+    Attributes
+    ----------
+    path : JointTrajectory
+        Positions, velocities, accelerations.
+    length : ndarray, shape (rows,)
+        Where on the path.
+    begin, end : ndarray, shape (rows,)
+        The first and last interval of the path's grid that a row's values come from.
+    """
+
+    path: JointTrajectory
+    length: FloatArray
+    begin: IntArray
+    end: IntArray
+
+
+def rows_in_time(
+    curve: JointCurve,
+    profile: SpeedOverPath,
+    cycle_s: float,
+    *,
+    window_s: float = 0.0,
+    slower: float = 1.0,
+) -> RowsInTime:
+    """Return a timed path, one row a cycle; the time that it takes becomes whole cycles.
+
+    Parameters
+    ----------
+    curve, profile : JointCurve, SpeedOverPath
+        The path and its speed.
+    cycle_s : float
+        Time between rows [s].
+    window_s : float
+        Over how much time the length is averaged [s]; for a path from rest to rest.
+    slower : float
+        How many times as long the path is to take, at least.
+    """
+    total_s = float(profile.time_s[-1])
+    cycles = max(2, math.ceil((slower * total_s + window_s) / cycle_s - 1e-9))
+    stretch = (cycles * cycle_s - window_s) / total_s
+    at_s: FloatArray = np.arange(cycles + 1, dtype=np.float64) * cycle_s - 0.5 * window_s
+    if window_s > 0.0:
+        before, after = at_s - 0.5 * window_s, at_s + 0.5 * window_s
+        first, last = _at(profile, before / stretch), _at(profile, after / stretch)
+        length = stretch * (last.area - first.area) / window_s
+        speed = (last.length - first.length) / window_s
+        change = (last.speed - first.speed) / (stretch * window_s)
+        speed[[0, -1]] = change[[0, -1]] = 0.0
+    else:
+        first = last = _at(profile, at_s / stretch)
+        length, speed, change = first.length, first.speed / stretch, first.change / stretch**2
+        change = change.copy()
+        for row in (0, -1):
+            if speed[row] == 0.0:
+                change[row] = 0.0
+    length = np.clip(length, *curve.ends)
+    length[-1] = curve.ends[1]
+    position, slope, bend = curve.at(length)
+    v = slope * speed[:, np.newaxis]
+    a = slope * change[:, np.newaxis] + bend * speed[:, np.newaxis] ** 2
+    return RowsInTime(JointTrajectory(position, v, a), length, first.interval, last.interval)
+
+
+@dataclass(frozen=True, eq=False)
+class _At:
+    interval: IntArray
+    area: FloatArray
+    length: FloatArray
+    speed: FloatArray
+    change: FloatArray
+
+
+def _at(profile: SpeedOverPath, time_s: FloatArray) -> _At:
+    """Return a profile at times; before and after it the path rests."""
+    when, root = profile.time_s, np.sqrt(profile.x)
+    begin, speed, u = profile.length[:-1], root[:-1], profile.u
+    steps = np.diff(when)
+    area = begin * steps + speed * steps**2 / 2.0 + u * steps**3 / 6.0
+    areas = np.concatenate([[0.0], np.cumsum(area)])
+    inside = np.clip(time_s, when[0], when[-1])
+    k = np.clip(np.searchsorted(when, inside, "right") - 1, 0, len(steps) - 1)
+    t = inside - when[k]
+    beyond = time_s - inside
+    length = begin[k] + t * (speed[k] + 0.5 * u[k] * t)
+    length = np.where(time_s >= when[-1], profile.length[-1], length)
+    own = areas[k] + t * (begin[k] + t * (speed[k] / 2.0 + t * u[k] / 6.0)) + beyond * length
+    moving = np.where(beyond == 0.0, np.maximum(speed[k] + u[k] * t, 0.0), 0.0)
+    moving = np.where(time_s >= when[-1], root[-1], moving)
+    return _At(k.astype(np.int64), own, length, moving, np.where(beyond == 0.0, u[k], 0.0))

@@ -1,0 +1,338 @@
+"""The fastest rows along a path: scanned, resampled at the cycle, and every row verified.
+
+What the scan finds holds at the points of its grid; rows lie between them, and are averaged. So
+every row is held against the whole model again. Where one exceeds a limit, that limit is tightened
+on the part of the path that the row comes from, and the scan is repeated. Nothing is given back
+that exceeds a limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from acquisition.motion.limits import sizes_between_rows
+from acquisition.motion.samples import JointTrajectory
+from compensation.timing.joint_curve import JointCurve
+from compensation.timing.limits import TimingLimits
+from compensation.timing.path_rows import WRENCH, PathDynamics, PathRows
+from compensation.timing.profile import SpeedOverPath, fastest
+from compensation.timing.reach_kernels import torques_of
+from compensation.timing.rows_in_time import RowsInTime, rows_in_time
+from config.arrays import FloatArray
+from config.errors import LimitError
+from config.robot.robot import RobotDescription
+from dynamics.model.one_sample import FRICTION, KIND, SampleTorque
+
+INTERVALS: Final = 1000
+WINDOW_CYCLES: Final = 2
+HEADROOM: Final = 5e-4
+MORE: Final = 1.2  # what is tightened, by what was exceeded
+LEAST_MORE: Final = 2e-4
+ATTEMPTS: Final = 60
+WIDER: Final = 1.02
+LONGEST_WINDOW: Final = 0.5  # of the path's time
+SLOWEST: Final = 50.0
+
+
+class Margins(NamedTuple):
+    """How much of the torques, and of the base wrench, is uncertain along rows of a motion.
+
+    Attributes
+    ----------
+    torque : ndarray, shape (rows, n)
+        N m or N.
+    base : ndarray, shape (rows, 6)
+        N, N m.
+    """
+
+    torque: FloatArray
+    base: FloatArray
+
+
+MarginOf = Callable[[JointTrajectory], Margins]
+
+
+@dataclass(frozen=True, eq=False)
+class TimedPath:
+    """A path, how fast it is driven, and what that takes.
+
+    Attributes
+    ----------
+    rows : PathRows
+        What limits it.
+    bounds : ndarray, shape (points, rows, 3)
+        What was kept to in the end.
+    profile : SpeedOverPath
+        Its speed, before it was averaged.
+    in_time : RowsInTime
+        Its rows.
+    torque : ndarray, shape (samples, n)
+        By the model [N m or N].
+    wrench : ndarray, shape (samples, 6)
+        What the base exerts, by the model [N, N m].
+    margins : Margins or None
+        What of both is uncertain.
+    window_s : float
+        Over how much time it was averaged [s].
+    scans : int
+        How often it was scanned.
+    """
+
+    rows: PathRows
+    bounds: FloatArray
+    profile: SpeedOverPath
+    in_time: RowsInTime
+    torque: FloatArray
+    wrench: FloatArray
+    margins: Margins | None
+    window_s: float
+    scans: int
+
+    @property
+    def path(self) -> JointTrajectory:
+        """Positions, velocities, accelerations, one row a cycle."""
+        return self.in_time.path
+
+
+@dataclass(frozen=True, eq=False)
+class PathTimer:
+    """Times paths of one robot.
+
+    Attributes
+    ----------
+    robot : RobotDescription
+        The robot.
+    torque : SampleTorque
+        Its model.
+    limits : TimingLimits
+        What is kept to.
+    cycle_s : float
+        Time between rows [s].
+    margin : callable, optional
+        What of the torques is uncertain.
+    intervals : int
+        Of the grid over the path.
+    """
+
+    robot: RobotDescription
+    torque: SampleTorque
+    limits: TimingLimits
+    cycle_s: float
+    margin: MarginOf | None = None
+    intervals: int = INTERVALS
+
+    def timed(
+        self, curve: JointCurve, *, ends: tuple[float, float] = (0.0, 0.0), closed: bool = False
+    ) -> TimedPath:
+        """Return the fastest rows along a path.
+
+        Parameters
+        ----------
+        curve : JointCurve
+            The path.
+        ends : (float, float)
+            Speed along it at its begin and its end, path length per second; less by as much as
+            whole cycles take longer.
+        closed : bool
+            Whether it ends where it begins, at the same speed, which is then found.
+
+        Raises
+        ------
+        LimitError
+            The limits cannot be kept to; the text names what, and where.
+        """
+        search = _Search(self, curve, ends, closed)
+        for _ in range(ATTEMPTS):
+            found = search.attempt()
+            if found is not None:
+                return found
+        raise LimitError(
+            f"after {ATTEMPTS} scans rows of the path still exceed {search.worst}: it bends too"
+            " sharply for this cycle time. Round it, or keep a margin"
+        )
+
+
+class _Search:
+    """Scans, verifies and tightens, one attempt after the other."""
+
+    def __init__(
+        self, timer: PathTimer, curve: JointCurve, ends: tuple[float, float], closed: bool
+    ) -> None:
+        self._timer, self._curve, self._ends, self._closed = timer, curve, ends, closed
+        dynamics = PathDynamics.of(curve, timer.robot, timer.torque, timer.intervals)
+        self._rows = PathRows.of(dynamics, timer.limits)
+        self._free = np.full(self._rows.rows.shape[:2], HEADROOM)
+        self._most = (1.0 - HEADROOM) ** 2 * self._rows.fastest
+        moving = closed or any(ends)
+        self._window_s = 0.0 if moving else WINDOW_CYCLES * timer.cycle_s
+        self._slower = 1.0
+        self._profile: SpeedOverPath | None = None
+        self._bounds = self._rows.bounds
+        self._scans = 0
+        self.worst = "nothing"
+        self._columns = {label: self._columns_of(label) for label in self._rows.labels}
+        rest = np.zeros_like(dynamics.position)
+        self._rows.refuse_standing(
+            self._margin_free(JointTrajectory(dynamics.position, rest, rest))
+        )
+
+    def attempt(self) -> TimedPath | None:
+        """Scan where anything has changed, and verify; return what was found if it holds."""
+        timer = self._timer
+        if self._profile is None:
+            self._bounds = self._rows.tightened(self._free)
+            self._profile = fastest(
+                self._rows, self._bounds, ends=self._ends, closed=self._closed, most=self._most
+            )
+            self._scans += 1
+            if timer.margin is not None and self._scans == 1:
+                self._free = HEADROOM + self._margin_on_grid(self._profile)
+                self._profile = None
+                return None
+        found = rows_in_time(
+            self._curve, self._profile, timer.cycle_s, window_s=self._window_s, slower=self._slower
+        )
+        torque = np.empty_like(found.path.position)
+        wrench = np.empty((len(torque), 6))
+        torques_of(timer.torque.arrays, *found.path, torque, wrench)
+        margins = None if timer.margin is None else timer.margin(found.path)
+        if self._tighten(found, torque, wrench, margins):
+            self._profile = None
+            return None
+        if self._widen(found.path) or self._slow(torque):
+            return None
+        return TimedPath(self._rows, self._bounds, self._profile, found, torque, wrench, margins,
+                         self._window_s, self._scans)  # fmt: skip
+
+    def _columns_of(self, label: str) -> list[int]:
+        return [r for r, other in enumerate(self._rows.labels) if other == label]
+
+    def _margin_free(self, path: JointTrajectory) -> FloatArray:
+        """Return the margins on points of the grid as shares of each row's limit."""
+        free = np.zeros(self._rows.rows.shape[:2])
+        if self._timer.margin is None:
+            return free
+        margins = self._timer.margin(path)
+        for j, joint in enumerate(self._timer.robot.joints):
+            for r in self._columns[f"torque of {joint.name}"]:
+                free[:, r] = margins.torque[:, j] / self._rows.size[r]
+        for c, name in enumerate(WRENCH):
+            for r in self._columns.get(f"{name} of the base", ()):
+                free[:, r] = margins.base[:, c] / self._rows.size[r]
+        return free
+
+    def _margin_on_grid(self, profile: SpeedOverPath) -> FloatArray:
+        own = self._rows.dynamics
+        v = own.slope * np.sqrt(profile.x)[:, np.newaxis]
+        free = np.zeros(self._rows.rows.shape[:2])
+        for u in (np.append(profile.u, profile.u[-1]), np.append(profile.u[0], profile.u)):
+            a = own.slope * u[:, np.newaxis] + own.bend * profile.x[:, np.newaxis]
+            free = np.maximum(free, self._margin_free(JointTrajectory(own.position, v, a)))
+        return free
+
+    def _tighten(
+        self, found: RowsInTime, torque: FloatArray, wrench: FloatArray, margins: Margins | None
+    ) -> bool:
+        """Tighten what rows exceed; return whether any does."""
+        limits, exceeded = self._timer.limits, False
+        size, base = np.abs(torque), np.abs(wrench)
+        if margins is not None:
+            size, base = size + margins.torque, base + margins.base
+        speed, acceleration = sizes_between_rows(
+            found.path, self._timer.cycle_s, limits.acceleration
+        )
+        for j, joint in enumerate(self._timer.robot.joints):
+            over = size[:, j] / limits.torque[j] - 1.0
+            exceeded |= self._keep(f"torque of {joint.name}", over, found)
+            over = acceleration[:, j] / limits.acceleration[j] - 1.0
+            exceeded |= self._keep(f"acceleration of {joint.name}", over, found)
+            over = speed[:, j] / limits.speed[j] - 1.0
+            if over.max() > 0.0:
+                exceeded, self.worst = True, f"the speed of {joint.name}"
+                for row in np.flatnonzero(over > 0.0).tolist():
+                    part = slice(int(found.begin[row]), int(found.end[row]) + 2)
+                    self._most[part] *= (1.0 - over[row] - LEAST_MORE) ** 2
+        if limits.base is not None:
+            for c, name in enumerate(WRENCH):
+                over = base[:, c] / limits.base[c] - 1.0
+                exceeded |= self._keep(f"{name} of the base", over, found)
+        return exceeded
+
+    def _keep(self, label: str, over: FloatArray, found: RowsInTime) -> bool:
+        rows = np.flatnonzero(over > 0.0)
+        if not len(rows):
+            return False
+        self.worst = f"the {label}"
+        more = np.zeros(len(self._free))
+        for row in rows.tolist():
+            part = slice(int(found.begin[row]), int(found.end[row]) + 2)
+            more[part] = np.maximum(more[part], MORE * over[row] + LEAST_MORE)
+        for r in self._columns[label]:
+            self._free[:, r] += more
+        if self._scans > ATTEMPTS // 4:  # rows without u, or what only speed decides
+            self._most = np.where(more > 0.0, (1.0 - more) * self._most, self._most)
+            self._most = np.where(
+                more > 0.0, np.minimum(self._most, 0.98 * self._last.x), self._most
+            )
+        return True
+
+    @property
+    def _last(self) -> SpeedOverPath:
+        assert self._profile is not None
+        return self._profile
+
+    def _widen(self, path: JointTrajectory) -> bool:
+        """Average over more time where torques or accelerations change too fast."""
+        limits, cycle_s = self._timer.limits, self._timer.cycle_s
+        worst, what = 1.0, ""
+        for name, limit, values in (
+            ("jerk", limits.jerk, path.acceleration),
+            ("torque rate", limits.torque_rate, None),
+        ):
+            if limit is None:
+                continue
+            changing = self._without_friction(path) if values is None else values
+            ratio = (np.abs(np.diff(changing, axis=0)) / cycle_s / limit).max(axis=0)
+            if ratio.max() > worst:
+                worst, what = float(ratio.max()), f"the {name} of joint {1 + int(ratio.argmax())}"
+        if worst <= 1.0:
+            return False
+        self.worst = what
+        self._window_s = max(
+            self._window_s * min(1.5, WIDER * worst), self._window_s + self._timer.cycle_s
+        )
+        if self._window_s > LONGEST_WINDOW * self._last.time_s[-1] or any(self._ends):
+            raise LimitError(
+                f"{what} cannot be kept to by averaging the motion over half of its time: allow"
+                " more, or drive it more slowly"
+            )
+        return True
+
+    def _without_friction(self, path: JointTrajectory) -> FloatArray:
+        arrays = self._timer.torque.arrays
+        table = np.ascontiguousarray(arrays[4][arrays[4][:, KIND] != FRICTION])
+        torque, wrench = np.empty_like(path.position), np.empty((len(path.position), 6))
+        torques_of((*arrays[:4], table, *arrays[5:]), *path, torque, wrench)
+        return torque
+
+    def _slow(self, torque: FloatArray) -> bool:
+        """Drive more slowly where a motor's torque is too large in the mean."""
+        limit = self._timer.limits.torque_rms
+        if limit is None:
+            return False
+        ratio = np.sqrt(np.mean(torque**2, axis=0)) / limit
+        if ratio.max() <= 1.0:
+            return False
+        name = self._timer.robot.joints[int(ratio.argmax())].name
+        self.worst = f"the RMS torque of {name}"
+        self._slower *= float(np.clip(np.sqrt(ratio.max()), 1.002, 1.5))
+        if self._slower > SLOWEST:
+            raise LimitError(
+                f"{self.worst} is {ratio.max():.3g} of its limit at any speed: gravity and friction"
+                " alone take it. Rest between motions, or allow more"
+            )
+        return True

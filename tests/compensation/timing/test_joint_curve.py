@@ -1,0 +1,82 @@
+"""The way of a motion, without its timing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.kinds.joint_path import JointPathMotion
+from acquisition.motion.motion_file import MotionFile
+from acquisition.motion.samples import MotionSamples, Phase
+from compensation.timing.joint_curve import curves_of
+from config.errors import ConfigError
+from config.load import load_robot
+
+POINTS = ((0.0, 0.0, 0.0), (0.4, 0.3, -0.2), (0.8, -0.1, 0.3), (0.2, 0.2, 0.5))
+SPEEDS = [joint.limits.velocity for joint in load_robot("ir361").joints]
+
+
+def planned(**more: object) -> MotionSamples:
+    motion = JointPathMotion.model_validate(
+        {"kind": "joint_path", "robot": "ir361", "points": POINTS, **more}
+    )
+    return motion.plan(load_robot("ir361"), 0.004)
+
+
+def test_a_curve_keeps_every_row_of_its_motion() -> None:
+    samples = planned()
+    rest_s, (way,) = curves_of(samples, SPEEDS)
+    assert rest_s == pytest.approx(0.2, abs=0.01)
+    assert way.rest_s == pytest.approx(0.2, abs=0.01)
+    assert way.off < 1e-6
+    begin, end = way.curve.ends
+    position, slope, bend = way.curve.at(np.linspace(begin, end, 50))
+    np.testing.assert_allclose(position[[0, -1]], samples.position[[0, -1]], atol=1e-9)
+    assert np.isfinite(bend).all()
+    assert (np.linalg.norm(slope / SPEEDS, axis=1) > 0.9).all()
+
+
+def test_a_slower_motion_is_the_same_curve() -> None:
+    fast, slow = (curves_of(planned(speed_fraction=x), SPEEDS)[1][0].curve for x in (0.8, 0.3))
+    np.testing.assert_allclose(fast.ends, slow.ends, rtol=1e-4)
+    at = np.linspace(*slow.ends, 40)
+    np.testing.assert_allclose(
+        fast.at(at * fast.ends[1] / slow.ends[1])[0], slow.at(at)[0], atol=1e-4
+    )
+
+
+def test_a_path_that_stops_in_its_corners_is_several() -> None:
+    motion = MotionFile.model_validate(
+        {
+            "kind": "path",
+            "robot": "ir361",
+            "start_m": (0.6, -0.2, -1.7),
+            "near": (0.1, -0.1, 0.4),
+            "speed_m_s": 0.4,
+            "dwell_s": 0.1,
+            "segments": (
+                {"kind": "line", "to_m": (0.6, 0.1, -1.7)},
+                {"kind": "line", "to_m": (0.8, 0.1, -1.7)},
+            ),
+        }
+    ).root
+    samples = motion.plan(load_robot("ir361"), 0.004)
+    _, ways = curves_of(samples, SPEEDS)
+    assert len(ways) == 2
+    assert ways[0].rest_s == pytest.approx(0.1, abs=0.01)
+    corner, begin = ways[0].curve, ways[1].curve
+    np.testing.assert_allclose(
+        corner.at(np.array([corner.ends[1]]))[0], begin.at(np.array([0.0]))[0], atol=1e-9
+    )
+
+
+def still(rows: np.ndarray) -> MotionSamples:
+    zero = np.zeros_like(rows)
+    return MotionSamples(
+        ("a", "b", "c"), 0.004, rows, zero, zero, np.full(len(rows), Phase.MAIN, np.uint8)
+    )
+
+
+def test_a_motion_that_goes_nowhere_is_refused() -> None:
+    with pytest.raises(ConfigError, match="does not move"):
+        curves_of(still(np.zeros((20, 3))), SPEEDS)
