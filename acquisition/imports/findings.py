@@ -80,10 +80,10 @@ def find(
         Positions and velocities contradict one another, or positions or speeds are far beyond the
         robot's limits.
     """
-    ratios = _velocity_ratios(rows, import_map)
+    ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
     static = bool(np.ptp(position, axis=0).max() < STANDSTILL)
-    sentences = [*_clock(ratios, import_map), *_stuck(rows, import_map)]
+    sentences = [*_clock(ratios, sigmas, import_map), *_stuck(rows, import_map)]
     if robot is not None:
         sentences += _limits(replace(rows, position=position), robot, import_map)
         sentences += _torques(rows.torque, robot)
@@ -120,22 +120,26 @@ def differences(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, F
     return change(rows.time_s), change(rows.position), change(path), change(rows.velocity)
 
 
-def _velocity_ratios(rows: ImportRows, import_map: ImportMap) -> list[float | None]:
-    """Return velocity from positions over the velocity columns; refuse where they contradict.
+def _velocity_ratios(
+    rows: ImportRows, import_map: ImportMap
+) -> tuple[list[float | None], list[float]]:
+    """Return velocity from positions over the velocity columns, and standard deviations.
+
+    Where they contradict each other they are refused.
 
     Over a tenth of a second the position changes by r times the integral of the velocity, and by
     what a delay of the velocity or an offset of it makes: r is what is wanted.
     """
     time_s, position, path, velocity = differences(rows)
-    ratios: list[float | None] = []
+    overlapping = len(time_s) * float(np.median(time_s)) / max(float(np.ptp(rows.time_s)), 1e-9)
+    ratios: list[float | None] = [None] * len(import_map.joints)
+    sigmas = [0.0] * len(ratios)
     for number, joint in enumerate(import_map.joints):
         if joint.velocity is None or len(time_s) < 10:
-            ratios.append(None)
             continue
         a, b = position[:, number], path[:, number]
         moved, said = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
         if max(moved, said) < STANDSTILL_SPEED:
-            ratios.append(None)
             continue
         if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, said):
             raise DataQualityError(
@@ -145,8 +149,12 @@ def _velocity_ratios(rows: ImportRows, import_map: ImportMap) -> list[float | No
                 " columns or units in the map"
             )
         equations = np.column_stack([b, velocity[:, number], time_s])
-        ratios.append(float(np.linalg.lstsq(equations, a, rcond=None)[0][0]))
-    return ratios
+        solution = np.linalg.lstsq(equations, a, rcond=None)[0]
+        ratios[number] = float(solution[0])
+        left = float(np.square(a - equations @ solution).mean()) * max(overlapping, 1.0)
+        spread = np.linalg.pinv(equations.T @ equations)[0, 0]
+        sigmas[number] = math.sqrt(max(left * float(spread), 0.0))
+    return ratios, sigmas
 
 
 def _likely(moved: float, said: float) -> str:
@@ -159,18 +167,22 @@ def _likely(moved: float, said: float) -> str:
     return f" ({close[0]})" if close else ""
 
 
-def _clock(ratios: list[float | None], import_map: ImportMap) -> Iterator[str]:
+def _clock(ratios: list[float | None], sigmas: list[float], import_map: ImportMap) -> Iterator[str]:
     """Say where velocities differ from positions by a factor: all alike, or one joint."""
     known = {
-        joint.joint: ratio
-        for joint, ratio in zip(import_map.joints, ratios, strict=True)
+        joint.joint: (ratio, RATIO_TOLERANCE + 2.0 * sigma)
+        for joint, ratio, sigma in zip(import_map.joints, ratios, sigmas, strict=True)
         if ratio is not None
     }
     if not known:
         return
-    common = float(np.median(list(known.values())))
-    alike = all(abs(ratio / common - 1.0) <= ALIKE for ratio in known.values())
-    if len(known) > 1 and alike and abs(common - 1.0) > RATIO_TOLERANCE:
+    common = float(np.median([ratio for ratio, _ in known.values()]))
+    alike = all(
+        abs(ratio / common - 1.0) <= ALIKE - RATIO_TOLERANCE + tolerance
+        for ratio, tolerance in known.values()
+    )
+    beyond = any(abs(ratio - 1.0) > tolerance for ratio, tolerance in known.values())
+    if len(known) > 1 and alike and beyond and abs(common - 1.0) > RATIO_TOLERANCE:
         key = "rate_hz" if import_map.rate_hz is not None else "time stamps"
         yield (
             f"The clock is wrong: positions over {key} are {common:.3f} times the velocities"
@@ -178,8 +190,8 @@ def _clock(ratios: list[float | None], import_map: ImportMap) -> Iterator[str]:
             " which of the two is right: torques of acceleration are wrong by its square"
         )
         return
-    for name, ratio in known.items():
-        if abs(ratio - 1.0) > RATIO_TOLERANCE:
+    for name, (ratio, tolerance) in known.items():
+        if abs(ratio - 1.0) > tolerance:
             yield (
                 f"{name}: its position moves {ratio:.3f} times as fast as its velocity column says:"
                 " check the unit, resolution or gear_ratio of these two columns"

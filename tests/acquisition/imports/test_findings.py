@@ -75,6 +75,18 @@ class TestClock:
         table[:, 3:5] += np.random.default_rng(1).normal(scale=0.02, size=(len(t), 2))
         assert report_of(tmp_path, table).findings == ()
 
+    @pytest.mark.parametrize(("clock", "noise", "told"), [(1.0, 1.0, False), (1.06, 0.1, True)])
+    def test_is_blamed_for_what_the_velocities_noise_does_not_explain(
+        self, tmp_path: Path, clock: float, noise: float, told: bool
+    ) -> None:
+        table = sound_table(150)
+        table[:, 3:5] += np.random.default_rng(0).normal(scale=noise, size=(150, 2))
+        table[:, 0] *= clock
+        report = report_of(tmp_path, table)
+        off = max(abs(ratio - 1.0) for ratio in report.velocity_ratio if ratio is not None)
+        assert off > 0.05
+        assert any("clock is wrong" in found for found in report.findings) is told
+
 
 class TestStuck:
     def test_torque_is_named_with_its_rows(self, tmp_path: Path) -> None:
