@@ -2,8 +2,13 @@
 
 Every EDS and DCF file below a folder that is of a servo drive (CiA 402) is held against what this
 program needs of a drive: with a bundled profile, or with at most ten lines in the cell file, which
-are printed; or it is refused, with the reason. What is read is compared with what the `canopen`
-package reads, where that is installed. The last line is JSON.
+are printed; or it is refused, with every object that is missing and whether it protects people.
+
+What is of no servo drive is counted apart, by what the sheet itself says: another device, one that
+neither tells torque or current nor calls itself a servo drive (a stepper), and one without a single
+object of its maker's (a sample, or a simulated drive). A sheet is a file; sheets of one vendor and
+product with the same verdict are one drive in `drives`. What is read is compared with what the
+`canopen` package reads, where that is installed. The last line is JSON.
 """
 
 from __future__ import annotations
@@ -14,17 +19,24 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal, get_args
 
 from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import EdsObject
 from config.load import bundled_names, load_bundled_or_path, load_cell
-from drivers.servo.eds_fit import EdsFit, fit_eds
+from drivers.servo.eds_fit import EdsFit, fit_eds, tells_torque
 
 SERVO_DRIVE = 402
-MODES_AND_WORD = ((0x6040, 0), (0x6060, 0))
+WORDS: Final = ((0x6040, 0), (0x6041, 0))
+"""Without controlword and statusword nothing is a drive of CiA 402, whatever 1000h says."""
+MAKERS: Final = range(0x2000, 0x6000)
+TORQUES: Final = (0x6077, 0x6078)
+TYPE_BIT, SEVERAL = 1 << 17, 0xFF
+"""Of 1000h: the bit that says servo drive; what a module of several axes says in its place."""
+
+Kind = Literal["servo drive", "other device", "stepper or without torque", "sample or simulated"]
 
 
 @dataclass(frozen=True)
@@ -43,17 +55,44 @@ class EdsFile:
             "base": self.fit.base,
             "lines": len(self.fit.lines),
             "accepted": self.fit.accepted,
-            "lacks": [finding.object_name for finding in self.fit.findings],
+            "lacks": {
+                finding.object_name: "safety" if self.fit.protects(finding) else "no safety"
+                for finding in self.fit.findings
+            },
             "concerns_safety": self.fit.concerns_safety,
         }
 
+    @property
+    def drive(self) -> tuple[object, ...]:
+        """What two sheets of one drive have in common: maker, product and verdict."""
+        lacks = tuple(finding.object_name for finding in self.fit.findings)
+        maker = self.eds.vendor or self.eds.vendor_name
+        return (maker, self.eds.product or self.eds.product_name, self.fit.base, lacks)
 
-def is_servo_drive(eds: ElectronicDataSheet) -> bool:
-    """Return whether an EDS says so in 1000h, or has controlword and modes of CiA 402."""
+
+def kind_of(eds: ElectronicDataSheet) -> Kind:
+    """Return what a data sheet is of, by what it says.
+
+    CiA 402-1 has the type of drive in 1000h, bits 16 to 23, of which a sheet need not tell the
+    default; then a drive that tells its torque or its current is a servo drive.
+    """
+    default = _device_type(eds)
+    drive = default is None or default & 0xFFFF in (0, SERVO_DRIVE)
+    words = all(eds.get(*address) is not None for address in WORDS)
+    if not (words and (drive or eds.get(0x6060, 0) is not None)):
+        return "other device"
+    if not any(item.index in MAKERS for item in eds.objects):
+        return "sample or simulated"
+    told = any(item.index in TORQUES for item in eds.objects) or bool(tells_torque(eds))
+    several = default is not None and default >> 16 & SEVERAL == SEVERAL
+    servo = default is not None and default & TYPE_BIT != 0 and not several
+    return "servo drive" if told or servo else "stepper or without torque"
+
+
+def _device_type(eds: ElectronicDataSheet) -> int | None:
     kind = eds.get(0x1000, 0)
-    default = None if kind is None or kind.default is None else kind.default.content
-    said = isinstance(default, int) and default & 0xFFFF == SERVO_DRIVE
-    return said or all(eds.get(*address) is not None for address in MODES_AND_WORD)
+    content = None if kind is None or kind.default is None else kind.default.content
+    return content if isinstance(content, int) else None
 
 
 def eds_files(folder: Path) -> Iterator[tuple[Path, ElectronicDataSheet | str]]:
@@ -116,33 +155,42 @@ def main() -> None:
     found: list[EdsFile] = []
     unread: list[str] = []
     seen: set[str] = set()
-    others = copies = 0
+    others: dict[str, list[str]] = {kind: [] for kind in get_args(Kind)[1:]}
+    copies = 0
     for path, eds in eds_files(options.eds):
         if isinstance(eds, str):
             unread.append(eds)
         elif eds.sha256 in seen:
             copies += 1
-        elif is_servo_drive(eds):
+        elif (kind := kind_of(eds)) == "servo drive":
             fit = fit_eds(eds, cell, cell.axes[0], profiles)
             differ = differences(path, eds) if judged else ()
             found.append(EdsFile(path.relative_to(options.eds), eds, fit, differ))
         else:
-            others += 1
+            others[kind].append(str(path.relative_to(options.eds)))
         seen.update(() if isinstance(eds, str) else (eds.sha256,))
     if not options.json:
         for file in found:
             _print(file)
+        for kind, names in others.items():
+            for name in names if kind != "other device" else ():
+                print(f"{kind}: {name}")
         for text in unread:
             print(f"not read: {text}")
     accepted = [file for file in found if file.fit.accepted]
     refused = [file for file in found if not file.fit.accepted]
     safety = [file for file in refused if file.fit.concerns_safety]
+    drives = {file.drive for file in found}
+    drives_accepted = {file.drive for file in accepted}
     print(
         json.dumps(
             {
                 "sheets": len(found),
                 "accepted": len(accepted),
                 "accepted_share": len(accepted) / max(1, len(found)),
+                "drives": len(drives),
+                "drives_accepted": len(drives_accepted),
+                "drives_accepted_share": len(drives_accepted) / max(1, len(drives)),
                 "with_bundled_profile": sum(file.fit.base is not None for file in accepted),
                 "most_lines": max((len(file.fit.lines) for file in accepted), default=0),
                 "refused_for_safety": len(safety),
@@ -157,7 +205,7 @@ def main() -> None:
                 ),
                 "copies": copies,
                 "unreadable": len(unread),
-                "other_devices": others,
+                "no_servo_drives": {kind: len(names) for kind, names in others.items()},
                 "canopen_differs": sum(len(file.differences) for file in found),
                 "each": [file.as_json() for file in found],
             }
@@ -173,7 +221,7 @@ def _print(file: EdsFile) -> None:
     for line in fit.lines:
         print(f"{'':29}{line}")
     for finding in fit.findings:
-        safety = " (safety)" if fit.concerns_safety else ""
+        safety = " (safety)" if fit.protects(finding) else " (no safety)"
         print(f"{'':10}{finding.object_name} {finding.name}: {finding.found}{safety}")
     for words in file.differences[:3]:
         print(f"{'':10}{words}")

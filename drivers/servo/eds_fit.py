@@ -26,6 +26,7 @@ SAFETY_OBJECTS: Final = frozenset(
 )  # fmt: skip
 """What protects people: without one of these a drive is not used, whatever the cell file says."""
 
+_RAMP: Final = "6084h:00"
 _MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 _OF_MODES = ("6502h:00", "60FFh:00", "607Ah:00", "60C1h:01", "60C2h:01", "60C2h:02", "6083h:00")
 _CURRENT_WORDS = ("current", "torque")
@@ -44,11 +45,14 @@ class EdsFit:
         What is added: `added.model_fields_set`.
     findings : tuple of EdsFinding
         What is still red.
+    mode : Mode
+        The mode that the drive would be used in.
     """
 
     base: str | None
     added: ServoProfile
     findings: tuple[EdsFinding, ...]
+    mode: Mode
 
     @property
     def accepted(self) -> bool:
@@ -71,7 +75,15 @@ class EdsFit:
     @property
     def concerns_safety(self) -> bool:
         """Whether something that protects people is missing."""
-        return any(each.object_name in SAFETY_OBJECTS for each in self.findings)
+        return any(self.protects(each) for each in self.findings)
+
+    def protects(self, finding: EdsFinding) -> bool:
+        """Return whether what is missing is there to protect people.
+
+        In profile velocity a stop does not take 6084h, the ramp to the next set-point does.
+        """
+        ramp = finding.object_name == _RAMP and self.mode == "profile_velocity"
+        return finding.object_name in SAFETY_OBJECTS and not ramp
 
 
 def fit_eds(
@@ -119,7 +131,7 @@ def _fitted(
         for finding in red:
             keys |= _keys_for(finding, own.on(profile), eds, torques)
         if keys.items() <= added.items():
-            return EdsFit(base, own, tuple(red))
+            return EdsFit(base, own, tuple(red), own.on(profile).mode)
         added |= keys
 
 
@@ -174,7 +186,7 @@ def _readable(eds: ElectronicDataSheet, name: str, bits: int) -> bool:
 
 def _torques(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
     """Yield what may tell the torque, the standard's first, then the maker's by its name."""
-    candidates = [item for item in eds.objects if _tells(item)]
+    candidates = [item for item in tells_torque(eds) if _fits_answer(item)]
     standard = {0x6077: "rated_torque", 0x6078: "rated_current"}
     for item in sorted(candidates, key=lambda item: (item.index not in standard, item.index)):
         of = standard.get(item.index, "ampere")
@@ -183,9 +195,16 @@ def _torques(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
         )
 
 
-def _tells(item: EdsObject) -> bool:
-    words = item.name.lower()
+def tells_torque(eds: ElectronicDataSheet) -> tuple[EdsObject, ...]:
+    """Return the objects that by their names hold an actual torque or current, of any size."""
+    return tuple(item for item in eds.objects if _named_so(item.name.lower()))
+
+
+def _named_so(words: str) -> bool:
     named = any(word in words for word in _CURRENT_WORDS)
-    actual = any(word in words for word in _ACTUAL_WORDS)
-    fits = item.bits == 16 and item.data_type is not None and is_signed(item.data_type)
-    return fits and item.mappable and item.sendable and named and actual
+    return named and any(word in words for word in _ACTUAL_WORDS)
+
+
+def _fits_answer(item: EdsObject) -> bool:
+    signed = item.data_type is not None and is_signed(item.data_type)
+    return item.bits == 16 and signed and item.mappable and item.sendable

@@ -20,7 +20,6 @@ from rid_daq.live.live_app import live_app
 from rid_daq.live.picture import MotionPicture, ShownMotion
 
 PERIOD_S = 0.05
-BACKLOG = 128
 MOST_DESCRIPTORS = 256
 LIMITS = Limits(body_bytes=1024)
 

@@ -1,0 +1,71 @@
+"""What a data sheet is of, and which of the objects that it lacks protect people."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.data_sheets import kind_of
+from config.cell.cell import CellConfig
+from config.formats.eds import ElectronicDataSheet, parse_eds
+from drivers.servo.eds_fit import EdsFit, fit_eds
+from tests.drivers.servo.test_eds_check import COMMUNICATION, PROFILE
+
+SERVO, STEPPER, SEVERAL = "0x20192", "0x40192", "0xFFFF0192"
+MAKERS = {"2000": "6 rw 0"}
+WITHOUT_TORQUE = {"6072": None, "6076": None, "6077": None}
+
+
+def sheet(objects: dict[str, str | None], device_type: str = "") -> ElectronicDataSheet:
+    """Return a small sheet that has what is needed, with some objects changed."""
+    lines = ["[DeviceInfo]", "VendorNumber=1"]
+    for title, said in (COMMUNICATION | PROFILE | objects).items():
+        if said is not None:
+            data_type, access, mapping, *name = said.split(maxsplit=3)
+            lines += [f"[{title}]", f"DataType={data_type}", f"AccessType={access}"]
+            lines += [f"PDOMapping={mapping}", f"ParameterName={(*name, title)[0]}"]
+            lines += [f"DefaultValue={device_type}"] * (title == "1000" and device_type != "")
+    return parse_eds("\n".join(lines).encode(), "drive.eds")
+
+
+@pytest.mark.parametrize(
+    ("objects", "device_type", "kind"),
+    [
+        (MAKERS, SERVO, "servo drive"),
+        (MAKERS, "", "servo drive"),
+        (MAKERS | WITHOUT_TORQUE, SERVO, "servo drive"),
+        (MAKERS | WITHOUT_TORQUE, STEPPER, "stepper or without torque"),
+        (MAKERS | WITHOUT_TORQUE, SEVERAL, "stepper or without torque"),
+        (MAKERS | WITHOUT_TORQUE | {"2030": "3 ro 1 Actual current"}, SEVERAL, "servo drive"),
+        ({}, SERVO, "sample or simulated"),
+        (MAKERS | {"6040": None}, SERVO, "other device"),
+        (MAKERS, "0x191", "servo drive"),
+        (MAKERS | {"6060": None}, "0x191", "other device"),
+    ],
+)
+def test_a_sheet_says_what_it_is_of(
+    objects: dict[str, str | None], device_type: str, kind: str
+) -> None:
+    assert kind_of(sheet(objects, device_type)) == kind
+
+
+def lacks(cell: CellConfig, objects: dict[str, str | None]) -> tuple[EdsFit, dict[str, bool]]:
+    """Return how a sheet fits, and whether each object that it lacks protects people."""
+    fit = fit_eds(sheet(objects), cell, cell.axes[0], {})
+    return fit, {each.object_name: fit.protects(each) for each in fit.findings}
+
+
+def test_the_watch_on_this_computer_protects_people_and_an_answer_does_not(
+    cell: CellConfig,
+) -> None:
+    fit, missing = lacks(cell, {"1016sub1": None, "6041": "6 ro 0"})
+    assert missing == {"1016h:01": True, "6041h:00": True}
+    fit, missing = lacks(cell, {"6064": "4 ro 0"})
+    assert missing == {"6064h:00": False}
+    assert not fit.concerns_safety
+
+
+def test_a_ramp_to_set_points_protects_nobody(cell: CellConfig) -> None:
+    ramp = {"6083": "7 rw 0", "6084": "7 ro 0", "60C2sub1": None, "60C2sub2": None}
+    fit, missing = lacks(cell, ramp)
+    assert fit.mode == "profile_velocity"
+    assert missing == {"6084h:00": False}
