@@ -172,9 +172,9 @@ def main() -> None:
     if not options.json:
         for file in found:
             _print(file)
-        for kind, names in others.items():
-            for name in names if kind != "other device" else ():
-                print(f"{kind}: {name}")
+        for name_of, names in others.items():
+            for name in names if name_of != "other device" else ():
+                print(f"{name_of}: {name}")
         for text in unread:
             print(f"not read: {text}")
     accepted = [file for file in found if file.fit.accepted]
