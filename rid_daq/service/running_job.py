@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from pydantic import ValidationError
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from config.process.own_python import own_python
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
@@ -214,9 +214,7 @@ class WarmWorker:
     async def _start(self) -> asyncio.subprocess.Process:
         with self._log.open("ab") as log:
             return await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "rid_daq.worker",
+                *own_python("rid_daq.worker"),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=log,
                 stderr=log,

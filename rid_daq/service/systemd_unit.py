@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Final
 
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_whole
+from config.process.own_python import own_python
 from rid_daq.session.versions import program_version
 
 NAME: Final = "rid-daq.service"
@@ -74,7 +74,7 @@ class SystemdUnit:
         if not is_root:
             own = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
             home = Path(own) / "systemd" / "user"
-        program = [sys.executable, "-m", "rid_daq", "serve", *arguments]
+        program = own_python("rid_daq", "serve", *arguments)
         text = _TEXT.format(
             head=_HEAD,
             version=program_version(),

@@ -33,8 +33,8 @@ def test_the_command_writes_a_unit_that_serves_the_same(
     text = (home / "rid-daq.service").read_text()
     lines = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
     words = shlex.split(lines["ExecStart"])
-    assert words[1:4] == ["-m", "rid_daq", "serve"]
-    assert words[4:] == [
+    assert words[1:5] == ["-P", "-m", "rid_daq", "serve"]
+    assert words[5:] == [
         *("ir361", "--folder", str(folder), "--listen", "127.0.0.1:8642", "--pace", "5"),
     ]
     assert lines["KillMode"] == "mixed", "workers end by the service's word"

@@ -1,0 +1,48 @@
+"""Packages and files of our names that are somebody else's: in the folder, in the environment."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from config.process.own_python import own_python
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a person's folder with files of our packages' names."""
+    (tmp_path / "config.py").write_text("raise SystemExit('the wrong config')\n")
+    (tmp_path / "drivers").mkdir()
+    (tmp_path / "drivers" / "__init__.py").write_text("raise SystemExit('the wrong drivers')\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [sys.executable, "-m", "rid_daq", "--version"],
+        own_python("rid_daq", "--version"),
+    ],
+)
+def test_a_persons_files_are_not_taken_for_ours(command: list[str], folder: Path) -> None:
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_foreign_package_in_the_environment_is_named_with_what_to_do(folder: Path) -> None:
+    done = subprocess.run(
+        own_python("rid_daq", "--version"),
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert f"its package `config` is not what Python finds: ['{folder}/config.py']" in done.stderr
+    assert "uv tool install rid-daq" in done.stderr
