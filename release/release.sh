@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Makes a release of the commit that is checked out: release/release.sh FOLDER
+#
+# sdist and wheel (built twice: the bytes must be the same), the locked requirements with their hashes, a
+# bill of materials (CycloneDX), the licences of all that is installed, checksums, and their signature by the
+# SSH key that RID_DAQ_SIGNING_KEY names. `--unsigned`: a trial, of the last commit too.
+set -euo pipefail
+usage="usage: RID_DAQ_SIGNING_KEY=FILE release/release.sh [--unsigned] FOLDER"
+signed=yes
+if [ "${1:-}" = --unsigned ]; then
+    signed=no
+    shift
+fi
+[ $# = 1 ] || { echo "$usage" >&2; exit 2; }
+if [ $signed = yes ] && [ ! -f "${RID_DAQ_SIGNING_KEY:-}" ]; then
+    echo "RID_DAQ_SIGNING_KEY must name the SSH key that signs; $usage" >&2
+    exit 2
+fi
+mkdir -p "$1"
+out=$(cd "$1" && pwd)
+[ -z "$(ls -A "$out")" ] || { echo "$out is not empty; name a new folder" >&2; exit 2; }
+cd "$(dirname "$0")/.."
+if [ $signed = yes ] && [ -n "$(git status --porcelain)" ]; then
+    echo "Commit first: a release is of a commit." >&2
+    exit 2
+fi
+. ./environment.sh
+[ -x .venv/bin/python ] || rid_daq_environment
+uv=$(command -v uv || echo .uv/bin/uv)
+SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
+export SOURCE_DATE_EPOCH
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+for build in first second; do
+    git archive --prefix=source/ HEAD | tar -x -C "$work"
+    "$uv" build --quiet --out-dir "$work/$build" "$work/source"
+    rm -rf "$work/source" "$work/$build/.gitignore"
+done
+diff -r "$work/first" "$work/second" || { echo "Two builds differ: this is not reproducible." >&2; exit 1; }
+cp "$work"/first/* "$out"
+
+"$uv" export --quiet --frozen --no-dev --no-emit-project --output-file "$out/requirements.txt" >/dev/null
+"$uv" export --quiet --frozen --no-dev --format cyclonedx1.5 --preview-features sbom-export \
+    --output-file "$out/rid-daq.cdx.json" >/dev/null
+.venv/bin/python release/third_party.py "$out/THIRD-PARTY-LICENCES.txt"
+cp release/Containerfile release/80-rid-daq.rules release/rid-daq-limits.conf "$out"
+(cd "$out" && sha256sum -- * >"$work/SHA256SUMS" && mv "$work/SHA256SUMS" .)
+if [ $signed = yes ]; then
+    ssh-keygen -q -Y sign -f "$RID_DAQ_SIGNING_KEY" -n rid-daq "$out/SHA256SUMS"
+fi
+echo "$out:"
+ls "$out"

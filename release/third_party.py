@@ -1,0 +1,96 @@
+"""The licences of everything that is installed with rid-daq.
+
+`python release/third_party.py` writes `docs/reference/third-party.md`, which `tests/test_release.py`
+compares; `python release/third_party.py FILE` writes the texts of the licences into a file.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "reference" / "third-party.md"
+
+_HEAD = """# What is installed with rid-daq, and under which licence
+
+rid-daq itself is under the Apache License 2.0. These packages are installed with it, on Linux; a release
+brings the texts of their licences (`THIRD-PARTY-LICENCES.txt`) and a bill of materials with versions and
+hashes (CycloneDX). Made by `python release/third_party.py`.
+
+| package | licence |
+|---|---|
+"""
+_LICENCE_FILE = re.compile(r"(?i)^(licen[cs]e|copying|notice|copyright|lgpl)")
+
+
+def needed() -> list[str]:
+    """Return the names of the packages that rid-daq needs here, from `uv.lock`, sorted."""
+    from packaging.markers import Marker
+
+    locked = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))["package"]
+    dependencies: dict[str, list[dict[str, Any]]] = {}
+    for package in locked:
+        dependencies.setdefault(package["name"], []).extend(package.get("dependencies", []))
+    found: set[str] = set()
+    queue = ["rid-daq"]
+    while queue:
+        for wanted in dependencies[queue.pop()]:
+            applies = "marker" not in wanted or Marker(wanted["marker"]).evaluate()
+            if applies and wanted["name"] not in found:
+                found.add(wanted["name"])
+                queue.append(wanted["name"])
+    return sorted(found)
+
+
+def licence(name: str) -> str:
+    """Return a package's licence, as its metadata says it."""
+    about = metadata.metadata(name)
+    if expression := about["License-Expression"]:
+        return str(expression)
+    classified = [
+        each.rsplit(" :: ", 1)[1]
+        for each in about.get_all("Classifier", [])
+        if each.startswith("License :: ")
+    ]
+    written = (about["License"] or "").strip()
+    if "\n" not in written and 0 < len(written) <= 40:
+        return str(written)
+    return ", ".join(classified) or "see its licence file"
+
+
+def page() -> str:
+    """Return the page that lists them."""
+    return _HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in needed())
+
+
+def texts() -> str:
+    """Return the texts of all licences, each under its package's name and version."""
+    return "\n".join(
+        f"{'=' * 72}\n{name} {metadata.version(name)}: {licence(name)}\n{'=' * 72}\n{text}"
+        for name in needed()
+        for text in _texts_of(name)
+    )
+
+
+def _texts_of(name: str) -> Iterator[str]:
+    named = [path for path in metadata.files(name) or [] if _LICENCE_FILE.match(path.name)]
+    files = [path for path in named if ".dist-info" in str(path)] or named
+    for path in files:
+        yield path.read_text(encoding="utf-8")
+    if not files:
+        yield (
+            metadata.metadata(name)["License"] or "Its package has no text of its licence."
+        ) + "\n"
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        Path(sys.argv[1]).write_text(texts(), encoding="utf-8")
+    else:
+        PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,69 @@
+"""Every package that rid-daq needs has a wheel for each Python that it runs on."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.markers import Marker
+from packaging.tags import Tag, compatible_tags, cpython_tags
+from packaging.utils import parse_wheel_filename
+
+ROOT = Path(__file__).resolve().parent.parent
+GLIBC_2_28 = [
+    *(f"manylinux_2_{minor}_x86_64" for minor in range(5, 29)),
+    *("manylinux1_x86_64", "manylinux2010_x86_64", "manylinux2014_x86_64"),
+]
+"""Debian 10, Ubuntu 20.04 and RHEL 8, and all that is newer."""
+
+
+def needed(minor: int) -> list[dict[str, Any]]:
+    """Return the locked packages that the program needs on one Python."""
+    locked = tomllib.loads((ROOT / "uv.lock").read_text())["package"]
+    environment = {
+        "python_full_version": f"3.{minor}.0",
+        "python_version": f"3.{minor}",
+        "sys_platform": "linux",
+        "platform_system": "Linux",
+        "platform_machine": "x86_64",
+        "platform_python_implementation": "CPython",
+        "implementation_name": "cpython",
+    }
+    found: list[dict[str, Any]] = []
+    ours = next(package for package in locked if package["name"] == "rid-daq")
+    queue = [*ours["dependencies"]]
+    while queue:
+        wanted = queue.pop()
+        if "marker" in wanted and not Marker(wanted["marker"]).evaluate(environment):
+            continue
+        package = next(
+            each
+            for each in locked
+            if each["name"] == wanted["name"]
+            and each["version"] == wanted.get("version", each["version"])
+        )
+        if package not in found:
+            found.append(package)
+            queue += package.get("dependencies", [])
+    return found
+
+
+@pytest.mark.parametrize("minor", [11, 12, 13])
+def test_all_that_is_installed_are_wheels(minor: int) -> None:
+    tags: set[Tag] = {
+        *cpython_tags((3, minor), platforms=GLIBC_2_28),
+        *compatible_tags((3, minor), interpreter=f"cp3{minor}", platforms=GLIBC_2_28),
+    }
+    packages = needed(minor)
+    assert len(packages) > 40
+    without = [
+        f"{package['name']} {package['version']}"
+        for package in packages
+        if not any(
+            parse_wheel_filename(wheel["url"].rsplit("/", 1)[1])[3] & tags
+            for wheel in package.get("wheels", [])
+        )
+    ]
+    assert without == []

@@ -1,0 +1,96 @@
+"""What a release is made of, and that it runs where nothing but it is installed."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 12), reason="the page is made on Python 3.11")
+def test_the_page_of_licences_names_all_that_is_installed() -> None:
+    path = ROOT / "release" / "third_party.py"
+    spec = importlib.util.spec_from_file_location("third_party", path)
+    assert spec is not None
+    assert spec.loader is not None
+    third_party = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(third_party)
+    assert third_party.PAGE.read_text() == third_party.page(), "run release/third_party.py"
+    texts = third_party.texts()
+    for name in third_party.needed():
+        assert f"\n{name} " in texts
+
+
+def test_a_release_is_signed_or_says_that_it_is_a_trial(tmp_path: Path) -> None:
+    environment = {k: v for k, v in os.environ.items() if k != "RID_DAQ_SIGNING_KEY"}
+    done = subprocess.run(
+        [ROOT / "release" / "release.sh", tmp_path],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "RID_DAQ_SIGNING_KEY must name the SSH key that signs" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def release(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a trial of a release."""
+    folder = tmp_path_factory.mktemp("release") / "new"
+    subprocess.run([ROOT / "release" / "release.sh", "--unsigned", folder], check=True)
+    return folder
+
+
+@pytest.mark.slow
+def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> None:
+    subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=release, check=True)
+    names = {path.name for path in release.iterdir()}
+    assert {"Containerfile", "requirements.txt", "THIRD-PARTY-LICENCES.txt"} < names
+    bill = json.loads((release / "rid-daq.cdx.json").read_text())
+    listed = {each["name"] for each in bill["components"]}
+    assert bill["bomFormat"] == "CycloneDX"
+    assert {"numpy", "pin", "python-can"} < listed
+    assert "pytest" not in listed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("python", ["python3.11", "python3.12", "python3.13"])
+def test_the_wheel_runs_the_demo_from_an_empty_directory(
+    release: Path, python: str, tmp_path: Path
+) -> None:
+    if shutil.which(python) is None:
+        pytest.skip(f"{python} is not installed")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("RID_DAQ", "PYTHON"))}
+    fresh = tmp_path / "environment"
+    (tmp_path / "empty").mkdir()
+
+    def ran(*command: str | Path) -> str:
+        return subprocess.run(
+            [str(each) for each in command],
+            cwd=tmp_path / "empty",
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        ).stdout
+
+    pip = (UV, "pip", "install", "--quiet", "--python", fresh / "bin" / "python")
+    wheel = next(release.glob("rid_daq-*.whl"))
+    ran(UV, "venv", "--quiet", "--python", python, fresh)
+    ran(*pip, "--require-hashes", "--only-binary", ":all:", "-r", release / "requirements.txt")
+    ran(*pip, "--no-deps", wheel)
+    program = fresh / "bin" / "rid-daq"
+    assert ran(program, "--version").strip() == wheel.name.split("-")[1]
+    demo = json.loads(ran(program, "demo", "--json"))
+    assert Path(tmp_path / "empty" / demo["report"]).stat().st_size > 100_000
