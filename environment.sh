@@ -14,21 +14,27 @@ rid_daq_python() {
     return 1
 }
 
+# Prints the path of uv: the installed one, else a copy under .uv/ that is made here.
+rid_daq_uv() {
+    local python
+    if command -v uv; then
+        return 0
+    fi
+    python=$(rid_daq_python) || return 2
+    if [ ! -x .uv/bin/uv ]; then
+        if ! "$python" -m venv .uv; then
+            echo "$python cannot make a virtual environment; on Debian: apt install python3-venv" >&2
+            return 2
+        fi
+        .uv/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9' >&2 || return 2
+    fi
+    echo .uv/bin/uv
+}
+
 rid_daq_environment() {
     local python uv
     python=$(rid_daq_python) || return 2
-    if command -v uv >/dev/null 2>&1; then
-        uv=uv
-    else
-        uv=.uv/bin/uv
-        if [ ! -x "$uv" ]; then
-            if ! "$python" -m venv .uv; then
-                echo "$python cannot make a virtual environment; on Debian: apt install python3-venv" >&2
-                return 2
-            fi
-            .uv/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.5' || return 2
-        fi
-    fi
+    uv=$(rid_daq_uv) || return 2
     UV_PYTHON_DOWNLOADS=never "$uv" sync --quiet --frozen --inexact --compile-bytecode \
         --python "$python" "$@" || {
         echo "Could not make the environment .venv from uv.lock (is this machine on line?)." >&2

@@ -26,7 +26,7 @@ if [ $signed = yes ] && [ -n "$(git status --porcelain)" ]; then
 fi
 . ./environment.sh
 [ -x .venv/bin/python ] || rid_daq_environment
-uv=$(command -v uv || echo .uv/bin/uv)
+uv=$(rid_daq_uv)
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
 export SOURCE_DATE_EPOCH
 

@@ -1,7 +1,8 @@
 """The licences of everything that is installed with rid-daq.
 
-`python release/third_party.py` writes `docs/reference/third-party.md`, which `tests/test_release.py`
-compares; `python release/third_party.py FILE` writes the texts of the licences into a file.
+`python release/third_party.py` writes `docs/reference/third-party.md`, which
+`tests/test_release.py` compares; `python release/third_party.py FILE` writes the texts of the
+licences into a file.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ PAGE = ROOT / "docs" / "reference" / "third-party.md"
 
 _HEAD = """# What is installed with rid-daq, and under which licence
 
-rid-daq itself is under the Apache License 2.0. These packages are installed with it, on Linux; a release
-brings the texts of their licences (`THIRD-PARTY-LICENCES.txt`) and a bill of materials with versions and
-hashes (CycloneDX). Made by `python release/third_party.py`.
+rid-daq itself is under the Apache License 2.0. These packages are installed with it, on Linux; a
+release brings the texts of their licences (`THIRD-PARTY-LICENCES.txt`) and a bill of materials with
+versions and hashes (CycloneDX). Made by `python release/third_party.py`.
 
 | package | licence |
 |---|---|

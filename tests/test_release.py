@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")
+UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # as ./environment.sh makes it
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 12), reason="the page is made on Python 3.11")
