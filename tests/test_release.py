@@ -69,7 +69,7 @@ def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> Non
 def test_the_wheel_runs_the_demo_from_an_empty_directory(
     release: Path, python: str, tmp_path: Path
 ) -> None:
-    if shutil.which(python) is None:
+    if not shutil.which(python) or subprocess.run([python, "-c", ""], check=False).returncode:
         pytest.skip(f"{python} is not installed")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("RID_DAQ", "PYTHON"))}
     fresh = tmp_path / "environment"
