@@ -35,8 +35,8 @@ def require_own_packages() -> None:
     """
     for name in _BELOW:
         spec = find_spec(name)
-        places = [] if spec is None else [*(spec.submodule_search_locations or [spec.origin])]
-        if _ROOT / name not in [Path(str(p)).resolve() for p in places]:
+        places = [] if spec is None else [*(spec.submodule_search_locations or [str(spec.origin)])]
+        if _ROOT / name not in [Path(p).resolve() for p in places]:
             print(  # noqa: T201  nothing of the program can be imported
                 f"rid-daq: its package `{name}` is not what Python finds: {places or 'nothing'}."
                 " Install rid-daq into an environment of its own: `uv tool install rid-daq` or"
