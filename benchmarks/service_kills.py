@@ -1,10 +1,15 @@
 """What `kill -9` of the service leaves: `python -m benchmarks.service_kills --kills N`.
 
-The simulated drives are another program's (`rid-daq mock`) and outlive everything. A service is
-asked for a recording and killed at a random moment: before, within or after it. Then its worker
-must end by itself, no drive may be enabled, and the next service must know every job that was
-accepted, none of them twice, none of them running. At last 10,000 requests are made of a service
-whose memory must stay as it was. The last line is one JSON object.
+The simulated drives are another program's (`rid-daq mock`) and outlive everything. One service
+after the other is killed at a random moment: while it starts, while it journals a job that it was
+just asked for, while the job prepares, moves, and writes what it measured. The next one is started
+at once, as systemd does. Before it is asked for anything the worker of the one before must have
+ended by itself, and no drive may be enabled. `--lanes` such rows go on beside each other, each with
+a cell and a folder of its own; after `--minutes` no more are killed, and it says how many were.
+
+At the end the service must know every job that was accepted, none of them running, and none may
+have been done twice. What counts is what is left, not how long it took, so the computer may be busy
+meanwhile. The last line is one JSON object, with how many kills fell where.
 """
 
 from __future__ import annotations
@@ -18,26 +23,76 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import can
 
+from acquisition.motion.samples import Phase
 from acquisition.runs.catalogue import list_runs
-from benchmarks.service import MOTION, PATIENCE_S
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
 from config.errors import RidDaqError
 from config.load import load_cell
 from rid_daq.service.client import ServiceClient
-from rid_daq.service.records import Job
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import CellState, Job
+from rid_daq.service.running_job import EventTail
+from rid_daq.service.service import STATE_FOLDER
 from rid_daq.service.sockets import socket_of
+from rid_daq.service.store.database import open_database
+from rid_daq.service.store.jobs import JobStore
 
-LONGEST_S: Final = 12.0
-REQUESTS: Final = 10_000
-MEMORY_BAR: Final = 1.05
+PATIENCE_S: Final = 300.0
+CELL: Final = "ir361"
 ENABLED: Final = 0x27
 STATE: Final = 0x6F
+LEASE_S: Final = 3600.0
+REST_S: Final = 180.0
+STARTING: Final = 0.15
+"""The share of kills that fall on a service's start."""
+
+ASKING: Final = 0.25
+"""The share of the others that fall within `ASKING_S` of the request."""
+
+ASKING_S: Final = 0.1
+MOTION: Final = """kind: fourier
+robot: ir361
+period_s: 0.8
+periods: 2
+ramp_s: 0.4
+joints:
+  - {joint: axis1, sine: [0.05], cosine: [0.02]}
+  - {joint: axis2, sine: [0.05], cosine: [0.02]}
+  - {joint: axis3, sine: [0.05], cosine: [0.02]}
+"""
+
+
+@dataclass
+class Tally:
+    """What the kills have left, so far.
+
+    Attributes
+    ----------
+    fell : Counter
+        How many kills fell on what.
+    accepted : list of str
+        The jobs that the service has said it accepted.
+    enabled, still : int
+        Drives that were enabled, and workers that were there, when neither may be.
+    """
+
+    fell: Counter[str] = field(default_factory=Counter)
+    accepted: list[str] = field(default_factory=list)
+    enabled: int = 0
+    still: int = 0
 
 
 @contextlib.contextmanager
@@ -55,116 +110,276 @@ def program(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
             process.wait(PATIENCE_S)
 
 
+def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
+    """Wait for a condition; return whether it came true."""
+    end_s = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > end_s:
+            return False
+        time.sleep(0.02)
+    return True
+
+
 @contextlib.contextmanager
-def service(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], ServiceClient]]:
-    """Yield a service of the cell, and a client of it."""
-    words = ("serve", "ir361", "--folder", str(folder), "--listen", "127.0.0.1:0")
+def serving(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Yield a service of the cell that has just been started."""
+    words = ("serve", CELL, "--folder", str(folder), "--listen", "127.0.0.1:0")
     with program(*words, folder=folder) as process:
-        until_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until_s and process.poll() is None:
-            with contextlib.suppress(RidDaqError), ServiceClient.at(str(socket_of(folder))) as one:
-                one.cells()
-                break
-            time.sleep(0.05)
-        with ServiceClient.at(str(socket_of(folder))) as client:
-            yield process, client
+        yield process
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process, and wait until it is gone."""
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+
+
+def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
+    """Wait until a service answers.
+
+    Raises
+    ------
+    SystemExit
+        It has ended, or does not in `PATIENCE_S`.
+    """
+    if (
+        not until(lambda: answers(folder) or process.poll() is not None)
+        or process.poll() is not None
+    ):
+        raise SystemExit(f"no service: {(folder / 'said').read_text()[-2000:]}")
+
+
+def answers(folder: Path) -> bool:
+    """Return whether a service of the folder answers."""
+    with contextlib.suppress(RidDaqError), ServiceClient.at(str(socket_of(folder))) as client:
+        client.cells()
+        return True
+    return False
+
+
+def is_worker(pid: int) -> bool:
+    """Return whether a process is there and a worker."""
+    with contextlib.suppress(OSError):
+        return b"rid_daq.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    return False
 
 
 def enabled_drives() -> int:
     """Return how many of the cell's drives are switched on, by their statuswords (6041h)."""
-    cell = load_cell("ir361").config
+    cell = load_cell(CELL).config
     count = 0
     with can.Bus(interface=cell.can.interface, channel=cell.can.channel) as bus:
         for axis in cell.axes:
             read = bytes((0x40, 0x41, 0x60, 0, 0, 0, 0, 0))
-            bus.send(
-                can.Message(arbitration_id=0x600 + axis.node_id, data=read, is_extended_id=False)
+            asked = can.Message(
+                arbitration_id=0x600 + axis.node_id, data=read, is_extended_id=False
             )
-            until_s = time.monotonic() + 2.0
-            while time.monotonic() < until_s:
-                answer = bus.recv(0.1)
-                if answer is not None and answer.arbitration_id == 0x580 + axis.node_id:
-                    count += answer.data[4] & STATE == ENABLED
+            for _ in range(10):
+                bus.send(asked)
+                word = _answer(bus, 0x580 + axis.node_id)
+                if word is not None:
+                    count += word & STATE == ENABLED
                     break
             else:
                 raise SystemExit(f"node {axis.node_id} does not answer: nobody knows its state")
     return count
 
 
-def begun(client: ServiceClient, seconds_left: float) -> Job | None:
-    """Ask for a recording as a program does; return the job that was accepted."""
-    try:
-        key = client.ask("POST", "/cells/ir361/lease", {"seconds": 60.0})["key"]
-        if client.cell("ir361").state != "ready":
-            client.run("ir361", "check", {"seconds": 0.2}, lease=key)
+def _answer(bus: can.BusABC, identifier: int) -> int | None:
+    until_s = time.monotonic() + 2.0
+    while time.monotonic() < until_s:
+        answer = bus.recv(0.1)
+        if answer is not None and answer.arbitration_id == identifier:
+            return answer.data[4]
+    return None
+
+
+class Attacker:
+    """Starts services of one folder and kills them.
+
+    Parameters
+    ----------
+    folder : Path
+        Theirs.
+    chance : random.Random
+        When they are killed.
+
+    Attributes
+    ----------
+    tally : Tally
+        What that has left.
+    """
+
+    def __init__(self, folder: Path, chance: random.Random) -> None:
+        self.folder = folder
+        self.tally = Tally()
+        self._chance = chance
+        self._lease: str | None = None
+        self._start_s = 2.0
+        self._job_s = 10.0
+
+    def kill_one(self) -> None:
+        """Start a service, and kill it at a random moment."""
+        with serving(self.folder) as process:
+            if self._chance.random() < STARTING:
+                time.sleep(self._chance.uniform(0.0, self._start_s))
+                kill(process)
+                self.tally.fell["its start"] += 1
+                return
+            began_s = time.monotonic()
+            require_answer(self.folder, process)
+            self._start_s = time.monotonic() - began_s
+            with ServiceClient.at(str(socket_of(self.folder))) as client:
+                self.look_at_rest(client)
+                self._make_ready(client)
+                self._strike(client, process)
+
+    def look_at_rest(self, client: ServiceClient) -> None:
+        """Have the worker of the service before end by itself, and look at the drives."""
+        newest = client.ask("GET", "/jobs?limit=1")
+        pid = newest[0]["pid"] if newest else None
+        if pid is not None and not until(lambda: not is_worker(pid), REST_S):
+            self.tally.still += 1
+        self.tally.enabled += enabled_drives()
+
+    def _make_ready(self, client: ServiceClient) -> None:
+        path = f"/cells/{CELL}/lease"
+        if self._lease is None:
+            self._lease = str(client.ask("POST", path, {"seconds": LEASE_S})["key"])
+        client.ask("PUT", path, {"seconds": LEASE_S}, self._lease)
+        if client.cell(CELL).state is CellState.FAULT:
+            client.run(CELL, "reset", {}, lease=self._lease)
+        while client.cell(CELL).state is not CellState.READY:
+            client.run(CELL, "check", {"seconds": 0.2}, lease=self._lease)
+
+    def _strike(self, client: ServiceClient, process: subprocess.Popen[bytes]) -> None:
+        """Ask for a recording, and kill the service at a random moment of the job's life."""
+        said: list[Job] = []
         wanted = {"kind": "record", "request": {"motion": "motion.yaml"}}
-        return Job.model_validate(client.ask("POST", "/cells/ir361/jobs", wanted, key))
-    except RidDaqError:
+
+        def ask() -> None:
+            with contextlib.suppress(RidDaqError):  # killed before it answered
+                told = client.ask("POST", f"/cells/{CELL}/jobs", wanted, self._lease)
+                said.append(Job.model_validate(told))
+
+        asking = threading.Thread(target=ask)
+        began_s = time.monotonic()
+        asking.start()
+        if self._chance.random() < ASKING:
+            time.sleep(self._chance.uniform(0.0, ASKING_S))
+        elif until(
+            lambda: bool(said) and self._is_over(said[0]), self._chance.uniform(0, self._job_s)
+        ):
+            self._job_s = time.monotonic() - began_s
+        else:
+            self._job_s *= 1.02  # a computer that others have made slow
+        kill(process)
+        asking.join()
+        self.tally.accepted += [job.id for job in said]
+        self.tally.fell[self._where(said[0]) if said else "the request"] += 1
+
+    def _where(self, job: Job) -> str:
+        """Return what a job was at, just after the kill."""
+        if self._is_over(job):
+            return "its end"
+        motions = "motion" in self._kinds(job.id)
+        control = None if job.pid is None else _control(job.pid)
+        if control is not None:
+            state, phase = control.task.state, control.task.phase
+            if state is TaskState.MOVING:
+                return "the approach" if phase is Phase.APPROACH else "the motion"
+            return "the drives' start or stop"
+        return "the writing of its result" if motions else "its preparation"
+
+    def _is_over(self, job: Job) -> bool:
+        return "ended" in self._kinds(job.id)
+
+    def _kinds(self, job_id: str) -> Counter[str]:
+        path = self.folder / STATE_FOLDER / "jobs" / f"{job_id}.jsonl"
+        return Counter(event.kind for event in EventTail(path).new())
+
+    def left(self) -> dict[str, Any]:
+        """Return what all that has left, once a last service has been there."""
+        with serving(self.folder) as process:
+            require_answer(self.folder, process)
+            with ServiceClient.at(str(socket_of(self.folder))) as client:
+                self.look_at_rest(client)
+        with contextlib.closing(open_database(self.folder / STATE_FOLDER / "service.db")) as base:
+            jobs = JobStore(base).newest(limit=1_000_000)
+        recordings = [job for job in jobs if job.kind is JobKind.RECORD]
+        told = [self._kinds(job.id) for job in jobs]
+        twice = sum(each["ended"] > 1 or each["motion"] > 1 for each in told)
+        runs = len(list_runs(self.folder / "runs"))
+        return {
+            "accepted": len(self.tally.accepted),
+            "lost": len(set(self.tally.accepted) - {job.id for job in jobs}),
+            "done_twice": twice + max(0, runs - len(recordings)),
+            "left_running": sum(not job.state.is_over for job in jobs),
+            "workers_left": self.tally.still,
+            "drives_enabled": self.tally.enabled,
+            "runs": runs,
+            "fell_on": self.tally.fell,
+            "states": Counter(job.state.value for job in recordings),
+        }
+
+
+def _control(pid: int) -> ControlBlock | None:
+    try:
+        return ControlBlock.of_process(pid)
+    except OSError:
         return None
-    finally:
-        time.sleep(random.uniform(0.0, seconds_left))
 
 
-def memory_bytes(pid: int) -> int:
-    """Return how much memory a process has."""
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
+    """Kill so many services of a cell of their own; return what that has left."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        os.environ["XDG_RUNTIME_DIR"] = name
+        (folder / "motion.yaml").write_text(MOTION)
+        with program("mock", CELL, folder=folder):
+            attacker = Attacker(folder, random.Random(seed))
+            done = 0
+            while done < kills and time.time() < until_s:
+                attacker.kill_one()
+                done += 1
+                if done % 20 == 0:
+                    print(f"lane {seed}: kill {done}, {attacker.tally}", flush=True)
+            return {"kills": done, **attacker.left()}
 
 
 def main() -> int:
     """Kill, look, and print; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20, metavar="N")
-    kills: int = parser.parse_args().kills
-    accepted: list[Job] = []
-    enabled = still = 0
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        os.environ["XDG_RUNTIME_DIR"] = name
-        (folder / "motion.yaml").write_text(MOTION)
-        with program("mock", "ir361", folder=folder):
-            time.sleep(5.0)
-            for number in range(kills):
-                with service(folder) as (process, client):
-                    job = begun(client, LONGEST_S)
-                    process.send_signal(signal.SIGKILL)
-                    process.wait()
-                accepted += [] if job is None else [job]
-                if job is not None and job.pid is not None:
-                    until_s = time.monotonic() + 30.0
-                    while Path(f"/proc/{job.pid}").exists() and time.monotonic() < until_s:
-                        time.sleep(0.02)
-                    still += Path(f"/proc/{job.pid}").exists()
-                enabled += enabled_drives()
-                print(f"kill {number + 1} of {kills}", flush=True)
-            with service(folder) as (process, client):
-                known = {one["id"]: one for one in client.ask("GET", "/jobs?limit=1000")}
-                before = 0
-                for number in range(REQUESTS):
-                    client.cell("ir361")
-                    if number == REQUESTS // 10:
-                        before = memory_bytes(process.pid)
-                grown = memory_bytes(process.pid) / before
-        lost = [job.id for job in accepted if job.id not in known]
-        unfinished = [one for one in known.values() if one["state"] in ("accepted", "running")]
-        runs = [folder.run_id for folder, _ in list_runs(folder / "runs")]
-        again = len(runs) - len({one["run"] for one in known.values() if one["run"]})
-    holds = not (lost or unfinished or enabled or still or again > 0) and grown <= MEMORY_BAR
-    print(
-        f"{kills} kills, {len(accepted)} recordings accepted: {len(lost)} lost, {max(again, 0)} run"
-        f" again, {len(unfinished)} left running, {still} workers left, {enabled} drives enabled;"
-        f" memory over {REQUESTS} requests: {grown:.3f} times"
-    )
+    parser.add_argument("--lanes", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=600.0)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    began_s = time.time()
+    until_s = began_s + 60.0 * options.minutes
+    shares = [(options.kills + lane) // options.lanes for lane in range(options.lanes)]
+    with ProcessPoolExecutor(options.lanes, get_context("spawn")) as pool:
+        lanes = [
+            pool.submit(attack, share, options.seed + lane, until_s)
+            for lane, share in enumerate(shares)
+        ]
+        found = [lane.result() for lane in lanes]
+    total: Counter[str] = Counter()
+    fell_on: Counter[str] = Counter()
+    states: Counter[str] = Counter()
+    for each in found:
+        fell_on.update(each.pop("fell_on"))
+        states.update(each.pop("states"))
+        total.update(each)
+    bad = ("lost", "done_twice", "left_running", "workers_left", "drives_enabled")
+    holds = total["kills"] > 0 and not any(total[each] for each in bad)
     result = {
         "name": "service_kills",
-        "kills": kills,
-        "accepted": len(accepted),
-        "lost": len(lost),
-        "run_again": again,
-        "left_running": len(unfinished),
-        "workers_left": still,
-        "drives_enabled": enabled,
-        "memory_ratio": round(grown, 3),
-        "bar": f"0 lost, 0 run again, 0 enabled; memory at most {MEMORY_BAR:g} times",
+        **total,
+        "fell_on": dict(fell_on.most_common()),
+        "states": dict(states),
+        "minutes": round((time.time() - began_s) / 60.0, 1),
+        "bar": "0 lost, 0 done twice, 0 left running, 0 workers left, 0 drives enabled",
         "holds": holds,
     }
     print(json.dumps(result))
