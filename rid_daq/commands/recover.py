@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,9 +12,31 @@ from acquisition.runs.catalogue import find_run
 from acquisition.session.repair import Repair
 from config.errors import ConfigError, RecordingError
 from rid_daq.jobs.recovery_job import Recovery, recover_file, recover_run
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
+
+
+@dataclass(frozen=True)
+class RecoverRequest:
+    """What is recovered, and where to.
+
+    Attributes
+    ----------
+    what : str
+        A recording (.mcap), or a run folder, its id or label.
+    runs : Path
+        The folder of the run folders.
+    output : Path or None
+        Of a file: the file to write; of a run: the folder for the new run folder. Beside the old
+        one if None.
+    """
+
+    what: str
+    runs: Path = DEFAULT_RUNS
+    output: Path | None = None
 
 
 def recover(
@@ -34,6 +57,7 @@ def recover(
         ),
     ] = None,
     runs: RunsFolder = DEFAULT_RUNS,
+    service: Service = None,
     as_json: AsJson = False,
 ) -> None:
     """Write what is readable of a damaged recording as a new one; the old one is never changed.
@@ -42,14 +66,19 @@ def recover(
     every row known to be lost is told. A run becomes a new run folder that all commands read. The
     exit code is 0 where no row is known to be lost, 1 where some are, 7 where nothing is readable.
     """
-    console = Console(as_json)
-    path = Path(what)
+    request = RecoverRequest(what, runs, output)
+    here_or_there(service, JobKind.RECOVER, request, Console(as_json), perform)
+
+
+def perform(request: RecoverRequest, console: Console) -> None:
+    """Recover, and say what could be."""
+    path = Path(request.what)
     if path.is_file():
-        target = output or path.with_name(f"{path.stem}-recovered.mcap")
+        target = request.output or path.with_name(f"{path.stem}-recovered.mcap")
         recovery = recover_file(path, target)
     else:
-        source = _run_folder(runs, what)
-        recovery = recover_run(source, output or source.resolve().parent)
+        source = _run_folder(request.runs, request.what)
+        recovery = recover_run(source, request.output or source.resolve().parent)
     _print(console, recovery, is_run=not path.is_file())
     if recovery.lost_rows:
         raise typer.Exit(ExitCode.VERDICT_FAILED)

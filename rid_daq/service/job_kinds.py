@@ -30,6 +30,7 @@ class JobKind(StrEnum):
     PAYLOAD_READ_BACK = "payload_read_back"
     PAYLOAD_CERTIFICATE = "payload_certificate"
     EXPORT = "export"
+    RECOVER = "recover"
 
     @property
     def opens_cell(self) -> bool:

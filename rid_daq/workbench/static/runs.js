@@ -4,7 +4,7 @@ import { JobPanel } from "./job_panel.js";
 import { runTable } from "./run_table.js";
 import { ask, mayMove } from "./service.js";
 
-const panel = new JobPanel(find("job"));
+const panel = new JobPanel(find("job"), { ended: (job) => job.kind === "recover" && load() });
 const kinds = new Set();
 const [search, kind, status] = ["search", "kind", "status"].map(find);
 const WAIT_MS = 250;
@@ -24,7 +24,7 @@ async function load() {
     picked = [];
     showPicked();
     const none = element("p", { class: "soft" }, "No run is like this.");
-    find("runs").replaceChildren(runs.length ? runTable(runs, pick) : none, ...runs.filter((run) => run.problem).map(damaged));
+    find("runs").replaceChildren(runs.length ? runTable(runs, pick) : none, ...runs.filter((run) => run.problem).map(damaged), ...runs.filter((run) => run.status === "unfinished").map(recover));
   } catch (error) {
     find("runs").replaceChildren(element("p", { class: "problem" }, error.message));
   }
@@ -37,7 +37,14 @@ function addKind(name) {
 }
 
 const damaged = (run) =>
-  element("p", { class: "verdict bad" }, `${run.problem} Next, in a terminal in the service's folder: rid-daq recover ${run.id}`);
+  element("div", {}, element("p", { class: "verdict bad" }, run.problem), recover(run));
+
+// What the program could not close is written anew, as far as its checksums vouch for it.
+function recover(run) {
+  const go = () => panel.begin("recover", { what: run.id });
+  const label = `Recover ${run.label || run.id}`;
+  return element("p", {}, element("button", { type: "button", "data-needs": "role", disabled: !mayMove, onclick: go }, label));
+}
 
 function pick(event) {
   const { checked, value } = event.target;
