@@ -117,10 +117,10 @@ def _view(drawn: CentreOfGravity, data: ColumnDataSource, across: tuple[int, int
     pair = list(across)
     centre = drawn.centre_mm[pair]
     x, y = (AXES[k] for k in across)
-    told = "\n" + ", ".join(
-        f"{AXES[k]} {drawn.centre_mm[k]:.1f} ± {2.0 * drawn.sigma_mm[k]:.1f} mm (2σ)"
+    told = "".join(
+        f"\n{AXES[k]} {drawn.centre_mm[k]:.1f} ± {2.0 * drawn.sigma_mm[k]:.1f} mm (2σ)"
         if np.isfinite(drawn.centre_mm[k])
-        else f"{AXES[k]} not shown"
+        else f"\n{AXES[k]} not shown"
         for k in across
     )
     plot = panel_to_scale(

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hmac
+import itertools
+import re
 import secrets
 import time
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
+from types import MappingProxyType
 from typing import Final
 
 from rid_daq.service.pairing import Pairing
@@ -80,8 +83,15 @@ class Doorkeeper:
             self.tokens.note_use(token)
         return Identity(name=token.name, role=token.role, person=token.person, token=token.id)
 
-    def log_in(self, link_secret: str) -> str:
+    def log_in(self, link_secret: str, agent: str = "") -> str:
         """Return the cookie of somebody who has opened the address from the terminal.
+
+        Parameters
+        ----------
+        link_secret : str
+            What the address ends in.
+        agent : str
+            What the browser says of itself; its name is made of it, with a number.
 
         Raises
         ------
@@ -92,7 +102,8 @@ class Doorkeeper:
             raise NotAllowedError(
                 "this address is of another start of the service: see its terminal"
             )
-        _, secret = self.tokens.add("browser of this computer", Role.ADMINISTRATOR, person=True)
+        name = self._name_of(browser_words(agent))
+        _, secret = self.tokens.add(name, Role.ADMINISTRATOR, person=True)
         return self.cookie(secret)
 
     def cookie(self, secret: str) -> str:
@@ -106,6 +117,13 @@ class Doorkeeper:
         """Let somebody in no more; return whether they were let in."""
         return self.tokens.revoke(token.id)
 
+    def _name_of(self, browser: str) -> str:
+        """Return a name that no token has: leases and the log of who did what tell them apart."""
+        taken = {token.name for token in self.tokens.all()}
+        return next(
+            name for n in itertools.count(1) if (name := f"{browser}, number {n}") not in taken
+        )
+
     def _shown(self, headers: Mapping[str, str]) -> str | None:
         kind, _, bearer = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and bearer.strip():
@@ -115,3 +133,17 @@ class Doorkeeper:
         except CookieError:
             return None
         return None if cookie is None else cookie.value
+
+
+_SYSTEMS: Final = "Android|iPad|iPhone|Windows|Macintosh|Linux"
+_BROWSERS: Final = MappingProxyType(
+    {"Firefox": "Firefox", "Edg": "Edge", "Chrome": "Chrome", "Safari": "Safari"}
+)
+"""What marks a browser, the ones first that say to be others too."""
+
+
+def browser_words(agent: str) -> str:
+    """Return what a browser says of itself, shortened to what a person recognises."""
+    name = next((name for mark, name in _BROWSERS.items() if mark in agent), "browser")
+    system = re.search(_SYSTEMS, agent)
+    return f"{name} on {system[0]}" if system else name

@@ -148,8 +148,7 @@ class Preflight(Record):
 class CellStatus(Record):
     """A cell, as everybody may see it; `simulated` stands in every answer.
 
-    `preflight_age_s` is None where there is none that counts; `temperatures` are those of the last
-    check, by drive [degrees Celsius].
+    `preflight_age_s` is None where there is none that counts.
     """
 
     cell: str

@@ -22,7 +22,7 @@ async def first_page(
     if t is not None:
         answer = RedirectResponse("/", HTTPStatus.SEE_OTHER)
         if door.look(request.headers, local=is_local(request)) is None:
-            answer.headers["set-cookie"] = door.log_in(t)
+            answer.headers["set-cookie"] = door.log_in(t, request.headers.get("user-agent", ""))
         return answer
     door.identity(request.headers, local=is_local(request))
     return RedirectResponse(f"/cells/{next(iter(service.cells))}", HTTPStatus.SEE_OTHER)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -62,7 +64,7 @@ def folder_files(service: CellService, robot: str) -> FolderFiles:
     service : CellService
         The service.
     robot : str
-        The name of the cell's robot; motions that name another one are left out.
+        The name of the cell's robot; motions and models of another one are left out.
     """
     found: dict[str, list[NamedFile]] = {
         sort: [] for sort in ("motions", "models", "loops", "feedforwards")
@@ -78,7 +80,9 @@ def folder_files(service: CellService, robot: str) -> FolderFiles:
                 found["motions"].append(NamedFile(inside, f"{inside} ({_spaced(kind)})", kind))
             continue
         for mark, sort in _JSON:
-            if mark in head:
+            if mark in head and (
+                sort != "models" or _robot_of_model(path, _changed_s(path)) == robot
+            ):
                 found[sort].append(NamedFile(inside, inside))
                 break
     return FolderFiles(**{sort: tuple(files) for sort, files in found.items()})
@@ -103,6 +107,15 @@ def _changed_s(path: Path) -> float:
         return path.stat().st_mtime
     except OSError:  # it has just gone
         return 0.0
+
+
+@functools.lru_cache(maxsize=256)
+def _robot_of_model(path: Path, _changed_s: float) -> str:
+    """Return the name of a model's robot, empty where the file cannot be read."""
+    try:
+        return str(json.loads(path.read_bytes())["robot"]["name"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
 
 
 def _head(path: Path) -> bytes:

@@ -57,6 +57,22 @@ def test_the_address_from_the_terminal_makes_a_cookie(door: Doorkeeper) -> None:
         door.log_in("guessed")
 
 
+def test_browsers_let_in_by_the_address_are_told_apart(door: Doorkeeper) -> None:
+    firefox = "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0"
+    edge = "Mozilla/5.0 (Windows NT 10.0) AppleWebKit/537.36 Chrome/140.0 Safari/537.36 Edg/140.0"
+    names = []
+    for agent in (firefox, firefox, edge, "\x1b[31m", ""):
+        cookie = door.log_in(door.link_secret, agent).partition(";")[0]
+        names.append(door.identity({"cookie": cookie}, local=False).name)
+    assert names == [
+        "Firefox on Linux, number 1",
+        "Firefox on Linux, number 2",
+        "Edge on Windows, number 1",
+        "browser, number 1",
+        "browser, number 2",
+    ]
+
+
 def test_cookies_are_for_tls_alone_where_there_is_tls(tokens: TokenStore) -> None:
     assert "Secure" in Doorkeeper(tokens, 8642, secure=True).cookie("x")
 

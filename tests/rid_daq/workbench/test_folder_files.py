@@ -9,7 +9,7 @@ from rid_daq.service.service import CellService
 from rid_daq.workbench.folder_files import folder_files
 
 MOTION = "# An excitation.\nkind: fourier\nrobot: ir361\n"
-MODEL = '{\n "kind": "rid-daq estimate",\n "format": 2\n}'
+MODEL = '{\n "kind": "rid-daq estimate",\n "robot": {"name": "ir361"}\n}'
 LOOPS = '{"schema": "rid-daq velocity loops 1"}'
 
 
@@ -23,6 +23,8 @@ def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
     (tmp_path / ".hidden.yaml").write_text(MOTION)
     (run / "motion.yaml").write_text(MOTION)  # of a run: what it was recorded with
     (run / "model.json").write_text(MODEL)
+    (tmp_path / "other.json").write_text(MODEL.replace("ir361", "kr15"))
+    (tmp_path / "torn.json").write_text(MODEL[:-1])
     (run / "loops.json").write_text(LOOPS)
     (run / "result.json").write_text(MODEL)
     found = folder_files(service, "ir361")
