@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, Sequence
 
 MOST_EVENTS = 256
 
@@ -12,13 +12,20 @@ MOST_EVENTS = 256
 class Feed:
     """Hands what is published to every viewer, each at its own pace; one thread's.
 
-    A picture replaces the one before it that a viewer has not taken yet. An event is kept for every
-    viewer; one for whom `MOST_EVENTS` wait is ended, so that it knows that it has missed something.
+    A picture replaces the one before it of the same subject that a viewer has not taken yet. An
+    event is kept for every viewer; one for whom too many wait is ended, so that it knows that it
+    has missed something.
+
+    Parameters
+    ----------
+    most_events : int
+        How many events may wait for a viewer.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, most_events: int = MOST_EVENTS) -> None:
+        self._most_events = most_events
         self._viewers: set[_Viewer] = set()
-        self._picture: bytes | None = None
+        self._pictures: dict[str, bytes] = {}
         self._over = False
 
     @property
@@ -26,45 +33,61 @@ class Feed:
         """How many there are."""
         return len(self._viewers)
 
-    def show(self, picture: bytes) -> None:
-        """Publish a picture of how things are now."""
-        self._picture = picture
+    def show(self, picture: bytes, of: str = "") -> None:
+        """Publish a picture of how a subject is now."""
+        self._pictures[of] = picture
         for viewer in self._viewers:
-            viewer.picture = picture
+            viewer.pictures[of] = picture
             viewer.wake.set()
+
+    def forget(self, of: str) -> None:
+        """Show the newest picture of a subject to nobody who comes later."""
+        self._pictures.pop(of, None)
 
     def tell(self, event: bytes) -> None:
         """Publish what has happened."""
         for viewer in self._viewers:
             viewer.events.append(event)
-            viewer.over = viewer.over or len(viewer.events) > MOST_EVENTS
+            viewer.over = viewer.over or len(viewer.events) > self._most_events
             viewer.wake.set()
 
     def end(self) -> None:
-        """Say that nothing follows; who is behind still gets the last picture and all events."""
+        """Say that nothing follows; who is behind still gets the last pictures and all events."""
         self._over = True
         for viewer in self._viewers:
             viewer.over = True
             viewer.wake.set()
 
-    async def view(self) -> AsyncIterator[bytes]:
-        """Yield what one viewer is shown, from the last picture on; events before pictures."""
-        viewer = _Viewer(self._picture, self._over)
+    async def view(
+        self, first: Sequence[bytes] = (), pause_s: float = 0.0
+    ) -> AsyncGenerator[bytes]:
+        """Yield what one viewer is shown, from the last pictures on; events before pictures.
+
+        Parameters
+        ----------
+        first : sequence of bytes
+            Events that this viewer alone is told at first.
+        pause_s : float
+            The least time between two looks at what is new [s].
+        """
+        viewer = _Viewer(first, self._pictures, self._over)
         self._viewers.add(viewer)
         try:
             while True:
                 viewer.wake.clear()
                 while viewer.events:
-                    if len(viewer.events) > MOST_EVENTS:
+                    if len(viewer.events) > self._most_events:
                         return
                     yield viewer.events.popleft()
-                if viewer.picture is not None:
-                    picture, viewer.picture = viewer.picture, None
+                pictures, viewer.pictures = viewer.pictures, {}
+                for picture in pictures.values():
                     yield picture
-                elif viewer.over:
-                    return
-                else:
+                if not viewer.wake.is_set():
+                    if viewer.over:
+                        return
                     await viewer.wake.wait()
+                if pause_s:
+                    await asyncio.sleep(pause_s)
         finally:
             self._viewers.discard(viewer)
 
@@ -72,8 +95,8 @@ class Feed:
 class _Viewer:
     """What waits for one viewer."""
 
-    def __init__(self, picture: bytes | None, over: bool) -> None:
-        self.picture = picture
+    def __init__(self, events: Sequence[bytes], pictures: dict[str, bytes], over: bool) -> None:
+        self.events = deque(events)
+        self.pictures = dict(pictures)
         self.over = over
-        self.events: deque[bytes] = deque()
         self.wake = asyncio.Event()

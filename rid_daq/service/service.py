@@ -17,6 +17,7 @@ from typing import Any, Final
 from acquisition.runs.run_id import new_run_id
 from acquisition.supervision.stop_reason import StopCode
 from config.errors import ConfigError, LockedError, PreflightError
+from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
 from rid_daq.service.readiness import PREFLIGHT_LIMIT_S, Readiness
@@ -38,11 +39,11 @@ from rid_daq.service.store.database import open_database
 from rid_daq.service.store.jobs import JobStore
 from rid_daq.service.store.leases import LeaseStore
 from rid_daq.service.store.tokens import TokenStore
-from rid_daq.service.viewers import Viewers
 from rid_daq.service.workshop import Workshop
 
 LOOK_S: Final = 0.05
 CELLS_S: Final = 0.2
+MOST_EVENTS: Final = 2000
 STATE_FOLDER: Final = ".rid-daq-service"
 
 
@@ -81,7 +82,7 @@ class CellService:
         for name in self.cells:
             cell_store.add(name)
         self.readiness = Readiness(cell_store)
-        self.viewers = Viewers()
+        self.feed = Feed(MOST_EVENTS)
         self.workshop = Workshop(
             self.folder,
             self.runs,
@@ -90,7 +91,7 @@ class CellService:
             audit=self.audit,
             leases=self.leases,
             readiness=self.readiness,
-            viewers=self.viewers,
+            feed=self.feed,
         )
         self.started_s = time.time()
         self.stops = 0
@@ -309,7 +310,7 @@ class CellService:
         told = json.dumps({"type": "cell", "cell": status})
         if self._told.get(cell.name) != told:
             self._told[cell.name] = told
-            self.viewers.tell(told)
+            self.feed.tell(told.encode())
 
 
 def require_role(who: Identity, role: Role) -> None:

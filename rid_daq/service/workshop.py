@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from acquisition.supervision.stop_reason import StopCode
+from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG
@@ -21,7 +22,6 @@ from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
-from rid_daq.service.viewers import Viewers
 from rid_daq.terminal.job_events import Ended, MotionBegun
 
 LOOK_S: Final = 0.05
@@ -44,8 +44,8 @@ class Workshop:
         Who has which cell.
     readiness : Readiness
         Where checks and faults are kept.
-    viewers : Viewers
-        Who is told what happens.
+    feed : Feed
+        Tells everybody what happens.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Workshop:
         audit: AuditLog,
         leases: Leases,
         readiness: Readiness,
-        viewers: Viewers,
+        feed: Feed,
     ) -> None:
         self._folder, self._runs, self._state = folder, runs, state
         (state / "jobs").mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -73,7 +73,7 @@ class Workshop:
         self._audit = audit
         self._leases = leases
         self._readiness = readiness
-        self._viewers = viewers
+        self._feed = feed
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
         self._computing = False
@@ -174,12 +174,13 @@ class Workshop:
             if isinstance(event, MotionBegun):
                 running.job = self._jobs.change(running.job, run=event.run)
             told = {"type": "event", "job": running.job.id, "event": event.model_dump()}
-            self._viewers.tell(json.dumps(told))
-        if len(self._viewers):
+            self._feed.tell(json.dumps(told).encode())
+        if self._feed.viewers:
             picture = running.samples()
             if picture is not None:
                 told = {"type": "samples", "cell": running.job.cell, "job": running.job.id}
-                self._viewers.show(running.job.cell, json.dumps({**told, "picture": picture}))
+                shown = json.dumps({**told, "picture": picture})
+                self._feed.show(shown.encode(), running.job.cell)
 
     def _watch_lease(self, running: RunningJob) -> None:
         job = running.job
@@ -193,6 +194,7 @@ class Workshop:
         """Write what became of a job whose worker has ended."""
         job, cell = running.job, running.cell
         del self._running[job.id]
+        self._feed.forget(cell.name)
         document, ended = running.document, running.ended
         state, reason = outcome_of(running, self.closing)
         run = running.run or (document or {}).get("run")
@@ -276,7 +278,8 @@ class Workshop:
         self._publish(self._jobs.change(job, state=state, ended_s=time.time(), reason=reason))
 
     def _publish(self, job: Job) -> None:
-        self._viewers.tell(json.dumps({"type": "job", "job": job.model_dump(mode="json")}))
+        told = {"type": "job", "job": job.model_dump(mode="json")}
+        self._feed.tell(json.dumps(told).encode())
 
 
 def outcome_of(running: RunningJob, closing: bool) -> tuple[JobState, str]:

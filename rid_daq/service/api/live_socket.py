@@ -16,7 +16,6 @@ from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.service import CellService
-from rid_daq.service.viewers import Viewer
 
 router = APIRouter()
 
@@ -42,21 +41,16 @@ async def look_on(socket: WebSocket) -> None:
     if who is None:
         await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
         return
-    if len(service.viewers) >= MOST_VIEWERS:
+    if service.feed.viewers >= MOST_VIEWERS:
         await socket.close(TOO_MANY, "too many look on")
         return
     await socket.accept()
-    viewer = service.viewers.join()
-    for cell in service.cells.values():
-        status = service.status(cell).model_dump(mode="json")
-        viewer.tell(json.dumps({"type": "cell", "cell": status}))
-    sending = asyncio.create_task(_send(socket, viewer))
+    sending = asyncio.create_task(_send(socket, service))
     try:
         await _receive(socket, service, who)
     except (WebSocketDisconnect, RuntimeError, OSError):
         LOG.debug("a viewer has left")
     finally:
-        service.viewers.leave(viewer)
         sending.cancel()
         with contextlib.suppress(
             asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError
@@ -64,11 +58,15 @@ async def look_on(socket: WebSocket) -> None:
             await sending
 
 
-async def _send(socket: WebSocket, viewer: Viewer) -> None:
-    while not viewer.too_slow:
-        for text in await viewer.next():
-            await socket.send_text(text)
-        await asyncio.sleep(SAMPLES_S)
+async def _send(socket: WebSocket, service: CellService) -> None:
+    statuses = (service.status(cell) for cell in service.cells.values())
+    first = [
+        json.dumps({"type": "cell", "cell": status.model_dump(mode="json")}).encode()
+        for status in statuses
+    ]
+    async with contextlib.aclosing(service.feed.view(first, SAMPLES_S)) as view:
+        async for told in view:
+            await socket.send_text(told.decode())
     await socket.close(TOO_SLOW, "too slow: events would be lost")
 
 

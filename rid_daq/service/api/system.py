@@ -54,7 +54,7 @@ async def metrics(service: Service, who: Who) -> Response:
     counts = service.jobs.counts()
     for each_state in JobState:
         jobs.labels(each_state.value).set(counts.get(each_state.value, 0))
-    gauge("viewers", "Pages and programs that look on.").set(len(service.viewers))
+    gauge("viewers", "Pages and programs that look on.").set(service.feed.viewers)
     gauge("stops_total", "Stops asked for since the start.").set(service.stops)
     gauge("start_time_seconds", "When the service began, since 1970.").set(service.started_s)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

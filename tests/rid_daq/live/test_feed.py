@@ -89,3 +89,31 @@ def test_events_come_once_in_order_and_pictures_only_forward(steps: list[str]) -
         assert pictures == sorted(set(pictures))
 
     asyncio.run(main())
+
+
+def test_a_slow_viewer_gets_the_newest_picture_of_each_subject() -> None:
+    async def main() -> None:
+        feed = Feed()
+        feed.show(b"left 0", "left")
+        slow = feed.view(first=[b"hello"])
+        assert await take(slow, 2) == [b"hello", b"left 0"]
+        for number in range(1, 9):
+            feed.show(b"left %d" % number, "left")
+            feed.show(b"right %d" % number, "right")
+        assert await take(slow, 2) == [b"left 8", b"right 8"]
+        feed.forget("left")
+        assert await take(feed.view(), 1) == [b"right 8"]
+
+    asyncio.run(main())
+
+
+def test_a_feed_keeps_as_many_events_as_it_was_told() -> None:
+    async def main() -> None:
+        feed = Feed(most_events=3)
+        view = feed.view(first=[b"hello"])
+        assert await take(view, 1) == [b"hello"]
+        for number in range(4):
+            feed.tell(b"%d" % number)
+        assert [each async for each in view] == []
+
+    asyncio.run(main())

@@ -10,17 +10,11 @@ from rid_daq.service.records import Identity, Role
 from rid_daq.service.refusals import NotAllowedError
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.leases import LeaseStore
+from tests.builders.clock import Clock
 
 ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 BEN = Identity(name="Ben", role=Role.OPERATOR, person=True, token="b")
 CI = Identity(name="CI", role=Role.OPERATOR, person=False, token="c")
-
-
-class Clock:
-    now_s = 1000.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture

@@ -20,13 +20,7 @@ from rid_daq.terminal.console import Console
 from rid_daq.terminal.job_events import Asked, Documented, Progressed
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
-
-
-class Clock:
-    now_s = 50.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.builders.clock import Clock
 
 
 @pytest.fixture
