@@ -1,7 +1,7 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
 import { duration, element, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
-import { showJoints } from "./joints.js";
+import { showJoints, showTemperatures } from "./joints.js";
 import { loadPreflight } from "./preflight.js";
 import { runTable } from "./run_table.js";
 import { ask, on, preflightAge } from "./service.js";
@@ -33,9 +33,10 @@ function ended(job) {
   refresh();
 }
 
-function refresh() {
-  loadPreflight(find("preflight"), find("preflight-words"));
+async function refresh() {
   loadRuns();
+  const lines = await loadPreflight(find("preflight"), find("preflight-words"));
+  if (lines && !status?.job) showTemperatures(find("joints"), lines);
 }
 
 async function loadRuns() {

@@ -68,13 +68,11 @@ press("drive-plain", panel, "record", () => panel.begin("record", { motion: moti
 press("compare", panel, "tracking", () => {
   const [before, after] = [value("before", "The run before"), value("after", "The run after")];
   if (before === after) throw new Error("Before and after are the same run: choose another one.");
-  find("path-result").dataset.run = after;
   return panel.begin("tracking", { run: [after], against: [before] });
 });
 
-async function showPaths() {
+async function showPaths(run) {
   const place = find("path-result");
-  const run = place.dataset.run;
   const { tracking, notes } = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
   const mm = (metres) => `${number(1e3 * metres, 3)} mm`;
   const rows = tracking.motions.map((each) => [
@@ -112,7 +110,7 @@ async function ended(job, document) {
     const words = document.finished ? "Refined enough: what is left is noise, or does not repeat." : "Next: record with the new file, then refine again.";
     panel.after.append(element("p", {}, words));
   }
-  if (job.kind === "tracking" && document) await showPaths();
+  if (job.kind === "tracking" && document) await showPaths(job.request.run[0]);
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);
 }
 

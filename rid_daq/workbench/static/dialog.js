@@ -37,11 +37,12 @@ export function dialog(title, content, actionText, { danger = false, read = () =
     open = leave;
     behind.inert = true;
     find("dialogs").append(shown);
-    (shown.querySelector("input, textarea, select") ?? action).focus();
+    (shown.querySelector("input, textarea") ?? action).focus();
   });
 }
 
-// Ask, before each motion, whether the cell is clear; resolves with true or null.
+// Ask, before each motion, whether the cell is clear; resolves with what is to happen where this page
+// goes out of reach ("stop" or "finish"), or null.
 export function confirmClear(what) {
   const words = page.simulated
     ? "This cell is simulated: nothing real moves. On a real cell you would now look:"
@@ -53,7 +54,13 @@ export function confirmClear(what) {
     element("li", {}, "The emergency stop is at hand."),
   );
   const name = now.status?.robot ?? page.cell;
-  return dialog(`Is the cell clear? ${what}`, [element("p", {}, words), list], `${name} is clear: begin`, {
-    danger: true,
-  });
+  const lost = element(
+    "select",
+    { id: "on-lost" },
+    element("option", { value: "stop" }, "stop the motion"),
+    element("option", { value: "finish" }, "let it go on to its end"),
+  );
+  const label = element("label", { for: "on-lost" }, "If this page goes out of reach:");
+  const content = [element("p", {}, words), list, label, lost];
+  return dialog(`Is the cell clear? ${what}`, content, `${name} is clear: begin`, { danger: true, read: () => lost.value });
 }

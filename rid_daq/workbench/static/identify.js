@@ -11,7 +11,7 @@ let solvedWith = null;
 let model = null;
 let solving = false;
 
-const panel = new WorkPanel(find("job"), { ended });
+const panel = new WorkPanel(find("job"), { begun, ended });
 
 // ---- stages
 const WORDS = { done: "complete", bad: "look here", now: "under way", wait: "not yet" };
@@ -132,7 +132,13 @@ press("solve", panel, "identify", async () => {
   show();
 });
 
-// ---- what jobs end with
+// ---- what jobs begin and end with
+function begun(job) {
+  if (job.kind !== "identify" || job.ended_s) return;
+  solving = true;
+  show();
+}
+
 async function ended(job, document) {
   if (job.kind === "identify") {
     solving = false;
@@ -143,7 +149,7 @@ async function ended(job, document) {
     } else await showResult(run);
     show();
   }
-  if (job.kind === "validate" && document) await showValidation();
+  if (job.kind === "validate" && document) await showValidation(job.request.run);
   if (job.kind === "export" && document) {
     const name = document.file.split("/").at(-1);
     find("exported").replaceChildren(element("p", {}, document.sentence ?? ""), fileLink(name, `Save ${name}`));
@@ -177,15 +183,14 @@ async function showResult(run) {
 
 press("validate", panel, "validate", async () => {
   if (!find("other").value) throw new Error("There is no other run: record one that the model was not identified from.");
-  find("validation").dataset.run = find("other").value;
   await panel.begin("validate", { model: model.path, run: find("other").value });
 });
 
-async function showValidation() {
+async function showValidation(run) {
   const place = find("validation");
   try {
-    const result = await ask("GET", `/runs/${encodeURIComponent(place.dataset.run)}/result`);
-    const cards = await figuresOf(place.dataset.run, (name) => name === "fit", () => true);
+    const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
+    const cards = await figuresOf(run, (name) => name === "fit", () => true);
     place.replaceChildren(...validationParts(result), ...cards);
     place.scrollIntoView({ block: "start" });
   } catch (error) {

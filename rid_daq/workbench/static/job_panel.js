@@ -8,7 +8,7 @@ const KINDS = {
   check: "Check", reset: "Reset", axes: "Axis test", jog: "Jog", plate_zero: "Zero the plate",
   record: "Record", payload: "Payload session", stream: "Stream", design: "Design", identify: "Identify",
   validate: "Validate", friction: "Friction", loop: "Velocity loop", compensate: "Compensate",
-  refine: "Refine", tracking: "Tracking", compare: "Compare", payload_identify: "Payload", export: "Export",
+  refine: "Refine", recover: "Recover", tracking: "Tracking", compare: "Compare", payload_identify: "Payload", export: "Export",
   payload_export: "Load data", payload_read_back: "Read back", payload_certificate: "Certificate",
 };
 const ENDS = {
@@ -31,14 +31,17 @@ export class JobPanel {
     on("again", () => this.job && this.refresh());
     on("samples", (picture, job) => job === this.job?.id && this.showPicture(picture));
     on("cell", (status) => this.adopt(status));
+    this.key = `rid-daq job ${location.pathname}`;
+    this.recall();
   }
 
   // Begin a job and show it; a motion asks first whether the cell is clear. Resolves with the job or
   // null where somebody has thought better of it; a refusal is shown here.
-  async begin(kind, request = {}, { moves = false, onLostClient = "stop" } = {}) {
-    if (moves && !(await confirmClear(kindWords(kind)))) return null;
+  async begin(kind, request = {}, { moves = false } = {}) {
+    const lost = moves ? await confirmClear(kindWords(kind)) : "stop";
+    if (lost === null) return null;
     try {
-      const more = { cleared: moves, on_lost_client: onLostClient };
+      const more = { cleared: moves, on_lost_client: lost };
       const job = await beginJob(kind, request, more);
       this.show(job);
       return job;
@@ -58,6 +61,18 @@ export class JobPanel {
     this.section.scrollIntoView({ block: "nearest" });
   }
 
+  // A job that was begun here, and whose end this page has not shown: the page was loaded again.
+  async recall() {
+    const id = sessionStorage.getItem(this.key);
+    if (!id) return;
+    try {
+      const job = await ask("GET", `/jobs/${id}`);
+      if (this.job === null) this.show(job);
+    } catch (error) {
+      if (error.status === 404) sessionStorage.removeItem(this.key);
+    }
+  }
+
   // The job that has the cell is shown where this panel shows none that runs.
   adopt(status) {
     if (status.job && status.job.id !== this.job?.id && (!this.job || over(this.job))) this.show(status.job);
@@ -65,6 +80,7 @@ export class JobPanel {
 
   show(job) {
     this.job = job;
+    sessionStorage.setItem(this.key, job.id);
     this.known = 0;
     this.asking = null;
     this.question = null;
@@ -113,6 +129,7 @@ export class JobPanel {
     this.endedJob = job.id;
     await this.follow();
     this.drop();
+    sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
     const reason = job.reason ? `: ${job.reason}` : "";
     this.verdict.append(element("p", { class: `verdict ${kind} end` }, `${kindWords(job.kind)}: ${word.toLowerCase()}${reason}`));

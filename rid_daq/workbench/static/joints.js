@@ -17,6 +17,15 @@ export function showJoints(section, words, picture) {
   }
 }
 
+// How warm the drives were when they were checked, until a motion tells it anew.
+export function showTemperatures(section, lines) {
+  for (const line of lines.filter((each) => each.what.includes("temperature"))) {
+    const card = section.querySelector(`[data-joint="${CSS.escape(line.where.split(",")[0])}"]`);
+    const place = card?.querySelector('[data-show="temperature"]');
+    if (place && Number.isFinite(Number(line.found))) place.textContent = `${Number(line.found).toFixed(0)} °C, when checked`;
+  }
+}
+
 function showJoint(card, joint) {
   const turns = joint.unit === "rad";
   const [unit, factor] = turns ? ["°", DEGREES] : ["mm", 1000];

@@ -4,6 +4,7 @@ import { ask, page } from "./service.js";
 
 const GREEN = ["ok", "shown"];
 
+// Show the preflight; resolves with its lines, where there is one.
 export async function loadPreflight(section, words) {
   let found;
   try {
@@ -27,6 +28,7 @@ export async function loadPreflight(section, words) {
   const parts = [...devices].map(([where, lines]) => device(where, lines));
   parts.sort((a, b) => b.red - a.red);
   section.replaceChildren(...parts.map((part) => part.shown));
+  return found.lines;
 }
 
 function grouped(lines) {

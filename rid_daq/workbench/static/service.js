@@ -139,7 +139,7 @@ export function begin() {
   look();
   if (lease.key) lease.renew();
   setInterval(look, BEAT_MS);
-  setInterval(() => lease.key && lease.renew(), BEAT_MS);
+  new Worker("/static/beat.js").addEventListener("message", () => lease.key && lease.renew());
   document.addEventListener("visibilitychange", () => {
     if (document.visibilityState === "visible") {
       look();
@@ -148,7 +148,8 @@ export function begin() {
   });
 }
 
-// ---- the lease: its key stays in this tab, and is renewed as long as one of our pages is open
+// ---- the lease: its key stays in this tab, and is renewed as long as one of our pages is open, in
+// the background too (beat.js); not by a device that sleeps
 export const lease = {
   key: sessionStorage.getItem(KEY),
   lost: false,

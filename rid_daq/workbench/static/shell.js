@@ -1,4 +1,5 @@
 // What every page has: state, lease, reach, STOP; and `data-needs` on whatever needs more than a look.
+import "./awake.js";
 import { dialog } from "./dialog.js";
 import { element, find } from "./dom.js";
 import { begin, lease, mayMove, now, on, page } from "./service.js";
@@ -7,6 +8,10 @@ import { watchStop } from "./stop.js";
 const [words, take, over, back] = ["lease-words", "lease-take", "lease-over", "lease-back"].map(find);
 const reach = find("reach");
 let problem = "";
+const LOST = {
+  stop: "If this page is closed, or its device sleeps or goes out of reach, the motion is stopped.",
+  finish: "If this page is closed, or its device sleeps or goes out of reach, the motion goes on to its end.",
+};
 
 watchStop();
 
@@ -44,8 +49,7 @@ function showCell(status) {
   let text = "Nobody has this cell.";
   if (owner) text = `${mine ? "You have" : `${owner.owner} has`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
   if (!mine && lease.lost) text = `You do not have this cell any more. ${text}`;
-  if (mine && status.job && status.job.on_lost_client === "stop" && status.state === "moving")
-    text += " If this page goes out of reach, the motion is stopped.";
+  if (mine && status.job && status.state === "moving") text += ` ${LOST[status.job.on_lost_client]}`;
   words.textContent = problem || text;
   words.classList.toggle("problem", problem !== "");
   take.hidden = !mayMove || mine || owner !== null;

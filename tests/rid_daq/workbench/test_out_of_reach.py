@@ -1,0 +1,144 @@
+"""A page that goes out of reach while the robot moves, under both policies; one behind others."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from rid_daq.service.records import Job
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.service.moving import is_in_motion, until
+from tests.rid_daq.workbench.conftest import OpenPage, checked, take_cell
+
+pytestmark = pytest.mark.slow
+
+CELL = "ir361"
+BEGIN = """async (pace) => {
+  const { JobPanel } = await import("/static/job_panel.js");
+  const panel = new JobPanel(document.getElementById("job"));
+  const request = { motion: "motion.yaml", simulation: { pace } };
+  void panel.begin("record", request, { moves: true });
+}"""
+"""A motion by the page's own panel, which asks what is to happen where the page is out of reach."""
+
+TIMERS_STAND = "window.setInterval = () => 0;"
+"""What browsers do to the timers of a page in the background, and further than any goes."""
+
+
+def begin(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:
+    """Begin a motion with a policy by the page's dialog; return it once the robot moves."""
+    page.evaluate(BEGIN, pace)
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_label("If this page goes out of reach").select_option(policy)
+    dialog.get_by_role("button", name="is clear: begin").click()
+    expect(page.locator("#state")).to_have_text("moving")
+    with served.client as client:
+        job = client.cell(CELL).job
+        assert job is not None
+        assert job.on_lost_client == policy
+        pid = job.pid
+        assert pid is not None
+        until(lambda: is_in_motion(pid))
+    return job
+
+
+def run_out(page: Page, served: ServedProcess) -> None:
+    """Let the lease of a page that cannot renew it run out within two seconds, not fifteen."""
+    key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
+    with served.client as client:
+        client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)
+
+
+@pytest.mark.parametrize(
+    ("policy", "pace", "told", "end"),
+    [
+        ("stop", 1.0, "the motion is stopped.", "Record: stopped: "),
+        ("finish", 5.0, "the motion goes on to its end.", "Record: done"),
+    ],
+)
+def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_it_is_back(
+    open_page: OpenPage,
+    served_pages: ServedProcess,
+    motion: str,
+    problems: list[str],
+    policy: str,
+    pace: float,
+    told: str,
+    end: str,
+) -> None:
+    (served_pages.folder / "motion.yaml").write_text(motion)
+    page = open_page(width=820)
+    take_cell(page)
+    checked(page)
+    job = begin(page, served_pages, policy, pace)
+    expect(page.locator("#lease-words")).to_contain_text(told)
+
+    page.context.set_offline(True)
+    run_out(page, served_pages)
+    expect(page.locator("#reach")).to_contain_text("The service does not answer")
+    expect(page.locator("#reach")).to_contain_text("use the emergency stop")
+    with served_pages.client as client:
+        over = client.follow(client.job(job.id))
+        assert over.job.state.value == {"stop": "stopped", "finish": "done"}[policy]
+        assert client.cell(CELL).lease is None
+    if policy == "stop":
+        assert over.document is not None
+        assert over.document["stop"]["code"] == "CLIENT_LOST"
+
+    page.context.set_offline(False)
+    expect(page.locator("#reach")).to_be_hidden()
+    expect(page.locator("#job .verdict.end")).to_contain_text(end)
+    if policy == "stop":
+        expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
+    words = page.locator("#lease-words")
+    expect(words).to_have_text("You do not have this cell any more. Nobody has this cell.")
+    expect(page.locator("#lease-take")).to_be_visible()
+    problems.clear()  # the browser's own words on what it could not reach
+
+
+def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not(
+    open_page: OpenPage, served_pages: ServedProcess, motion: str
+) -> None:
+    (served_pages.folder / "motion.yaml").write_text(motion)
+    page = open_page()
+    page.add_init_script(TIMERS_STAND)
+    page.reload()
+    take_cell(page)
+    with served_pages.client as client:
+        first = client.cell(CELL).lease
+        assert first is not None
+
+        def is_renewed() -> bool:
+            lease = client.cell(CELL).lease
+            assert lease is not None
+            return lease.id == first.id and lease.until_s > first.until_s + 5.0
+
+        until(is_renewed)
+        checked(page)
+        job = begin(page, served_pages, "stop", 1.0)
+        key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
+        page.close()
+        client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)
+        over = client.follow(client.job(job.id)).job
+        assert over.state.value == "stopped"
+        assert re.search(r"Chrome on Linux, number \d+ is out of reach", over.reason)
+
+
+def test_a_page_that_is_loaded_again_finds_what_it_has_under_way(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    page = open_page()
+    page.get_by_role("link", name="Experiment", exact=True).click()
+    page.locator("#design").evaluate("part => { part.open = true }")
+    page.locator("#period").fill("4.8")
+    page.locator("#periods").fill("3")
+    page.locator("#design-go").click()
+    expect(page.locator("#job h2")).to_have_text("Design")
+    page.reload()
+    expect(page.locator("#job .verdict.end")).to_have_text("Design: done")
+    expect(page.locator("#motion")).to_have_value("excitation.yaml")
+    page.reload()
+    expect(page.locator("#facts")).to_contain_text("Condition number")
+    expect(page.locator("#job")).to_be_hidden()  # its end was shown already
