@@ -231,6 +231,7 @@ def _devices(request: MockRequest) -> tuple[LoadedCell, PlantConfig]:
         monitor = monitor.model_copy(update={"link": cell.monitor.link})
     hung = {
         "axes": devices.axes,
+        "servo": devices.servo,
         "torque_filter": devices.torque_filter,
         "plate": devices.plate,
         "monitor": monitor,

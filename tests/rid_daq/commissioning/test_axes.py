@@ -15,6 +15,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
+from rid_daq.jobs.mock_job import MockRequest, serve_cell
 from tests.builders.typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -48,6 +49,28 @@ def test_a_reversed_axis_is_found_within_two_degrees_and_the_others_are_signed(
     assert all(abs(each["motion"]["measured"]) < 2.3 for each in told["axes"])
     signed = json.loads((tmp_path / "cell.axes.json").read_text())
     assert [each["joint"] for each in signed["axes"]] == ["axis2", "axis3"]
+
+
+def test_a_wrong_gear_in_the_robot_file_is_found_by_what_the_robot_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = read_named("ir361", "cells", None)[0].decode()
+    robot = read_named("ir361", "robots", None)[0].decode()
+    assert "gear_ratio: 121.0" in robot
+    (tmp_path / "robot.yaml").write_text(robot.replace("gear_ratio: 121.0", "gear_ratio: 242.0"))
+    cell = cell.replace("channel: ir361", "channel: wrong-gear")
+    (tmp_path / "cell.yaml").write_text(cell.replace("robot: ir361", "robot: robot.yaml", 1))
+    (tmp_path / "true.yaml").write_text(cell + "servo: {lacks: [6091h]}\n")
+    true = str(tmp_path / "true.yaml")
+    devices = MockRequest(str(tmp_path / "cell.yaml"), lockstep=True, seed=1, devices=true)
+    words = ["axes", str(tmp_path / "cell.yaml"), "--unattended", "--joint", "axis1", "--json"]
+    with serve_cell(devices):
+        assert run([*words, "--runs", str(tmp_path / "r")]) == 1
+    (axis,) = json.loads(capsys.readouterr().out)["axes"]
+    (line,) = axis["problems"]
+    assert "joints, axis1: gear_ratio: " in line
+    found = float(line.split("gear_ratio: ")[1].split()[0])
+    assert found == pytest.approx(121.0, rel=0.1)
 
 
 def test_a_person_holds_the_key_and_says_what_was_seen(

@@ -76,6 +76,20 @@ def test_a_joint_moves_while_a_key_is_held_and_rests_when_it_is_let_go(
     assert np.abs(slope).max() <= 0.3 * limit.acceleration * 1.001
 
 
+def test_home_is_driven_to_while_the_key_is_held_and_ends_by_itself(
+    served: SimulatedCell, tmp_path: Path
+) -> None:
+    home = np.array(LOADED.config.home)
+    away = np.abs(served.axes().position - home).max()
+    with Typist("jog", "ir361", "--home", "--runs", tmp_path) as person:
+        person.sees("Ready")
+        with person.holding(" "):
+            assert person.ends() == 0
+    assert away > 0.05
+    assert is_off(served)
+    np.testing.assert_allclose(served.axes().position, home, atol=0.01)
+
+
 @pytest.mark.fault(43)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_with_the_key_held_the_axes_rest_though_the_program_is_killed_or_suspended(
