@@ -23,9 +23,8 @@ from rid_daq.commissioning.axis_words import direction_words, tool_way
 from rid_daq.commissioning.held_run import HeldRun, record_held
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_file, sign_axis
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunSession, open_session
+from rid_daq.recording.run_session import RunSession, open_session, require_ready
 from rid_daq.session.cells import Simulation
-from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
 
 SPEED_SHARE: Final = 0.02
@@ -122,7 +121,7 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
         raise PreflightError(
             f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot"
         )
-    require_cleared(loaded.config, request.cleared, console)
+    require_ready(loaded, request.runs, console, AxisTestRule.HELD, cleared=request.cleared)
     verdicts: list[AxisVerdict] = []
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD

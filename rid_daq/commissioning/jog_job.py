@@ -17,9 +17,8 @@ from config.robot.robot import RobotDescription
 from rid_daq.commissioning.held_run import HeldRun, record_held
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import open_session
+from rid_daq.recording.run_session import open_session, require_ready
 from rid_daq.session.cells import Simulation
-from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
 
 JOG_PERCENT: Final = 5.0
@@ -81,7 +80,7 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
     console.require_keys()
-    require_cleared(loaded.config, request.cleared, console)
+    require_ready(loaded, request.runs, console, AxisTestRule.HELD, cleared=request.cleared)
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
     ) as session:

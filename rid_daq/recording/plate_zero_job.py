@@ -27,12 +27,11 @@ from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_cell
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, RunSession, open_session
+from rid_daq.recording.run_session import RunRequest, RunSession, open_session, require_ready
 from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
 from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
 from rid_daq.runs.run_data import RunData
 from rid_daq.session.cells import Simulation
-from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
 
 ZERO_FILE: Final = "zero.yaml"
@@ -123,7 +122,7 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     turn = plan_turn(loaded.robot, pose)
     cycle_s = loaded.config.cycle_time_s
     samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
-    require_cleared(loaded.config, request.cleared, console)
+    require_ready(loaded, request.runs, console, request.axis_test, cleared=request.cleared)
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=request.axis_test
     ) as session:

@@ -23,11 +23,10 @@ from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, open_session
+from rid_daq.recording.run_session import RunRequest, open_session, require_ready
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
-from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -128,7 +127,7 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
     name = request.label or as_label(request.motion.stem)
     require_label(name)
-    require_cleared(loaded.config, request.cleared, console)
+    require_ready(loaded, request.runs, console, request.axis_test, cleared=request.cleared)
     if request.frames:
         require_listenable(loaded.config.can)
     script = _fault_script(request, loaded.config)

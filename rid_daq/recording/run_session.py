@@ -37,6 +37,7 @@ from rid_daq.runs.run_quality import run_quality
 from rid_daq.session.cells import Simulation, mountable_cell
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
+from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console, Progress
 from rid_daq.terminal.motion_progress import progress_shown, total_of
 
@@ -285,6 +286,35 @@ class RunSession:
                 self.display.say(f"note: {FRAMES} is not whole: {error}")
 
 
+def require_ready(
+    loaded: LoadedCell, runs: Path, console: Console, axis_test: AxisTestRule, *, cleared: bool
+) -> None:
+    """Ask whether a real cell is clear, once nothing else is a reason to refuse.
+
+    Raises
+    ------
+    RecordingError, PreflightError
+        As `refuse_runs`, `require_axis_test` and `require_cleared`.
+    """
+    refuse_runs(runs)
+    require_axis_test(loaded, axis_test)
+    require_cleared(loaded.config, cleared, console)
+
+
+def refuse_runs(runs: Path) -> None:
+    """Refuse what no run folder can be made in.
+
+    Raises
+    ------
+    RecordingError
+        It is there, and no folder.
+    """
+    if runs.exists() and not runs.is_dir():
+        raise RecordingError(
+            f"{runs}: no run folder can be made: it is a file; give --runs the folder of the runs"
+        )
+
+
 @contextlib.contextmanager
 def open_session(
     loaded: LoadedCell,
@@ -299,8 +329,9 @@ def open_session(
     Raises
     ------
     RidDaqError
-        As `require_axis_test`, `live_page` and `mountable_cell`.
+        As `refuse_runs`, `require_axis_test`, `live_page` and `mountable_cell`.
     """
+    refuse_runs(runs)
     tested = require_axis_test(loaded, axis_test)
     if axis_test is AxisTestRule.WAIVED and tested:
         console.say(f"note: axis test {tested}")

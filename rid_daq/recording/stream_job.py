@@ -20,11 +20,10 @@ from identification.estimation import file as estimate_file
 from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_bytes, motion_for
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import Record, RunRequest, open_session
+from rid_daq.recording.run_session import Record, RunRequest, open_session, require_ready
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
-from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
 
 
@@ -86,7 +85,7 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
-    require_cleared(loaded.config, request.cleared, console)
+    require_ready(loaded, request.runs, console, request.axis_test, cleared=request.cleared)
     files["model.json"] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
     files["loops.json"] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     options = request.options

@@ -90,7 +90,8 @@ TABLE: list[tuple[str, int, str]] = [
     ("record ir361 good.yaml --label ../../etc", 2, "label"),
     ("record ir361 good.yaml --runs good.yaml", 7, "no run folder can be made"),
     ("record ir361 good.yaml --seed -1", 2, "--seed"),
-    ("record real/cell.yaml real/motion.yaml", 3, "clear the cell"),
+    ("record real/cell.yaml real/motion.yaml", 3, "rid-daq axes real"),
+    ("record real/cell.yaml real/motion.yaml --without-axis-test", 3, "clear the cell"),
     ("record real/cell.yaml real/motion.yaml --i-have-cleared-the-cell", 3, "rid-daq axes real"),
     (
         "record real/cell.yaml real/motion.yaml --i-have-cleared-the-cell --without-axis-test",
@@ -148,6 +149,15 @@ def test_bad_input_is_one_clear_message(
     assert said in message
     assert "Traceback" not in message
     assert message.strip()
+
+
+def test_runs_that_are_no_folder_are_refused_before_the_cell_is_started(
+    desk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[object] = []
+    monkeypatch.setattr("rid_daq.recording.run_session.mountable_cell", started.append)
+    assert run(["record", "ir361", "good.yaml", "--runs", "good.yaml"]) == 7
+    assert started == []
 
 
 @pytest.mark.slow

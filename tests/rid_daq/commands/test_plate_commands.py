@@ -1,79 +1,19 @@
-"""identify and validate on runs with a force plate: Pinocchio's reaction to what was recorded."""
+"""identify and validate on runs with a force plate."""
 
 from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
-from acquisition.journal.cycles import read_journal
-from acquisition.journal.plate import PlateHeader, PlateJournalWriter
-from acquisition.processing.smoothing import low_pass
-from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.runs.catalogue import find_run
-from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RECORDING
-from config.cell.amplifier_profile import AmplifierProfile
-from config.load import load_bundled_or_path, load_cell
-from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
-from drivers.interfaces.force_plate import PlateRead
-from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
 
-PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
-
-
-def add_plate(folder: RunFolder, cell: Path) -> None:
-    """Write the plate's journal of a run: what its reaction must have been."""
-    loaded = load_cell(str(cell))
-    assert loaded.plant is not None
-    assert loaded.config.plate is not None
-    plate = loaded.config.plate
-    recording = read_journal(folder.file(RECORDING)).recording()
-    times = np.arange(recording.time_s[0], recording.time_s[-1], 0.002)
-    assert recording.sample_period_s is not None
-    path = CubicSpline(
-        recording.time_s, low_pass(recording.position, recording.sample_period_s, 30.0)
-    )
-    bodies = build_rigid_bodies(loaded.robot, loaded.plant.without_unmodelled())
-    model, data, gear = bodies.model, bodies.model.createData(), bodies.gearing.T
-    on_base = [i for i in range(1, model.njoints) if model.parents[i] == 0]
-    wrench = np.zeros((len(times), 6))
-    motion = (path(times) @ gear, path(times, 1) @ gear, path(times, 2) @ gear)
-    for row, (q, v, a) in enumerate(zip(*motion, strict=True)):
-        pin.rnea(model, data, q, v, a)
-        for i in on_base:
-            wrench[row] += data.liMi[i].act(data.f[i]).vector
-    channels = PlateGeometry.from_config(plate).channels(wrench - wrench[0])
-    write_rows(folder, plate, times, channels)
-
-
-def write_rows(
-    folder: RunFolder, plate: Any, times: NDArray[np.float64], channels: NDArray[np.float64]
-) -> None:
-    random = np.random.default_rng(0)
-    due = np.arange(times[0], times[-1], (1.0 - 1e-4) / plate.amplifier.rate_hz)
-    readings = CubicSpline(times, channels)(due) + 0.3 * random.standard_normal((len(due), 8))
-    rows = np.zeros(len(due), dtype=PLATE_ROW)
-    rows["sequence"] = np.arange(len(due))
-    rows["ticks"] = np.round(np.arange(len(due)) / plate.amplifier.rate_hz * PROFILE.ticks_per_s)
-    rows["status"] = 1 << PROFILE.status_bits.operate
-    rows["counts"] = np.round(readings / np.array(plate.amplifier.newtons_per_count))
-    arrival = np.maximum.accumulate(due + random.uniform(0.0, 0.005, len(due)))
-    header = PlateHeader(plate=plate, profile=PROFILE, simulated_time=True)
-    with PlateJournalWriter(folder.path / "plate.mcap", header) as writer:
-        nothing = np.zeros(0, PLATE_EVENT)
-        writer.append(PlateRead(rows, nothing, arrival, np.zeros(0), float(arrival[-1])), 0)
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +35,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     runs = ["--runs", str(folder / "runs")]
     for label, name in (("excitation", "motion.yaml"), ("validation", "validation.yaml")):
         assert run(["record", str(cell), str(folder / name), "--label", label, *runs]) == 0
-        found = find_run(folder / "runs", label)
-        if not found.file("plate.mcap").exists():
-            add_plate(found, cell)
+        assert find_run(folder / "runs", label).file("plate.mcap").exists()
     model = ["--model", "combined", "-o", str(folder / "combined.json")]
     assert run(["identify", "excitation", *model, *runs]) == 0
     assert run(["identify", "excitation", "-o", str(folder / "internal.json"), *runs]) == 0
