@@ -22,6 +22,7 @@ STEP_S: Final = 0.01
 HARMONICS: Final = 5
 ROBOTS: Final = ("ir361", "kr15", "ur10e")
 GEARS_PER_TURN: Final = 101.0
+MOST_OF_LIMIT: Final = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,14 @@ def sound_run(robot: RobotDescription, random: np.random.Generator) -> Sound:
     torque_nm = rigid_nm + rotor_nm + size * (braked + ripple + random.uniform(-0.1, 0.1, n))
     torque_nm = torque_nm * random.normal(1.0, 0.01, n)
     torque_nm += 0.02 * size * random.standard_normal(q.shape)
+    torque_nm *= _share_of_limits(robot, torque_nm)
     return Sound(robot, STEP_S * np.arange(len(q), dtype=np.float64), *joints, torque_nm)
+
+
+def _share_of_limits(robot: RobotDescription, torque_nm: FloatArray) -> float:
+    """Return what makes an arm, all its bodies and friction, light enough for its motors."""
+    limits = np.array([joint.limits.torque for joint in robot.joints])
+    return min(1.0, float(np.min(MOST_OF_LIMIT * limits / np.abs(torque_nm).max(axis=0))))
 
 
 def _motion(

@@ -92,7 +92,7 @@ def test_swapped_columns_are_told_with_the_keys_to_change(identify: Identify) ->
 def test_a_model_that_does_not_explain_its_data_is_not_exported(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, document = identify((1, 2, 3, 6, 4, 5))
+    _, document = identify((1, 2, 3, 4, 6, 5))
     assert "bad" in [axis["grade"] for axis in document["estimate"]["axes"]]
     export = ["export", document["model"], "--to", "urdf", "-o", str(tmp_path / "arm.urdf")]
     assert run(export) == 6
@@ -137,6 +137,13 @@ def test_a_model_of_another_robot_is_refused(
         assert f"differ in {keys}" in capsys.readouterr().err
 
 
+def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
+    sound: Sound, tmp_path: Path
+) -> None:
+    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm)
+    assert tell(right, tmp_path) == (False, set())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
@@ -148,6 +155,7 @@ def test_a_model_of_another_robot_is_refused(
         "axis 2: torque times 0.5",
         "axis 2: torque times 10",
         "axis 2: zero off by 90 degrees",
+        "axis 2: zero off by 30 degrees",
         "positions: axes 2 and 3 swapped",
         "torques: axes 1 and 2 swapped",
         "columns: axes 2 and 3 swapped",
