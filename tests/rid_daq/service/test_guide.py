@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -19,21 +20,20 @@ def test_the_ci_job_of_the_guide_runs_as_written(tmp_path: Path) -> None:
     (script,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     (shell,) = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
     (tmp_path / "ci.py").write_text(script, encoding="utf-8")
-    runtime = tmp_path / "run"
-    runtime.mkdir(mode=0o700)
     own = Path(sys.executable).parent
-    done = subprocess.run(
-        ["bash", "-c", f"set -e\ntrap 'kill %1; wait' EXIT\n{shell}"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={
-            **os.environ,
-            "PATH": f"{own}:{os.environ['PATH']}",
-            "XDG_RUNTIME_DIR": str(runtime),
-        },
-    )
+    with TemporaryDirectory() as runtime:  # a socket's path has 107 bytes at most
+        done = subprocess.run(
+            ["bash", "-c", f"set -e\ntrap 'kill %1; wait' EXIT\n{shell}"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            env={
+                **os.environ,
+                "PATH": f"{own}:{os.environ['PATH']}",
+                "XDG_RUNTIME_DIR": runtime,
+            },
+        )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "assed" in done.stdout.splitlines()[-1]
     assert (tmp_path / "report.html").read_bytes().startswith(b"<!DOCTYPE html>")

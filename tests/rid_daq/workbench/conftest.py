@@ -24,9 +24,9 @@ QUIET = (
 )
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
-    """A service of the bundled simulated cell, as a process."""
+    """A service of the bundled simulated cell, as a process: a new one for each file of tests."""
     running = serve(tmp_path_factory.mktemp("pages"))
     yield running
     running.end()
