@@ -272,6 +272,8 @@ def test_a_real_cell_is_not_moved_while_nobody_can_be_asked(
     cell = make_cell(tmp_path)
     cell.write_text(cell.read_text().replace("simulated: true", "simulated: false"))
     assert run(["plate", "zero", str(cell)]) == 3
+    assert "rid-daq axes" in " ".join(capsys.readouterr().err.split())
+    assert run(["plate", "zero", str(cell), "--without-axis-test"]) == 3
     assert "--i-have-cleared-the-cell" in capsys.readouterr().err
 
 
