@@ -7,7 +7,7 @@ import numpy as np
 from acquisition.motion.samples import Phase
 from acquisition.processing.period_table import PeriodCutter
 from acquisition.recording.recording import Recording
-from config.arrays import FloatArray
+from config.arrays import FloatArray, IntArray
 
 
 class RecordingTally:
@@ -33,6 +33,8 @@ class RecordingTally:
         The largest after the approach [rad or m]; None where there are no set-points.
     last_row : int
         The last row of the motion; -1 before it.
+    motion_rows : int
+        Rows of the motion up to there that were driven: an early end leaves some out.
     last_phase : Phase
         That of this row.
     """
@@ -46,6 +48,8 @@ class RecordingTally:
         self.speed, self.torque = np.zeros(n), np.zeros(n)
         self.following_error = None if first.target_position is None else np.zeros(n)
         self.last_row, self.last_phase = -1, Phase.APPROACH
+        self._undriven = 0
+        self._last_driven_s: float | None = None
         self._first_s = self._last_s = float(first.time_s[0]) if len(first) else 0.0
         self._before: tuple[FloatArray, FloatArray] = np.empty(0), np.empty((0, n))
         self._answered = np.zeros(n, dtype=np.int64)
@@ -68,7 +72,12 @@ class RecordingTally:
     @property
     def lost(self) -> tuple[int, ...]:
         """How many rows of the motion hold no valid answer, of each joint."""
-        return tuple((self.last_row + 1 - self._answered).tolist())
+        return tuple((self.motion_rows - self._answered).tolist())
+
+    @property
+    def motion_rows(self) -> int:
+        """How many rows of the motion were driven, up to its last."""
+        return self.last_row + 1 - self._undriven
 
     def _add_valid(self, part: Recording) -> None:
         good = part.valid
@@ -104,4 +113,18 @@ class RecordingTally:
             self._answered -= self._answered_last
         self._answered += answered.sum(axis=0)
         self._answered_last = answered[-1]
+        self._add_undriven(index, part.time_s[driven])
         self.last_row, self.last_phase = last, Phase(int(part.phase[driven][-1]))
+
+    def _add_undriven(self, index: IntArray, time_s: FloatArray) -> None:
+        """Count periods that were passed over without the time that they take."""
+        samples = self.head.samples_per_period
+        if self.head.sample_period_s is None or samples is None:
+            return
+        if self._last_driven_s is not None:
+            index = np.concatenate([[self.last_row], index])
+            time_s = np.concatenate([[self._last_driven_s], time_s])
+        cycles = np.maximum(np.rint(np.diff(time_s) / self.head.sample_period_s), 1.0)
+        passed = np.maximum(np.diff(index) - cycles, 0.0)
+        self._undriven += int(passed[passed % samples == 0.0].sum())
+        self._last_driven_s = float(time_s[-1])

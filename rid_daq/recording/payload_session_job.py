@@ -13,12 +13,11 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
-from identification.estimation.file import read_estimate
 from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.verdict import PayloadResult
-from rid_daq.jobs.cell_files import motion_for
+from rid_daq.jobs.cell_files import estimate_for, motion_for
 from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
 from rid_daq.recording.payload_state import UNLOADED, SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
@@ -69,7 +68,8 @@ def run_payload_session(
     Raises
     ------
     ConfigError, PreflightError
-        It was refused before anything moved, or a person said no.
+        It was refused before anything moved, also for a model of another robot, or a person said
+        no.
     RidDaqError
         As `RunSession.recording` and `payload_from_runs`.
     """
@@ -77,7 +77,7 @@ def run_payload_session(
     payload_request = PayloadRequest(
         how=PayloadOptions(
             procedure="together" if request.model is None else "model",
-            robot=None if request.model is None else read_estimate(request.model),
+            robot=None if request.model is None else estimate_for(request.model, loaded.robot),
             known=request.known,
             torque_constant_sigma=TORQUE_CONSTANT_SIGMA,
         ),

@@ -23,7 +23,7 @@ class RunQuality:
     joint_names : tuple of str
         Base to flange.
     rows : int
-        Rows of the motion.
+        Rows of the motion that were driven.
     lost : tuple of int
         How many of them hold no valid answer, of each joint.
     average : PeriodAverage or None
@@ -87,7 +87,7 @@ def run_quality(tally: RecordingTally, averaged: Callable[[], PeriodAverage]) ->
     averaged : callable
         Averages its periods.
     """
-    names, rows, lost = tally.head.joint_names, tally.last_row + 1, tally.lost
+    names, rows, lost = tally.head.joint_names, tally.motion_rows, tally.lost
     average, trouble = None, ""
     if tally.cutter.periods >= 2:
         try:

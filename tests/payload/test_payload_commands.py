@@ -28,7 +28,7 @@ FILES = {
     "other motion": ("ur-20_02_10-30sec_12harm.csv", "635-3510"),
 }
 WEIGHED_KG = 2.805
-IMPORTED = ("empty", "first", "second", "third", "left on")
+IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
 
 
 @pytest.fixture(scope="module")
@@ -292,7 +292,8 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
     }
     (place / "map.yaml").write_text(json.dumps(columns), encoding="utf-8")
     rest = PayloadBody(0.3, np.array([0.0, 0.0, 0.04]), 1e-3 * np.eye(3))
-    carried = [None, lab.medium, lab.medium, lab.medium, rest]
+    heavy = PayloadBody(5.8, np.array([0.0, 0.0, 0.3]), 0.1 * np.eye(3))
+    carried = [None, lab.medium, lab.medium, lab.medium, rest, heavy]
     for seed, (label, payload) in enumerate(zip(IMPORTED, carried, strict=True), 1):
         recording = lab.measured(robot, motion, payload, seed=seed, friction=1.0 + 0.05 * seed)
         table = np.column_stack([recording.time_s, recording.position, recording.torque_nm])
@@ -336,6 +337,17 @@ def test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given(
     said = " ".join(capsys.readouterr().out.split())
     assert "Failed: mass on the flange in the runs without payload, by the model" in said
     assert "Take it off and record them again." in said
+
+
+def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
+    imported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["payload", "identify", "--no-rotors", "--unloaded", "heavy left on"]
+    capsys.readouterr()
+    assert run([*words, "--loaded", "first", "--runs", str(imported / "runs")]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Failed: probability that a body that can exist explains the data" in said
+    assert "What hung on the flange in the unloaded runs is subtracted from the payload" in said
 
 
 def test_a_payload_file_of_version_0_1_is_still_read(workshop: Path, tmp_path: Path) -> None:

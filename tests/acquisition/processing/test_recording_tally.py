@@ -65,6 +65,35 @@ def test_it_tells_how_far_and_fast_the_valid_rows_went(recording: Recording) -> 
         assert lost == 371 - len(np.unique(recording.sample_index[answered]))
 
 
+def ended_early(recording: Recording) -> Recording:
+    """Three periods of 50 are enough: behind them the motion goes on at the seventh."""
+    whole = replace(
+        recording, answered=np.ones((ROWS, 2), dtype=np.bool_), valid=np.ones(ROWS, dtype=np.bool_)
+    )
+    kept = np.concatenate([np.arange(170), np.arange(320, ROWS)])
+    early = Recording(
+        **{
+            name: values[kept] if isinstance(values, np.ndarray) and len(values) == ROWS else values
+            for name, values in vars(whole).items()
+        }
+    )
+    return replace(early, time_s=0.01 * np.arange(len(kept), dtype=np.float64))
+
+
+@pytest.mark.parametrize("size", [7, 170, 250])
+def test_rows_that_an_early_end_leaves_undriven_are_not_lost(
+    recording: Recording, size: int
+) -> None:
+    early = ended_early(recording)
+    tally = RecordingTally(early.part(slice(0, size)))
+    for first in range(size, len(early), size):
+        tally.add(early.part(slice(first, first + size)))
+    assert tally.lost == (0, 0)
+    assert tally.motion_rows == 371 - 150
+    gap = replace(early, time_s=early.time_s + np.where(np.arange(len(early)) < 170, 0.0, 1.5))
+    assert RecordingTally(gap).lost == (150, 150)  # cycles went by, and nothing was written
+
+
 def test_without_set_points_there_is_no_following_error(recording: Recording) -> None:
     assert RecordingTally(replace(recording, target_position=None)).following_error is None
 

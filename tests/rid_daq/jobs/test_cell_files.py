@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,13 @@ from tests.builders.known_model import known
 @pytest.fixture
 def cell() -> LoadedCell:
     return load_cell("ir361")
+
+
+def fitted(cell: LoadedCell) -> list[VelocityLoop]:
+    return [
+        VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
+        for joint in cell.robot.joint_names
+    ]
 
 
 def written(folder: Path, robot: str) -> Path:
@@ -90,11 +98,7 @@ def test_every_command_beside_a_cell_compares_the_model_with_its_robot(
     write_estimate(model, known(load_cell(mine), {}))
     robot.write_text(robot.read_text().replace("a_m: 0.480", "a_m: 0.580"))
     motion = written(tmp_path, "ir361")
-    fitted = [
-        VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
-        for joint in cell.robot.joint_names
-    ]
-    write_loops(loops, fitted, "ir361", "a run")
+    write_loops(loops, fitted(cell), "ir361", "a run")
     words = {
         "design": ["-o", str(tmp_path / "new.yaml")],
         "compensate": [str(motion), "--loop", str(loops), "-o", str(tmp_path / "new.json")],
@@ -103,3 +107,31 @@ def test_every_command_beside_a_cell_compares_the_model_with_its_robot(
     }[command]
     assert run([command, mine, *words, "--model", str(model)]) == 2
     assert "they differ in kinematics" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.slow
+def test_refine_and_a_payload_session_compare_it_with_the_robot_that_moves(
+    cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arm = cell.config.model_copy(update={"plate": None})
+    (tmp_path / "cell.yaml").write_text(to_yaml(arm))
+    mine, runs = str(tmp_path / "cell.yaml"), ["--runs", str(tmp_path / "runs")]
+    motion = written(tmp_path, "ir361")
+    assert run(["record", mine, str(motion), "--label", "driven", *runs]) == 0
+    row = cell.robot.kinematics.rows[-1].model_copy(update={"a_m": 0.58})
+    longer = cell.robot.kinematics.model_copy(
+        update={"rows": (*cell.robot.kinematics.rows[:-1], row)}
+    )
+    other = cell.robot.model_copy(update={"kinematics": longer})
+    model, loops = tmp_path / "model.json", tmp_path / "loops.json"
+    write_estimate(model, known(replace(cell, robot=other), {}))
+    write_loops(loops, fitted(cell), "ir361", "a run")
+    new = ["-o", str(tmp_path / "new.json")]
+    made = sorted((tmp_path / "runs").iterdir())
+    for words in (
+        ["refine", "driven", "--loop", str(loops), *new, *runs],
+        ["payload", mine, "--yes", *runs],
+    ):
+        assert run([*words, "--model", str(model)]) == 2
+        assert "they differ in kinematics" in " ".join(capsys.readouterr().err.split())
+    assert sorted((tmp_path / "runs").iterdir()) == made  # nothing was moved

@@ -1,0 +1,350 @@
+"""What strangers ran into, each held by a test that makes it through a command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.mistakes_made import Stated
+from benchmarks.sound_robots import sound_run
+from config.load import load_robot, to_yaml
+from config.robot.nominal_links import nominal_links
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain
+from rid_daq.app import run
+
+ROOT = Path(__file__).parents[3]
+MADE = "tests/rid_daq/commands/test_mistakes.py::test_a_mistake_is_refused_or_named"
+HERE = "tests/rid_daq/commands/test_what_a_stranger_runs_into.py::"
+IMPORT = "tests/rid_daq/commands/test_import.py::"
+COMMANDS = "tests/rid_daq/commands/test_commands.py::"
+REAL = "tests/rid_daq/commands/test_real_robot_commands.py::"
+PAYLOAD = "tests/payload/test_payload_commands.py::"
+MISFIT = "tests/rid_daq/commands/test_mistakes.py::"
+
+HELD: dict[str, tuple[str, ...]] = {
+    "an axis turns the wrong way": (
+        "tests/rid_daq/commissioning/test_axes.py"
+        "::test_a_reversed_axis_is_found_within_two_degrees_and_the_others_are_signed",
+        MADE,
+    ),
+    "the DH convention": (
+        MADE,
+        MISFIT + "test_a_model_that_does_not_explain_its_data_is_not_exported",
+    ),
+    "an encoder's resolution": (MADE,),
+    "swapped columns": (
+        MADE,
+        MISFIT + "test_swapped_columns_are_told_with_the_keys_to_change",
+    ),
+    "another robot's file": (HERE + "test_a_file_of_another_robot_is_told_by_the_residuals",),
+    "a torque constant": (
+        MADE,
+        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
+    ),
+    "a load mass in grams or halved": (
+        REAL + "test_a_load_mass_that_no_drive_gain_explains_is_refused",
+        "tests/config/test_plausible.py"
+        "::test_a_command_s_number_in_another_unit_is_refused_by_its_option",
+    ),
+    "a known mass that contradicts": (
+        PAYLOAD + "test_a_mass_of_another_payload_is_held_and_fails_the_verdict",
+        PAYLOAD + "test_a_mass_in_grams_is_refused_before_anything_is_read",
+    ),
+    "something left on the flange": (
+        PAYLOAD + "test_what_was_left_on_the_flange_shows_where_a_model_of_the_robot_is_given",
+        "tests/rid_daq/recording/test_empty_flange.py"
+        "::test_a_person_is_asked_and_the_verdict_says_so",
+    ),
+    "half the payload left on the flange": (
+        PAYLOAD + "test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake",
+    ),
+    "a zero position, a length": (MADE, HERE + "test_the_guide_lists_what_data_do_not_show"),
+    "units in files": (
+        HERE + "test_check_refuses_a_value_in_another_unit",
+        "tests/config/test_plausible.py::test_a_command_refuses_limits_in_degrees",
+    ),
+    "a coupling": (MADE, HERE + "test_consistent_is_not_said_as_right"),
+    "the wiring diagnosis": (
+        MADE,
+        MISFIT + "test_a_sound_recording_is_good_and_nothing_is_wrong",
+    ),
+    "doubled time stamps": (
+        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
+        IMPORT + "test_what_is_left_out_is_counted_by_reason_and_may_be_more_where_the_map_says_so",
+    ),
+    "a clock that is 10 % off": (
+        IMPORT
+        + "test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report",
+        HERE + "test_a_clock_of_a_real_recording_is_told_with_its_factor",
+    ),
+    "a stuck current": (
+        MADE,
+        IMPORT
+        + "test_a_mistake_that_only_the_engineer_can_judge_is_a_finding_and_stands_in_the_report",
+    ),
+    "swapped currents of a payload's runs": (
+        PAYLOAD + "test_a_session_with_the_currents_of_two_axes_swapped_does_not_pass",
+    ),
+    "intervals of model and apart": (
+        PAYLOAD + "test_every_procedure_weighs_a_real_payload_inside_its_interval",
+    ),
+    "few seconds": (MISFIT + "test_a_few_seconds_give_wide_intervals_and_it_is_said",),
+    "a parameter at its bound": (
+        REAL + "test_a_parameter_at_its_bound_is_marked_wherever_it_is_shown",
+    ),
+    "zeros of drawings": (HERE + "test_zeros_of_drawings_do_not_become_knowledge",),
+    "a model of another robot": (
+        MISFIT + "test_a_model_of_another_robot_is_refused",
+        "tests/rid_daq/jobs/test_cell_files.py"
+        "::test_every_command_beside_a_cell_compares_the_model_with_its_robot",
+        "tests/rid_daq/jobs/test_cell_files.py"
+        "::test_refine_and_a_payload_session_compare_it_with_the_robot_that_moves",
+    ),
+    "a validation that says nothing": (
+        COMMANDS + "test_no_verdict_on_the_run_that_the_model_comes_from",
+        COMMANDS + "test_no_verdict_on_three_seconds_of_a_stopped_run",
+    ),
+    "an early end": (
+        "tests/rid_daq/commands/test_payload_interrupted.py"
+        "::test_ctrl_c_ends_a_session_that_resumes_and_stops_each_run_when_the_mass_is_sure",
+    ),
+    "a validation without limits": (
+        MISFIT + "test_a_recording_that_a_model_cannot_predict_fails_without_limits",
+        "tests/rid_daq/commands/test_init.py"
+        "::test_what_init_writes_loads_and_stays_within_the_limits",
+    ),
+    "no time column, two files, a zero, a bag, the motor's side": (
+        HERE + "test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map",
+        IMPORT + "test_two_files_are_kept_and_read_back",
+        IMPORT + "test_a_bag_becomes_a_validated_model_by_three_commands",
+        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
+    ),
+    "one jump of a clock": (HERE + "test_rows_behind_a_jump_of_the_clock_are_believed_again",),
+    "limits, static recordings": (
+        IMPORT + "test_a_mistake_that_ruins_it_is_exit_6_with_the_likely_cause",
+        IMPORT + "test_a_static_recording_is_compared_with_a_model_by_its_gravity",
+    ),
+    "the cost of the choice": (
+        REAL + "test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion",
+    ),
+    "a choice that loses against its own table": (
+        HERE + "test_no_term_is_chosen_that_the_data_do_not_tell_from_zero",
+    ),
+    "a chosen model and a payload": (
+        PAYLOAD + "test_a_model_with_friction_terms_of_its_own_weighs_a_payload",
+        PAYLOAD + "test_friction_terms_are_an_option_where_no_model_brings_its_own",
+    ),
+    "a report of several models": (REAL + "test_a_report_is_of_one_model_however_many_were_made",),
+    "the guide's way to a payload": (HERE + "test_the_guide_weighs_a_payload_as_is_best",),
+    "documents that are cited": ("tests/test_theory.py",),
+    "friction of a coupled wrist": (
+        "tests/rid_daq/commands/test_friction.py",
+        HERE + "test_the_guide_says_whose_friction_that_of_a_coupled_wrist_is",
+    ),
+}
+"""Twenty-six ways to be wrong without being told, ten of somebody else's recording: their tests."""
+
+
+@pytest.mark.parametrize("found", HELD)
+def test_every_one_has_its_test(found: str) -> None:
+    assert len(HELD) == 36
+    for name in HELD[found]:
+        path, _, test = name.partition("::")
+        assert f"def {test}" in (ROOT / path).read_text(encoding="utf-8")
+
+
+def guide(name: str) -> str:
+    return " ".join((ROOT / "docs" / "guide" / name).read_text(encoding="utf-8").split())
+
+
+def test_the_guide_lists_what_data_do_not_show() -> None:
+    listed = guide("find-a-mistake.md").partition("## What cannot be told")[2]
+    for words in ("vertical first axis", "torque constants", "Weigh a known load", "lengths"):
+        assert words in listed
+    for words in ("a clock that is 10 % off", "a link a fifth too long", "30° off"):
+        assert words in listed
+
+
+def test_the_guide_weighs_a_payload_as_is_best() -> None:
+    assert "rid-daq payload identify --unloaded without" in guide("someone-elses-recording.md")
+
+
+def test_the_guide_says_whose_friction_that_of_a_coupled_wrist_is() -> None:
+    assert "With a coupled wrist, friction is that of each motor" in guide("friction.md")
+
+
+Engineer = Callable[..., SimpleNamespace]
+
+
+@pytest.fixture(scope="module")
+def sound() -> Stated:
+    made = sound_run(load_robot("ir361"), np.random.default_rng(1))
+    return Stated(made.robot, made.time_s, made.position, made.torque_nm)
+
+
+@pytest.fixture
+def engineer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Engineer:
+    """Import a recording as an engineer states it, and identify it with options."""
+
+    def works(stated: Stated, *options: str, map_text: str | None = None) -> SimpleNamespace:
+        table = np.column_stack([stated.time_s, stated.position, stated.torque_nm])
+        np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
+        (tmp_path / "robot.yaml").write_text(to_yaml(stated.robot))
+        (tmp_path / "map.yaml").write_text(map_text or stated.map_text)
+        runs = ["--runs", str(tmp_path / "runs")]
+        words = ["import", str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml"), "--json"]
+        capsys.readouterr()
+        assert run([*words, *runs]) == 0
+        imported = json.loads(capsys.readouterr().out)
+        words = ["identify", imported["folder"], *runs, *options, "--overwrite"]
+        code = run([*words, "--json"])
+        document: dict[str, Any] = json.loads(capsys.readouterr().out)
+        return SimpleNamespace(code=code, imported=imported, words=words, **document)
+
+    return works
+
+
+def test_a_file_of_another_robot_is_told_by_the_residuals(
+    engineer: Engineer, sound: Stated
+) -> None:
+    rows = load_robot("kr15").kinematics.rows[:3]
+    kinematics = sound.robot.kinematics.model_copy(update={"rows": rows})
+    other = sound.robot.model_copy(update={"kinematics": kinematics})
+    found = engineer(replace(sound, robot=other))
+    assert found.code == 6
+    assert "doubtful" in [axis["grade"] for axis in found.estimate["axes"]]
+
+
+def test_consistent_is_not_said_as_right(
+    engineer: Engineer, sound: Stated, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = engineer(sound)
+    assert found.code == 0
+    assert run(found.words) == 0
+    assert "physically consistent" in (said := " ".join(capsys.readouterr().out.split()))
+    assert "That does not show that the model fits: see the residual of each axis." in said
+
+
+def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescription:
+    """Return a robot with drawings of its links, the last one's inertia as given."""
+    chain = Chain.from_description(robot)
+    links = [
+        link.model_copy(update={"uncertainty": 0.1})
+        for link in nominal_links(chain.rows, chain.tool_m)
+    ]
+    links[-1] = links[-1].model_copy(update={"inertia_kg_m2": inertia})
+    return robot.model_copy(update={"cad": tuple(links)})
+
+
+def test_zeros_of_drawings_do_not_become_knowledge(engineer: Engineer, sound: Stated) -> None:
+    values = {}
+    for name, options in (("data", ()), ("drawn", ("--cad-prior",))):
+        stated = replace(sound, robot=drawn(sound.robot, (0.0,) * 6))
+        found = engineer(stated, *options)
+        values[name] = {p["name"]: (p["value"], p["std"]) for p in found.estimate["parameters"]}
+    for name in ("Ixx3", "Ixy3", "Izz3"):
+        (value, sigma), (drawn_value, drawn_sigma) = values["data"][name], values["drawn"][name]
+        assert abs(drawn_value - value) < 0.5 * sigma
+        assert drawn_sigma > 0.8 * sigma
+
+
+def test_no_term_is_chosen_that_the_data_do_not_tell_from_zero(
+    engineer: Engineer, sound: Stated
+) -> None:
+    """Nine seconds, and no joint whose friction grows with its load."""
+    short = sound.time_s < 9.0
+    cut = {key: getattr(sound, key)[short] for key in ("time_s", "position", "torque_nm")}
+    found = engineer(replace(sound, **cut), "--choose")
+    chosen = found.comparison["chosen"]
+    assert not any("load" in terms for terms in chosen.values())
+    for entry in found.estimate["parameters"]:
+        if entry["name"].startswith("cl_"):
+            assert abs(entry["value"]) > 2.0 * entry["std"]
+    *table, taken = found.comparison["trials"]
+    errors = np.array([trial["error"] for trial in table])
+    best = errors[errors.sum(axis=1).argmin()]
+    assert sum(taken["error"]) <= 1.02 * best.sum()
+
+
+A12 = [
+    ("robot", "position_max: 2.7", "position_max: 155.0", "155 degrees would be 2.705 rad"),
+    ("robot", "a_m: 0.480", "a_m: 480.0", "480 mm would be 0.48 m"),
+    ("robot", "alpha_rad: 1.5707963267948966", "alpha_rad: 90.0", "90 degrees would be 1.571 rad"),
+    ("robot", "0.0, 9.81]", "0.0, 981.0]", "981 cm/s² would be 9.81 m/s²"),
+    ("robot", "torque: 600.0", "torque: 600000.0", "600000 N mm would be 600 N m"),
+    ("cell", "error_rad: 0.1", "error_rad: 5.7", "5.7 degrees would be 0.09948 rad"),
+    ("cell", "position_gain_per_s: 15.0", "position_gain_per_s: 0.01", "0.01 1/ms would be 10 1/s"),
+]
+
+
+@pytest.mark.parametrize(("file", "right", "wrong", "said"), A12)
+def test_check_refuses_a_value_in_another_unit(
+    file: str,
+    right: str,
+    wrong: str,
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    texts = {
+        kind: files("config").joinpath(f"bundled/{kind}s/ir361.yaml").read_text()
+        for kind in ("cell", "robot")
+    }
+    assert right in texts[file]
+    texts[file] = texts[file].replace(right, wrong, 1)
+    texts["cell"] = texts["cell"].replace("robot: ir361", "robot: robot.yaml")
+    for kind, text in texts.items():
+        (tmp_path / f"{kind}.yaml").write_text(text)
+    assert run(["check", str(tmp_path / "cell.yaml")]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_clock_of_a_real_recording_is_told_with_its_factor(
+    real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.loadtxt(real_robot / "ur-20_01_31-unload.csv", delimiter=",")[300:1800]
+    words = ["import", str(tmp_path / "rec.csv"), "--map", "ur10e_31"]
+    words += ["--runs", str(tmp_path / "runs"), "--json"]
+    for clock, told in ((1.0, False), (1.1, True)):
+        table[:, 0] *= clock
+        np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
+        assert run(words) == 0
+        findings = json.loads(capsys.readouterr().out)["findings"]
+        said = [each for each in findings if each.startswith("The clock is wrong")]
+        assert bool(said) is told
+    assert "Multiply the times by 0.9" in said[0]
+
+
+def test_rows_without_stamps_and_a_zero_of_its_own_are_read_by_the_map(
+    engineer: Engineer, sound: Stated
+) -> None:
+    turned = sound.position + np.array([0.0, 0.5, 0.0])
+    text = sound.map_text.replace("time: {column: 0}", "rate_hz: 100.0")
+    text = text.replace("position: 2,", "position: 2, zero_offset: 0.5,")
+    right = engineer(sound)
+    found = engineer(replace(sound, position=turned), map_text=text)
+    assert (right.code, found.code) == (0, 0)
+    plain, read = ([p["value"] for p in each.estimate["parameters"]] for each in (right, found))
+    np.testing.assert_allclose(read, plain, rtol=1e-3, atol=1e-3)
+
+
+def test_rows_behind_a_jump_of_the_clock_are_believed_again(
+    engineer: Engineer, sound: Stated
+) -> None:
+    """A stamp comes late, those behind it are in time: thousands of rows were left out once."""
+    time_s = sound.time_s.copy()
+    time_s[1500:] -= 0.0098
+    text = sound.map_text + "plausible: {position: 7.0, speed: 2.7, torque: 800.0}\n"
+    found = engineer(replace(sound, time_s=time_s), map_text=text)
+    assert any("The clock jitters" in each for each in found.imported["findings"])
+    assert found.imported["rows_damaged"] <= 2
+    assert found.imported["rows_used"] >= len(time_s) - 2
