@@ -48,6 +48,7 @@ COMMANDS: dict[str, str] = {
     "payload": "identify what the robot carries; load data for its controller",
     "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
     "loop": "the drives' velocity loops, out of a multisine run",
+    "retime": "a motion's path as fast as the torques of a model allow",
     "compensate": "the feedforward that makes a motion accurate, from model and loops",
     "refine": "the next feedforward, from what the robot missed with this one",
     "stream": "follow a path more closely, live: from a file or from another program",

@@ -15,6 +15,7 @@ from acquisition.motion.kinds.joint_table import JointTableMotion
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.kinds.reversed import ReversedMotion
+from acquisition.motion.kinds.timed_path import TimedPathMotion
 from acquisition.motion.kinds.tool_path import PathMotion
 from config.load import load_bundled_or_path
 
@@ -27,7 +28,8 @@ AnyMotion = Annotated[
     | CircleMotion
     | PathMotion
     | JointPathMotion
-    | JointTableMotion,
+    | JointTableMotion
+    | TimedPathMotion,
     Field(discriminator="kind"),
 ]
 

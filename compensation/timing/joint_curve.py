@@ -8,13 +8,14 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import PPoly
 
+from acquisition.motion.paths.joint_spline import joint_spline
 from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray
 from config.errors import ConfigError
 
-MOST_KNOTS: Final = 4000
+MOST_KNOTS: Final = 1000
 SLOW: Final = 1e-3  # of the largest speed
 STRAIGHT_ON: Final = 0.9999
 SHORTEST: Final = 1e-4  # rad or m of any joint: less than that is no way
@@ -55,10 +56,7 @@ class JointCurve:
             The joints' speed limits.
         """
         knots = np.concatenate([[0.0], np.cumsum(_chords(points, np.asarray(speeds)))])
-        if len(points) == 2:
-            slope = (points[1] - points[0]) / knots[1]
-            return cls(CubicSpline(knots, points, bc_type=((1, slope), (1, slope))))
-        return cls(CubicSpline(knots, points))
+        return cls(joint_spline(knots, points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +145,8 @@ def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
             kept.append(row)
     kept.append(len(points) - 1)
     knots = along[kept]
-    if len(kept) == 2:
-        curve = JointCurve.through(points[kept], speeds)
-        knots = np.asarray(curve.curve.x)
-    else:
-        curve = JointCurve(CubicSpline(knots, points[kept]))
-    off = float(np.abs(curve.curve(along * knots[-1] / along[-1]) - points).max())
+    curve = JointCurve(joint_spline(knots, points[kept]))
+    off = float(np.abs(curve.curve(along) - points).max())
     if off > FARTHEST_OFF:
         raise ConfigError(
             f"between its rows the motion's path cannot be told to better than {off:.2g} rad or m:"

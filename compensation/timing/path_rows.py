@@ -18,6 +18,8 @@ from dynamics.model.one_sample import EFFICIENCY, FRICTION, JOINT, KIND, VALUE, 
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 STANDS: Final = 1e-7  # of a joint's largest share in the path: rounding is no way
 FASTEST: Final = 1e12
+MOST_OF_ROOM: Final = 0.8
+SMALLEST: Final = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +177,10 @@ class PathRows:
         """
         least, most = self.at_rest()
         room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])
-        keep = np.minimum(free, np.maximum(0.95 * room, 0.0))
+        room = np.maximum(room, SMALLEST)
+        most_of = MOST_OF_ROOM * room  # from there on ever closer to all of it
+        beyond = np.maximum(free - most_of, 0.0) / (room - most_of)
+        keep = np.where(free < most_of, free, room - (room - most_of) * np.exp(-beyond))
         bounds = self.bounds.copy()
         bounds[:, :, 0] += keep
         bounds[:, :, 1] -= keep
@@ -219,7 +224,7 @@ class PathRows:
         raise LimitError(
             f"the path cannot be driven within its limits at any speed: {self.labels[row]} is"
             f" {takes:.4g} at the pose ({pose}) already by gravity and the friction of a slow"
-            f" motion ({self.rows[point, row, 2] * size:.4g} without friction),; allowed"
+            f" motion ({self.rows[point, row, 2] * size:.4g} without friction); allowed"
             f" is {max(allowed, 0.0):.4g}. Move the path, lighten the payload, or allow more"
         )
 

@@ -123,6 +123,6 @@ def _no_way(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:
     pose = ", ".join(f"{value:.4g}" for value in rows.dynamics.position[point])
     return LimitError(
         f"the path comes to a standstill at the pose ({pose}): {rows.labels[row]} leaves"
-        f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit to move with there. Move the"
-        " path, or allow more"
+        f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit, beside what is uncertain, to"
+        " move with there. Move the path, allow more, or identify the robot better"
     )

@@ -26,14 +26,16 @@ class RowsInTime:
     ----------
     path : JointTrajectory
         Positions, velocities, accelerations.
-    length : ndarray, shape (rows,)
-        Where on the path.
+    length, speed, change : ndarray, shape (rows,)
+        Where on the path, and how that changes, per second and per second squared.
     begin, end : ndarray, shape (rows,)
         The first and last interval of the path's grid that a row's values come from.
     """
 
     path: JointTrajectory
     length: FloatArray
+    speed: FloatArray
+    change: FloatArray
     begin: IntArray
     end: IntArray
 
@@ -80,9 +82,9 @@ def rows_in_time(
     length = np.clip(length, *curve.ends)
     length[-1] = curve.ends[1]
     position, slope, bend = curve.at(length)
-    v = slope * speed[:, np.newaxis]
-    a = slope * change[:, np.newaxis] + bend * speed[:, np.newaxis] ** 2
-    return RowsInTime(JointTrajectory(position, v, a), length, first.interval, last.interval)
+    rate, more = speed[:, np.newaxis], change[:, np.newaxis]
+    path = JointTrajectory(position, slope * rate, slope * more + bend * rate**2)
+    return RowsInTime(path, length, speed, change, first.interval, last.interval)
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ LEAST_MORE: Final = 2e-4
 ATTEMPTS: Final = 60
 WIDER: Final = 1.02
 LONGEST_WINDOW: Final = 0.5  # of the path's time
-SLOWEST: Final = 50.0
+SLOWEST: Final = 10.0
 
 
 class Margins(NamedTuple):

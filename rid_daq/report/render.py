@@ -19,6 +19,7 @@ from rid_daq.report.figures.curves import (
     truth_figure,
 )
 from rid_daq.report.figures.paths import error_figure, path_figure
+from rid_daq.report.figures.retiming import retiming_figure
 from rid_daq.report.formats import duration, moment, number, unit
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
@@ -71,6 +72,7 @@ def _environment() -> jinja2.Environment:
     for draw in (
         *(torque_figure, spectrum_figure, truth_figure, histogram_figure, friction_figure),
         *(controller_figure, cascade_figure, path_figure, error_figure),
+        retiming_figure,
     ):
         environment.globals[draw.__name__] = draw
     return environment

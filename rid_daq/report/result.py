@@ -18,6 +18,7 @@ from rid_daq.report.sections.payload import PayloadSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
 from rid_daq.report.sections.reaction import ReactionSection
+from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.section import Section, Texts
 from rid_daq.report.sections.timing import Timing
@@ -101,6 +102,7 @@ class Result(Section):
     reaction: ReactionSection | None = None
     base_load: BaseLoadSection | None = None
     friction: FrictionSection | None = None
+    retiming: RetimingSection | None = None
     velocity_loops: VelocityLoopsSection | None = None
     runs: tuple[RunSection, ...] | None = None
     average: AverageSection | None = None

@@ -21,6 +21,7 @@ class JobKind(StrEnum):
     VALIDATE = "validate"
     FRICTION = "friction"
     LOOP = "loop"
+    RETIME = "retime"
     COMPENSATE = "compensate"
     REFINE = "refine"
     TRACKING = "tracking"

@@ -8,9 +8,9 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.interpolate import CubicSpline
 
 from acquisition.motion.kinds.motion import Motion, Position, Seconds
+from acquisition.motion.paths.joint_spline import joint_spline
 from acquisition.motion.paths.speed import driven, speed_limits
 from acquisition.motion.samples import MotionSamples, with_rests
 from config.arrays import FloatArray
@@ -54,7 +54,7 @@ class JointPathMotion(Motion):
                 f"point {number} of the path is the same as the one before: leave one out"
             )
         knots = np.concatenate([[0.0], np.cumsum(chords)])
-        curve = CubicSpline(knots, points) if len(points) > 2 else _straight(knots, points)
+        curve = joint_spline(knots, points)
         count = max(FEWEST, POINTS_A_CHORD * len(chords))
         grid = np.unique(np.concatenate([np.linspace(0.0, knots[-1], count + 1), knots]))
         _refuse_between(curve(grid), grid, knots, robot)
@@ -89,12 +89,6 @@ class JointPathMotion(Motion):
                         f" outside its limits {low:g} to {high:g}"
                     )
         return np.array(self.points, dtype=float)
-
-
-def _straight(knots: FloatArray, points: FloatArray) -> CubicSpline:
-    """Return the straight way between two poses."""
-    slope = (points[1] - points[0]) / (knots[1] - knots[0])
-    return CubicSpline(knots, points, bc_type=((1, slope), (1, slope)))
 
 
 def _refuse_between(

@@ -34,6 +34,8 @@ SERIES = [
 NEAR = [0.1, -0.1, 0.4]
 TIMES = np.linspace(0.0, 1.0, 41)
 SHARES = TIMES**3 * (10.0 - 15.0 * TIMES + 6.0 * TIMES**2)
+SHARE_RATES = 30.0 * TIMES**2 * (1.0 - TIMES) ** 2
+SHARE_CHANGES = 60.0 * TIMES * (1.0 - TIMES) * (1.0 - 2.0 * TIMES)
 
 EXAMPLES: dict[str, dict[str, Any]] = {
     "fourier": {"period_s": 2.0, "periods": 2, "ramp_s": 1.0, "joints": SERIES},
@@ -69,6 +71,18 @@ EXAMPLES: dict[str, dict[str, Any]] = {
         "joints": list(JOINTS),
         "time_s": (2.0 * TIMES).tolist(),
         "position": np.outer(SHARES, [0.5, 0.3, -0.4]).tolist(),
+    },
+    "timed_path": {
+        "cycle_time_s": T,
+        "ways": [
+            {
+                "points": [[0.0, 0.0, 0.0], [0.06, 0.04, -0.02], [0.1, 0.06, -0.08]],
+                "length": [0.0, 0.6, 1.0],
+                "place": SHARES.tolist(),
+                "speed": (SHARE_RATES / (40 * T)).tolist(),
+                "acceleration": (SHARE_CHANGES / (40 * T) ** 2).tolist(),
+            }
+        ],
     },
 }
 

@@ -1,0 +1,117 @@
+"""A path of the joints with its timing, row by row, as `rid-daq retime` writes it."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from acquisition.motion.kinds.motion import LONGEST_MOTION_S, Motion, Position, Seconds
+from acquisition.motion.paths.joint_spline import joint_spline
+from acquisition.motion.samples import (
+    JointTrajectory,
+    MotionSamples,
+    Phase,
+    join,
+    phases_of,
+    standstill,
+)
+from config.errors import ConfigError
+from config.model import ConfigModel
+from config.robot.robot import RobotDescription
+
+SAME_CYCLE: Final = 1e-9
+MOST_ROWS: Final = 200_000
+
+Rest = Annotated[float, Field(ge=0.0, le=LONGEST_MOTION_S)]
+Row = Annotated[tuple[float, ...], Field(min_length=3, max_length=MOST_ROWS)]
+
+
+class TimedWay(ConfigModel):
+    """A way from rest to rest: a smooth curve (of class C2) through poses, and its rows.
+
+    `length` is the curve's at each of `points`, in a unit of its own; `place`, `speed` and
+    `acceleration` say, cycle by cycle, how far along it the robot is, and how that changes per
+    second. It rests for `rest_s` at its end.
+    """
+
+    points: tuple[tuple[Position, ...], ...] = Field(min_length=2, max_length=10_000)
+    length: tuple[float, ...] = Field(min_length=2, max_length=10_000)
+    place: Row
+    speed: Row
+    acceleration: Row
+    rest_s: Rest = 0.2
+
+    @model_validator(mode="after")
+    def _rows(self) -> TimedWay:
+        if len(self.length) != len(self.points):
+            raise ValueError(f"length has {len(self.length)} values, points {len(self.points)}")
+        if not all(begin < end for begin, end in pairwise(self.length)):
+            raise ValueError("length must increase")
+        if len({len(self.place), len(self.speed), len(self.acceleration)}) != 1:
+            raise ValueError("place, speed and acceleration must have as many rows each")
+        if min(self.place) < self.length[0] or max(self.place) > self.length[-1]:
+            raise ValueError("place must stay between the first and the last length")
+        ends = (self.speed[0], self.speed[-1], self.acceleration[0], self.acceleration[-1])
+        if any(ends):
+            raise ValueError("speed and acceleration must be 0 in the first and the last row")
+        return self
+
+
+class TimedPathMotion(Motion):
+    """Ways of the joints with their timing, made for one cycle time by `rid-daq retime`.
+
+    The rows hold every limit that they were made for; another cycle time, limits or model ask for
+    other rows. `rest_s` is how long the robot rests before the first way.
+    """
+
+    kind: Literal["timed_path"]
+    cycle_time_s: Seconds
+    rest_s: Rest = 0.2
+    ways: tuple[TimedWay, ...] = Field(min_length=1, max_length=1000)
+
+    def describe(self) -> str:
+        """Return in a sentence what the motion file asks for."""
+        moving_s = sum(len(way.place) - 1 for way in self.ways) * self.cycle_time_s
+        return f"A path timed to {moving_s:.4g} s of motion, at {1e3 * self.cycle_time_s:g} ms."
+
+    def next_command(self, run: Path) -> tuple[object, ...]:
+        """Return the words of the command that shows how closely the path was followed."""
+        return "tracking", run
+
+    def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
+        if abs(sample_period_s - self.cycle_time_s) > SAME_CYCLE:
+            raise ConfigError(
+                f"the path was timed for cycles of {1e3 * self.cycle_time_s:g} ms, this cell has"
+                f" {1e3 * sample_period_s:g} ms: make it again with `rid-daq retime`"
+            )
+        n = len(robot.joints)
+        for number, way in enumerate(self.ways, start=1):
+            if any(len(point) != n for point in way.points):
+                raise ConfigError(
+                    f"way {number} of the path has poses that are not of {n} joints, as robot"
+                    f" {robot.name!r} has"
+                )
+        rest = max(1, math.ceil(self.rest_s / sample_period_s - 1e-9))
+        paths = [_path(way) for way in self.ways]
+        pieces = [standstill(paths[0].position[0], rest)]
+        for way, path in zip(self.ways, paths, strict=True):
+            rows = max(1, math.ceil(way.rest_s / sample_period_s - 1e-9))
+            pieces += [path, standstill(path.position[-1], rows)]
+        whole = join(pieces)
+        last = len(pieces[-1].position)
+        moving = len(whole.position) - rest - last
+        phase = phases_of((Phase.HOLD, rest), (Phase.MAIN, moving), (Phase.HOLD, last))
+        return MotionSamples(robot.joint_names, sample_period_s, *whole, phase)
+
+
+def _path(way: TimedWay) -> JointTrajectory:
+    curve = joint_spline(np.array(way.length), np.array(way.points))
+    place = np.array(way.place)
+    speed, change = (np.array(row)[:, np.newaxis] for row in (way.speed, way.acceleration))
+    position, slope, bend = (np.asarray(curve(place, order)) for order in range(3))
+    return JointTrajectory(position, slope * speed, slope * change + bend * speed**2)

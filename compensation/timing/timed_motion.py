@@ -1,0 +1,176 @@
+"""A motion of any kind timed to the limits of an identified model: `retimed`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.motion.kinds.timed_path import TimedPathMotion, TimedWay
+from acquisition.motion.samples import MotionSamples
+from compensation.timing.joint_curve import curves_of
+from compensation.timing.limits import TimingLimits
+from compensation.timing.timed_path import INTERVALS, PathTimer, TimedPath
+from compensation.timing.uncertainty import ModelMargin
+from config.errors import ConfigError
+from config.robot.robot import RobotDescription
+from dynamics.model.one_sample import SampleTorque
+from identification.calibration.base_reaction import weight_parameters, with_known_mass
+from identification.estimation.estimate import Estimate
+from identification.payload.body import flange_pose, to_link
+from identification.payload.estimate import PayloadEstimate
+
+INTERVALS_A_RAD = 200
+MOST_INTERVALS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class TimedMotion:
+    """A motion, timed.
+
+    Attributes
+    ----------
+    motion : TimedPathMotion
+        What its file says.
+    ways : tuple of TimedPath
+        Its ways from rest to rest.
+    moving_s, original_s : float
+        How long it moves, and how long the motion moved that it was made of: both without the rests
+        [s].
+    off : float
+        How far the original's rows are off the curve, at most [rad or m].
+    """
+
+    motion: TimedPathMotion
+    ways: tuple[TimedPath, ...]
+    moving_s: float
+    original_s: float
+    off: float
+
+    @property
+    def shorter(self) -> float:
+        """By which share of the original's time it is shorter."""
+        return 1.0 - self.moving_s / self.original_s
+
+
+def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleTorque:
+    """Return an identified model sample by sample, with a payload on its flange.
+
+    Raises
+    ------
+    EstimationError
+        The model depends on the drives' temperature.
+    """
+    found = SampleTorque.of(estimate.model, estimate.standard_values)
+    if payload is None:
+        return found
+    arrays = list(found.arrays)
+    bodies = found.arrays[3].copy()
+    bodies[found.joints - 1] += to_link(flange_pose(estimate.robot)) @ payload.values
+    arrays[3] = bodies
+    return SampleTorque(found.joints, tuple(arrays))  # type: ignore[arg-type]
+
+
+def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:
+    """Return an estimate with the robot's weight from elsewhere: no plate can tell it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the external or the combined model.
+    mass_kg : float or None
+        Mass of all that the base carries; by the robot's drawings, else zero, if None.
+
+    Raises
+    ------
+    EstimationError
+        It is of the internal model.
+    """
+    values, covariance, _ = with_known_mass(estimate, mass_kg)
+    noise = estimate.covariance_noise
+    if noise is not None:
+        noise = noise.copy()
+        constant = weight_parameters(estimate)
+        noise[constant] = noise[:, constant] = 0.0
+    return replace(estimate, values=values, covariance_jackknife=covariance, covariance_noise=noise)
+
+
+def retimed(
+    samples: MotionSamples,
+    robot: RobotDescription,
+    estimate: Estimate,
+    limits: TimingLimits,
+    *,
+    confidence: float = 0.0,
+    payload: PayloadEstimate | None = None,
+) -> TimedMotion:
+    """Return a motion's path, as fast as the limits allow, from rest to rest.
+
+    Parameters
+    ----------
+    samples : MotionSamples
+        The motion as planned.
+    robot : RobotDescription
+        The robot.
+    estimate : Estimate
+        Its model.
+    limits : TimingLimits
+        What is kept to.
+    confidence : float
+        With which probability torques and base wrench of the robot itself keep to their limits at
+        any one instant; 0 for no margin.
+    payload : PayloadEstimate, optional
+        What the robot carries.
+
+    Raises
+    ------
+    ConfigError
+        The motion goes nowhere, or the model knows no base wrench and the limits ask for it.
+    EstimationError
+        The model depends on the drives' temperature.
+    LimitError
+        A limit cannot be kept to; the text names it, and where.
+    """
+    if limits.base is not None and estimate.options.kind == "internal":
+        raise ConfigError(
+            "the internal model does not know the reaction on the base: identify the combined"
+            " model, from a run with a force plate"
+        )
+    speeds = [joint.limits.velocity for joint in robot.joints]
+    rest_s, ways = curves_of(samples, speeds)
+    margin = None
+    if confidence:
+        margin = ModelMargin(estimate, confidence, payload, limits.base is not None)
+    timer = PathTimer(
+        robot, torque_model(estimate, payload), limits, samples.sample_period_s, margin
+    )
+    paths, files = [], []
+    for way in ways:
+        points = np.asarray(way.curve.at(np.asarray(way.curve.curve.x))[0])
+        travel = float(np.abs(np.diff(points, axis=0)).sum(axis=0).max())
+        intervals = int(np.clip(INTERVALS_A_RAD * travel, INTERVALS, MOST_INTERVALS))
+        found = replace(timer, intervals=intervals).timed(way.curve)
+        rows = found.in_time
+        paths.append(found)
+        files.append(
+            TimedWay(
+                points=tuple(map(tuple, points.tolist())),
+                length=tuple(np.asarray(way.curve.curve.x).tolist()),
+                place=tuple(rows.length.tolist()),
+                speed=tuple(rows.speed.tolist()),
+                acceleration=tuple(rows.change.tolist()),
+                rest_s=way.rest_s,
+            )
+        )
+    step_s = samples.sample_period_s
+    motion = TimedPathMotion(
+        kind="timed_path", robot=robot.name, cycle_time_s=step_s, rest_s=rest_s, ways=tuple(files)
+    )
+    rests_s = rest_s + sum(way.rest_s for way in ways)
+    return TimedMotion(
+        motion=motion,
+        ways=tuple(paths),
+        moving_s=sum(len(way.torque) - 1 for way in paths) * step_s,
+        original_s=samples.whole().duration_s - rests_s,
+        off=max(way.off for way in ways),
+    )

@@ -1,0 +1,124 @@
+"""How far a robot's torques may be from its model's, along a motion: margins for its limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from acquisition.motion.samples import JointTrajectory
+from compensation.timing.timed_path import Margins
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from dynamics.model.robot_model import base_wrench_regressor, regressor
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.estimation.estimate import Estimate
+from identification.model.torque_columns import torque_columns, wrench_columns
+from identification.payload.body import flange_pose, to_link
+from identification.payload.estimate import PayloadEstimate
+
+BLOCK_ROWS = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class ModelMargin:
+    """What of torques and base wrench an estimate leaves open.
+
+    The variance of a torque is that of its estimated parameters, and of what the model left
+    unexplained of the data that it was made of, beyond their noise (theory: section 13.7).
+
+    Attributes
+    ----------
+    estimate : Estimate
+        The model.
+    confidence : float
+        With which probability a torque is within its margin, at any one instant.
+    payload : PayloadEstimate or None
+        What the robot carries.
+    base : bool
+        Whether the base wrench is asked for.
+    """
+
+    estimate: Estimate
+    confidence: float
+    payload: PayloadEstimate | None = None
+    base: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.confidence < 1.0:
+            raise ConfigError(
+                f"a confidence of {self.confidence:g}: give more than 0 and less than 1"
+            )
+
+    @property
+    def deviations(self) -> float:
+        """How many standard deviations a margin is."""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.confidence)
+
+    def __call__(self, path: JointTrajectory) -> Margins:
+        """Return the margins of rows of a motion."""
+        rows, n = path.position.shape
+        torque, base = np.zeros((rows, n)), np.zeros((rows, 6))
+        for start in range(0, rows, BLOCK_ROWS):
+            block = slice(start, start + BLOCK_ROWS)
+            own = JointTrajectory(*(values[block] for values in path))
+            torque[block] = self._torque(own)
+            if self.base:
+                base[block] = self._base(own)
+        return Margins(self.deviations * torque, self.deviations * base)
+
+    def _torque(self, path: JointTrajectory) -> FloatArray:
+        """Return the standard deviations of the torques, shape (rows, n)."""
+        estimate = self.estimate
+        motion = (path.position, path.velocity, path.acceleration)
+        columns = torque_columns(
+            estimate.model, estimate.base, motion, Conditions(), estimate.standard_values
+        )
+        variance = self._variance(columns)
+        variance += _unexplained(estimate.residual_nm, estimate.noise_nm)
+        if self.payload is not None:
+            variance += self._of_payload(regressor(estimate.model, *motion))
+        return np.sqrt(variance)
+
+    def _base(self, path: JointTrajectory) -> FloatArray:
+        """Return the standard deviations of the base wrench, shape (rows, 6)."""
+        estimate = self.estimate
+        motion = (path.position, path.velocity, path.acceleration)
+        columns = wrench_columns(
+            estimate.model, estimate.base, motion, None, estimate.standard_values
+        )
+        variance = self._variance(columns)
+        if estimate.plate is not None:
+            variance += _unexplained(estimate.plate.residual, estimate.plate.noise)
+        if self.payload is not None:
+            variance += self._of_payload(base_wrench_regressor(estimate.model, *motion))
+        return np.sqrt(variance)
+
+    def _variance(self, columns: FloatArray) -> FloatArray:
+        estimate = self.estimate
+        b = len(estimate.base)
+        found = _quadratic(columns[..., :b], estimate.covariance_jackknife)
+        if estimate.covariance_noise is not None:
+            found = np.maximum(found, _quadratic(columns[..., :b], estimate.covariance_noise))
+        if columns.shape[-1] > b:
+            found = found + _quadratic(columns[..., b:], estimate.nonlinear_covariance)
+        return found
+
+    def _of_payload(self, columns: FloatArray) -> FloatArray:
+        assert self.payload is not None
+        n = len(self.estimate.robot.joints)
+        last = columns[..., PARAMETERS_PER_LINK * (n - 1) : PARAMETERS_PER_LINK * n]
+        moved = last @ to_link(flange_pose(self.estimate.robot))
+        return _quadratic(moved, self.payload.covariance)
+
+
+def _quadratic(columns: FloatArray, covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("skb,skb->sk", columns @ covariance, columns))
+
+
+def _unexplained(residual: FloatArray, noise: FloatArray | None) -> FloatArray:
+    """Return the variance that the noise does not explain."""
+    own = 0.0 if noise is None else noise**2
+    return np.asarray(np.maximum(residual**2 - own, 0.0))

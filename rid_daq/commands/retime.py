@@ -1,0 +1,132 @@
+"""`rid-daq retime`: a motion's path as fast as the torques of a model allow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rid_daq.jobs.retime_job import DEFAULT_CONFIDENCE, RetimeRequest, retime_motion
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.session.cells import CellName
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.inapplicable_options import refuse_inapplicable
+from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.plausible_option import plausible
+
+
+def retime(
+    context: typer.Context,
+    cell: CellName,
+    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file of any kind.")],
+    model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
+    ],
+    confidence: Annotated[
+        float,
+        typer.Option(
+            help="With which probability the robot's torques keep to their limits at any instant;"
+            " 0: the model's alone."
+        ),
+    ] = DEFAULT_CONFIDENCE,
+    margin: Annotated[
+        float, typer.Option(help="Share of torques and base wrench that is kept free besides.")
+    ] = 0.0,
+    payload: Annotated[
+        Path | None, typer.Option(metavar="PAYLOAD", help="What it carries, by `payload`.")
+    ] = None,
+    torque_rate: Annotated[
+        list[float] | None,
+        typer.Option(
+            metavar="NM_S", help="How fast torques may change [N m/s]; one, or repeat for each."
+        ),
+    ] = None,
+    jerk: Annotated[
+        list[float] | None,
+        typer.Option(
+            metavar="RAD_S3",
+            help="How fast accelerations may change [rad/s³]; one, or repeat for each joint.",
+        ),
+    ] = None,
+    rms_torque: Annotated[
+        list[float] | None,
+        typer.Option(
+            metavar="NM",
+            help="Largest root mean square of the torques [N m]; one, or repeat for each joint.",
+        ),
+    ] = None,
+    base: Annotated[
+        bool,
+        typer.Option(
+            "--base-limits",
+            help="Keep the reaction on the base to the limits of the cell's plate; needs a combined"
+            " model.",
+        ),
+    ] = False,
+    mass_kg: Annotated[
+        float | None,
+        typer.Option(
+            "--mass",
+            min=0.0,
+            callback=plausible(0.1, 1e5, "kg"),
+            help="Mass of all that the base carries [kg].",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="PAGE", help="A page with the pictures to write.")
+    ] = None,
+    overwrite: Overwrite = False,
+    service: Service = None,
+    as_json: AsJson = False,
+) -> None:
+    """Drive a motion's path as fast as the torques of a model allow.
+
+    Joints, speeds, accelerations and torques keep to the robot file's limits; the path stays as it
+    is, and what was asked of its speed is left aside. Every row is held against the model. Nothing
+    moves: the result is a motion file for this cell's cycle time. Limits that cannot be kept to are
+    named with joint and pose (exit code 3).
+    """
+    if not base:
+        refuse_inapplicable(context, {"mass_kg"}, "without --base-limits")
+    request = RetimeRequest(
+        cell=cell,
+        motion=motion,
+        model=model,
+        output=output,
+        payload=payload,
+        confidence=confidence,
+        margin=margin,
+        torque_rate=tuple(torque_rate or ()),
+        jerk=tuple(jerk or ()),
+        torque_rms=tuple(rms_torque or ()),
+        base=base,
+        mass_kg=mass_kg,
+        report=report,
+        overwrite=overwrite,
+    )
+    here_or_there(service, JobKind.RETIME, request, Console(as_json), perform)
+
+
+def perform(request: RetimeRequest, console: Console) -> None:
+    """Time the path, and say what it takes."""
+    made = retime_motion(request)
+    section = made.section
+    console.document(
+        {
+            "motion": str(request.output),
+            "report": None if request.report is None else str(request.report),
+            "moving_s": section.moving_s,
+            "original_s": section.original_s,
+            "shorter_percent": section.shorter_percent,
+            "rows": section.rows,
+            "scans": section.scans,
+            "off_the_path": made.timed.off,
+            "joints": [joint.model_dump(mode="json") for joint in section.joints],
+            "base": [base.model_dump(mode="json") for base in section.base or ()],
+        }
+    )
+    section.print(console)
+    console.next_step("record", request.cell, request.output)

@@ -1,0 +1,205 @@
+"""A motion's path timed to the limits of a model: what `rid-daq retime` does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.limits import verify_limits
+from compensation.timing.limits import TimingLimits
+from compensation.timing.timed_motion import TimedMotion, retimed, weighed
+from config.errors import ConfigError, LimitError
+from config.formats.whole_file import write_whole
+from config.load import LoadedCell, load_cell, to_yaml
+from config.robot.robot import RobotDescription
+from identification.calibration.base_reaction import base_limits
+from identification.estimation.estimate import Estimate, predict
+from identification.payload.estimate import PayloadEstimate
+from identification.payload.file import read_payload
+from rid_daq.jobs.cell_files import estimate_for, motion_for
+from rid_daq.report.render import render_report
+from rid_daq.report.result import Result
+from rid_daq.report.sections.retiming import RetimingSection
+from rid_daq.report.sections.verdict import Verdict
+from rid_daq.terminal.output_file import refuse_output
+
+DEFAULT_CONFIDENCE: Final = 0.95
+
+
+@dataclass(frozen=True)
+class RetimeRequest:
+    """What `rid-daq retime` was asked for.
+
+    Attributes
+    ----------
+    cell : str
+        A bundled name or a cell file.
+    motion, model, output : Path
+        The motion file, a model by `identify`, and the motion file to write.
+    payload : Path or None
+        What the robot carries, by `payload`.
+    confidence : float
+        With which probability the robot's own torques keep to their limits; 0 for no margin.
+    margin : float
+        The share of torques and base wrench that is kept free besides.
+    torque_rate, jerk, torque_rms : tuple of float
+        Further limits, one for all joints or one a joint; none if empty.
+    base : bool
+        Whether the base wrench keeps to the limits of the cell's plate.
+    mass_kg : float or None
+        Mass of all that the base carries; by the robot's drawings if None.
+    report : Path or None
+        The page to write.
+    overwrite : bool
+        Whether files may be replaced.
+    """
+
+    cell: str
+    motion: Path
+    model: Path
+    output: Path
+    payload: Path | None = None
+    confidence: float = DEFAULT_CONFIDENCE
+    margin: float = 0.0
+    torque_rate: tuple[float, ...] = ()
+    jerk: tuple[float, ...] = ()
+    torque_rms: tuple[float, ...] = ()
+    base: bool = False
+    mass_kg: float | None = None
+    report: Path | None = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class Retimed:
+    """A motion that was timed and written.
+
+    Attributes
+    ----------
+    timed : TimedMotion
+        The motion.
+    section : RetimingSection
+        Its part of a report.
+    """
+
+    timed: TimedMotion
+    section: RetimingSection
+
+
+def retime_motion(request: RetimeRequest) -> Retimed:
+    """Time a motion's path to its limits, and write the motion.
+
+    Raises
+    ------
+    ConfigError
+        Files do not belong together, an option is none, or a file is there already.
+    LimitError
+        A limit cannot be kept to; the text names it, and where.
+    """
+    refuse_output(request.output, request.overwrite)
+    refuse_output(request.report, request.overwrite)
+    if not 0.0 <= request.confidence < 1.0:
+        raise ConfigError(f"a confidence of {request.confidence:g}: give 0 to less than 1")
+    loaded = load_cell(request.cell)
+    robot = loaded.robot
+    motion = motion_for(request.motion, loaded)
+    estimate = estimate_for(request.model, robot)
+    payload = None if request.payload is None else _payload(request.payload, robot)
+    limits = _limits(request, loaded)
+    if request.base:
+        estimate = weighed(estimate, request.mass_kg)
+    samples = motion.plan(robot, loaded.config.cycle_time_s)
+    timed = retimed(
+        samples, robot, estimate, limits, confidence=request.confidence, payload=payload
+    )
+    _hold_what_is_written(timed, robot, loaded.config.cycle_time_s, estimate, payload)
+    section = RetimingSection.of(
+        timed,
+        robot,
+        limits,
+        named=(request.motion.name, request.model.name),
+        confidence=request.confidence,
+        margin=request.margin,
+    )
+    comment = (
+        f"Timed by `rid-daq retime` from {request.motion.name} with the model"
+        f" {request.model.name}: {timed.moving_s:.6g} s in place of {timed.original_s:.6g} s."
+    )
+    write_whole(request.output, to_yaml(timed.motion, comment).encode())
+    if request.report is not None:
+        page = Result.new(f"{request.motion.name} timed to its limits", robot.name).updated(
+            verdict=Verdict.of(section.checks, "Within every limit", section.sentence),
+            retiming=section,
+        )
+        write_whole(request.report, render_report(page).encode())
+    return Retimed(timed, section)
+
+
+def _limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:
+    n = len(loaded.robot.joints)
+    plate = loaded.config.plate
+    if request.base and (plate is None or plate.limits is None):
+        raise ConfigError(
+            f"--base-limits: cell {loaded.config.name} has no `plate` with `limits`; add force_n"
+            " and moment_nm there"
+        )
+    own = plate.limits if request.base and plate is not None else None
+    found = replace(
+        TimingLimits.of_robot(loaded.robot),
+        base=None if own is None else base_limits(own),
+        torque_rate=_each("--torque-rate", request.torque_rate, n),
+        jerk=_each("--jerk", request.jerk, n),
+        torque_rms=_each("--rms-torque", request.torque_rms, n),
+    )
+    return found.keeping_free(request.margin)
+
+
+def _each(option: str, values: tuple[float, ...], n: int) -> np.ndarray | None:
+    if not values:
+        return None
+    if len(values) not in (1, n):
+        raise ConfigError(f"{option} has {len(values)} values: give one, or one for each of {n}")
+    if not all(value > 0.0 for value in values):
+        raise ConfigError(f"{option} must be positive")
+    return np.array(values * n if len(values) == 1 else values)
+
+
+def _payload(path: Path, robot: RobotDescription) -> PayloadEstimate:
+    found = read_payload(path).estimate
+    differences = robot.differences(found.robot)
+    if differences:
+        raise ConfigError(
+            f"{path}: is of robot {found.robot.name!r}, which is not this {robot.name!r}: they"
+            f" differ in {', '.join(differences)}"
+        )
+    hidden = found.seen_parameters.count(False)
+    if hidden:
+        raise ConfigError(
+            f"{path}: its motion did not show {hidden} of the payload's ten parameters: identify it"
+            " from a motion that does"
+        )
+    return found
+
+
+def _hold_what_is_written(
+    timed: TimedMotion,
+    robot: RobotDescription,
+    cycle_s: float,
+    estimate: Estimate,
+    payload: PayloadEstimate | None,
+) -> None:
+    """Plan the motion as `record` will, and hold its rows against the robot and the model."""
+    planned = timed.motion.plan(robot, cycle_s)
+    verify_limits(planned, robot)
+    if payload is not None:
+        return
+    torque = np.abs(predict(estimate, planned.position, planned.velocity, planned.acceleration))
+    for j, joint in enumerate(robot.joints):
+        if torque[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
+            raise LimitError(
+                f"the timed motion takes {torque[:, j].max():.6g} of joint {joint.name!r} when it"
+                " is planned again: tell the makers"
+            )

@@ -1,0 +1,72 @@
+"""The picture of a path timed to its limits: phase plane, torques over time, limits reached."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from rid_daq.report.figures.curves import FAINT, MEASURED, STYLE, WRONG, as_label, as_svg
+from rid_daq.report.sections.retiming import CHANGES, RetimedWay
+
+COLOURS = ("#3b82f6", "#c2410c", "#15803d", "#7c3aed", "#b45309", "#0e7490")
+LIMIT_REACH = 1.6
+
+
+def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup:
+    """Draw one way from rest to rest.
+
+    Parameters
+    ----------
+    way : RetimedWay
+        What is drawn.
+    joints : sequence of str
+        The joints' names.
+    name : str
+        A word for the drawing's element names, different for every figure of a page.
+    """
+    limits = list(dict.fromkeys(part.limit for part in way.reached))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 5.6 + 0.2 * len(limits)), layout="constrained")
+        plane, torque, reached = figure.subplots(
+            3, 1, height_ratios=(2.0, 2.0, 0.3 + 0.2 * len(limits))
+        )
+        place, speed = np.asarray(way.place), np.asarray(way.speed)
+        plane.plot(place, np.asarray(way.limit), color=WRONG, label="limit curve")
+        plane.plot(place, speed, color=MEASURED, linewidth=1.4, label="speed of the path")
+        plane.set_ylim(0.0, LIMIT_REACH * float(speed.max()))
+        plane.set_xlim(float(place[0]), float(place[-1]))
+        plane.set_xlabel("length of the path, as time at the speed limits [s]")
+        plane.set_ylabel("speed, as a share of them")
+        plane.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        time_s = np.asarray(way.time_s)
+        for j, joint in enumerate(joints):
+            share, open_too = np.asarray(way.torques[j]), np.asarray(way.margins[j])
+            colour = COLOURS[j % len(COLOURS)]
+            if open_too.any():
+                torque.fill_between(
+                    time_s, share - open_too, share + open_too, color=colour, alpha=0.2, linewidth=0
+                )
+            torque.plot(time_s, share, color=colour, label=as_label(joint))
+        for side in (-1.0, 1.0):
+            torque.axhline(side, color=WRONG, linewidth=0.8)
+        torque.set_ylim(-1.1, 1.1)
+        torque.set_ylabel("torque over its limit")
+        torque.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(joints), borderaxespad=0.0
+        )
+        for part in way.reached:
+            colour = FAINT if part.limit == CHANGES else MEASURED
+            row = limits.index(part.limit)
+            reached.broken_barh(
+                [(part.begin_s, part.end_s - part.begin_s)], (row - 0.4, 0.8), color=colour
+            )
+        reached.set_yticks(range(len(limits)), [as_label(limit) for limit in limits])
+        reached.set_ylim(len(limits) - 0.5, -0.5)
+        reached.set_xlabel("time [s]")
+        for panel in (torque, reached):
+            panel.set_xlim(0.0, float(time_s[-1]))
+        return as_svg(figure, name)

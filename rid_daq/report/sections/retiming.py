@@ -1,0 +1,311 @@
+"""`RetimingSection`: a path timed to its limits: how fast, and which limit is reached where."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from rid_daq.report.formats import number
+from rid_daq.report.sections.section import Numbers, Section, rounded, thinned, units
+from rid_daq.report.sections.verdict import Check
+from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from acquisition.motion.samples import JointTrajectory
+    from compensation.timing.limits import TimingLimits
+    from compensation.timing.timed_motion import TimedMotion
+    from compensation.timing.timed_path import TimedPath
+
+REACHED: Final = 0.98
+CHANGES: Final = "a change of acceleration"
+WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+class RetimedJoint(Section):
+    """What a joint reaches of its limits.
+
+    Attributes
+    ----------
+    joint, unit : str
+        Its name, and the unit of its torque.
+    torque_limit, torque_peak, torque_margin, torque_uncertain_peak, torque_rms : float
+        What is allowed, and of the whole motion by the model: the largest torque, the largest
+        margin for what is uncertain of it, the largest sum of both, the root mean square [N m or
+        N].
+    speed_share, acceleration_share : float
+        The largest, over their limits.
+    """
+
+    joint: str
+    unit: str
+    torque_limit: float
+    torque_peak: float
+    torque_margin: float
+    torque_uncertain_peak: float
+    torque_rms: float
+    speed_share: float
+    acceleration_share: float
+
+
+class BaseShare(Section):
+    """A component of the base wrench: limit, largest value by the model, largest margin."""
+
+    component: str
+    limit: float
+    peak: float
+    margin: float
+
+
+class ReachedLimit(Section):
+    """From when to when a limit is the one that is reached; nearly so where it says a change."""
+
+    begin_s: float
+    end_s: float
+    limit: str
+
+
+class RetimedWay(Section):
+    """The pictures of a way from rest to rest.
+
+    Attributes
+    ----------
+    place, speed, limit : tuple of float
+        Phase plane: the speed over the path's length, and the limit curve.
+    time_s : tuple of float
+        From the way's begin [s].
+    torques, margins : tuple of tuple of float
+        Of each joint, over its limit.
+    reached : tuple of ReachedLimit
+        Which limit when.
+    """
+
+    place: Numbers
+    speed: Numbers
+    limit: Numbers
+    time_s: Numbers
+    torques: tuple[Numbers, ...]
+    margins: tuple[Numbers, ...]
+    reached: tuple[ReachedLimit, ...]
+
+
+class RetimingSection(Section):
+    """A path timed to its limits.
+
+    Attributes
+    ----------
+    motion, model : str
+        The files that it was made of.
+    cycle_s : float
+        Time between rows [s].
+    original_s, moving_s : float
+        How long the motion took, and takes now, without rests [s].
+    rows, scans : int
+        Rows that were verified, and scans of the path until all held.
+    confidence : float or None
+        With which probability the robot's torques keep to their limits; None for no margin.
+    margin : float
+        The share of torques that was kept free besides.
+    averaged_s : float
+        Over how much time the motion is averaged, at most [s].
+    joints : tuple of RetimedJoint
+        Joint by joint.
+    base : tuple of BaseShare, or None
+        The base wrench, where it was limited.
+    ways : tuple of RetimedWay
+        The pictures.
+    """
+
+    motion: str
+    model: str
+    cycle_s: float
+    original_s: float
+    moving_s: float
+    rows: int
+    scans: int
+    confidence: float | None
+    margin: float
+    averaged_s: float
+    joints: tuple[RetimedJoint, ...]
+    base: tuple[BaseShare, ...] | None = None
+    ways: tuple[RetimedWay, ...]
+
+    @classmethod
+    def of(
+        cls,
+        timed: TimedMotion,
+        robot: RobotDescription,
+        limits: TimingLimits,
+        *,
+        named: tuple[str, str],
+        confidence: float,
+        margin: float,
+    ) -> RetimingSection:
+        """Return what was timed, and the names of the motion and the model that it was made of."""
+        torque = np.concatenate([way.torque for way in timed.ways])
+        uncertain = np.concatenate([_margins(way)[0] for way in timed.ways])
+        v, a = (np.concatenate([way.path[k] for way in timed.ways]) for k in (1, 2))
+        joints = [
+            RetimedJoint(
+                joint=joint.name,
+                unit=units(joint)[1],
+                torque_limit=float(limits.torque[j]),
+                torque_peak=float(np.abs(torque[:, j]).max()),
+                torque_margin=float(uncertain[:, j].max()),
+                torque_uncertain_peak=float((np.abs(torque[:, j]) + uncertain[:, j]).max()),
+                torque_rms=float(np.sqrt(np.mean(torque[:, j] ** 2))),
+                speed_share=float(np.abs(v[:, j]).max() / limits.speed[j]),
+                acceleration_share=float(np.abs(a[:, j]).max() / limits.acceleration[j]),
+            )
+            for j, joint in enumerate(robot.joints)
+        ]
+        base = None
+        if limits.base is not None:
+            wrench = np.concatenate([np.abs(way.wrench) for way in timed.ways])
+            open_too = np.concatenate([_margins(way)[1] for way in timed.ways])
+            base = tuple(
+                BaseShare(
+                    component=name,
+                    limit=float(limits.base[c]),
+                    peak=float(wrench[:, c].max()),
+                    margin=float(open_too[:, c].max()),
+                )
+                for c, name in enumerate(WRENCH)
+                if np.isfinite(limits.base[c])
+            )
+        return cls(
+            motion=named[0],
+            model=named[1],
+            cycle_s=timed.motion.cycle_time_s,
+            original_s=timed.original_s,
+            moving_s=timed.moving_s,
+            rows=len(torque),
+            scans=max(way.scans for way in timed.ways),
+            confidence=confidence or None,
+            margin=margin,
+            averaged_s=max(way.window_s for way in timed.ways),
+            joints=tuple(joints),
+            base=base,
+            ways=tuple(_way(way, robot, limits, timed.motion.cycle_time_s) for way in timed.ways),
+        )
+
+    @property
+    def shorter_percent(self) -> float:
+        """By how much it is shorter; negative where it takes longer."""
+        return 100.0 * (1.0 - self.moving_s / self.original_s)
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """The torques with their margins, held to their limits."""
+        return tuple(
+            Check.of(
+                f"torque of {joint.joint} with its margin",
+                joint.torque_uncertain_peak,
+                "≤",
+                joint.torque_limit,
+                joint.unit,
+            )
+            for joint in self.joints
+        )
+
+    def print(self, console: Console) -> None:
+        """Say how fast the path is, and what each joint reaches of its limits."""
+        rows = [
+            (
+                joint.joint,
+                f"{joint.torque_limit:g} {joint.unit}",
+                f"{number(joint.torque_peak, 3)} + {number(joint.torque_margin, 2)}",
+                number(joint.torque_rms, 3),
+                f"{100.0 * joint.speed_share:.0f} %",
+                f"{100.0 * joint.acceleration_share:.0f} %",
+            )
+            for joint in self.joints
+        ]
+        titles = ("joint", "torque limit", "largest + margin", "rms", "of speed", "of acceleration")
+        console.table(titles, rows)
+        for base in self.base or ():
+            console.say(
+                f"{base.component} of the base: {number(base.peak, 3)} + {number(base.margin, 2)}"
+                f" of {base.limit:g}."
+            )
+        console.say(self.sentence)
+
+    @property
+    def sentence(self) -> str:
+        """How long it takes, in words."""
+        change = self.shorter_percent
+        word = "shorter" if change >= 0.0 else "longer: the limits allow no more"
+        kept = (
+            "by the model"
+            if self.confidence is None
+            else f"with a confidence of {100.0 * self.confidence:g} %"
+        )
+        return (
+            f"The path takes {self.moving_s:.4g} s in place of {self.original_s:.4g} s,"
+            f" {abs(change):.1f} % {word}; {self.rows} rows were held against the model, none is"
+            f" above a limit {kept}."
+        )
+
+
+def _way(
+    way: TimedPath, robot: RobotDescription, limits: TimingLimits, cycle_s: float
+) -> RetimedWay:
+    from compensation.timing.profile import limit_curve
+
+    points = thinned(len(way.profile.length))
+    rows = thinned(len(way.torque))
+    curve = np.sqrt(limit_curve(way.rows, way.rows.bounds))
+    time_s: FloatArray = np.arange(len(way.torque), dtype=np.float64) * cycle_s
+    shares, margins = way.torque / limits.torque, _margins(way)[0] / limits.torque
+    return RetimedWay(
+        place=rounded(way.profile.length[points]),
+        speed=rounded(np.sqrt(way.profile.x[points])),
+        limit=rounded(curve[points]),
+        time_s=rounded(time_s[rows]),
+        torques=tuple(rounded(column) for column in shares[rows].T),
+        margins=tuple(rounded(column) for column in margins[rows].T),
+        reached=_reached(way, robot, limits, time_s),
+    )
+
+
+def _margins(way: TimedPath) -> tuple[FloatArray, FloatArray]:
+    if way.margins is None:
+        return 0.0 * way.torque, 0.0 * way.wrench
+    return way.margins
+
+
+def _reached(
+    way: TimedPath, robot: RobotDescription, limits: TimingLimits, time_s: FloatArray
+) -> tuple[ReachedLimit, ...]:
+    """Return which limit each stretch of time reaches most nearly."""
+    torque, wrench = _margins(way)
+    path: JointTrajectory = way.path
+    shares = [
+        (np.abs(way.torque) + torque) / limits.torque,
+        np.abs(path.velocity) / limits.speed,
+        np.abs(path.acceleration) / limits.acceleration,
+    ]
+    names = [
+        f"{what} of {joint.name}"
+        for what in ("torque", "speed", "acceleration")
+        for joint in robot.joints
+    ]
+    if limits.base is not None:
+        shares.append((np.abs(way.wrench) + wrench) / limits.base)
+        names += [f"{name} of the base" for name in WRENCH]
+    every = np.concatenate(shares, axis=1)
+    most = np.where(every.max(axis=1) >= REACHED, every.argmax(axis=1), len(names))
+    edges = np.flatnonzero(np.diff(most)) + 1
+    begins = [0, *edges.tolist()]
+    ends = [*edges.tolist(), len(most) - 1]
+    return tuple(
+        ReachedLimit(
+            begin_s=float(time_s[begin]),
+            end_s=float(time_s[end]),
+            limit=[*names, CHANGES][most[begin]],
+        )
+        for begin, end in zip(begins, ends, strict=True)
+        if end > begin
+    )
