@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -16,6 +17,7 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, link_transforms, point_jacobian
 
 POINT_RADIUS_M = 1e-4
+_ROUNDED_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,11 @@ class _Solid:
     half: FloatArray
     radius: float
     body: str = ""
+
+    @property
+    def reach(self) -> float:
+        """How far it goes from its centre [m]."""
+        return self.radius + float(np.linalg.norm(self.half))
 
 
 @dataclass(frozen=True)
@@ -119,7 +126,7 @@ class Clearances:
     def is_clear(self, q: FloatArray) -> bool:
         """Return whether every pair stays apart by the margin over poses q of (samples, n)."""
         links = link_transforms(self.chain, q)
-        rows, columns = np.nonzero(self._bounds(links) < self.margin_m)
+        rows, columns = self._near(links)
         return all(
             bool(
                 (
@@ -162,7 +169,7 @@ class Clearances:
         """
         gradient = np.zeros_like(q)
         links = link_transforms(self.chain, q)
-        rows, columns = np.nonzero(self._bounds(links) < self.margin_m)
+        rows, columns = self._near(links)
         touch = self._measure(links, rows, columns)
         short = self.margin_m - touch.distance
         close = short > 0.0
@@ -176,23 +183,64 @@ class Clearances:
 
     def _bounds(self, links: FloatArray) -> FloatArray:
         """Return no more than the distance of each pair, (samples, pairs) [m], quickly."""
-        bodies = {id(body): body for pair in self.pairs for body in pair}
-        lines = {key: _line(body, links) for key, body in bodies.items()}
+        lines = self._lines(links)
         bounds = np.empty((len(links), len(self)))
         for column, (first, second) in enumerate(self.pairs):
-            centre, half = lines[id(second)]
-            if isinstance(first.shape, coal.Halfspace):
-                height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d
-                bounds[:, column] = height - second.radius
-            elif isinstance(first.shape, coal.Box):
-                # The box and the capsule's own box along the same axes.
-                size = first.shape.halfSide + np.abs(half)
-                beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
-                bounds[:, column] = np.linalg.norm(beyond, axis=1) - second.radius
-            else:
-                gap = _line_distance(*lines[id(first)], centre, half)
-                bounds[:, column] = gap - first.radius - second.radius
+            bounds[:, column] = _bound(first, lines[id(first)], second, lines[id(second)])
         return bounds
+
+    def _near(self, links: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return samples and pairs that may be closer than the margin, sample by sample.
+
+        A pair is bounded where the balls around both come close, and nowhere else.
+        """
+        lines = self._lines(links)
+        samples, pairs = [], []
+        for column, rows in self._balls_meet(lines):
+            first, second = self.pairs[column]
+            line, other = lines[id(first)], lines[id(second)]
+            line, other = (line[0][rows], line[1][rows]), (other[0][rows], other[1][rows])
+            rows = rows[_bound(first, line, second, other) < self.margin_m]
+            samples.append(rows)
+            pairs.append(np.full(len(rows), column))
+        row = np.concatenate([np.zeros(0, np.intp), *samples])
+        column_of = np.concatenate([np.zeros(0, np.intp), *pairs])
+        order = np.lexsort((column_of, row))
+        return row[order], column_of[order]
+
+    def _balls_meet(
+        self, lines: dict[int, tuple[FloatArray, FloatArray]]
+    ) -> Iterator[tuple[int, IntArray]]:
+        """Yield the pairs whose surrounding balls are closer than the margin, and in which samples.
+
+        What stands around the robot has none: every sample is yielded.
+        """
+        if not self.pairs:
+            return
+        numbers = {key: number for number, key in enumerate(lines)}
+        centres = np.stack([centre for centre, _ in lines.values()], axis=1)
+        inner = centres @ centres.transpose(0, 2, 1)
+        squares = np.diagonal(inner, axis1=1, axis2=2)
+        apart = squares[:, :, np.newaxis] + squares[:, np.newaxis] - 2.0 * inner
+        reach = np.array([solid.reach for solid in self._solids().values()])
+        reach = reach[:, np.newaxis] + reach + (self.margin_m + _ROUNDED_M)
+        close = apart < reach * reach
+        some = close.any(axis=0)
+        for column, (first, second) in enumerate(self.pairs):
+            if isinstance(first.shape, coal.Halfspace | coal.Box):
+                yield column, np.arange(len(close))
+                continue
+            ends = numbers[id(first)], numbers[id(second)]
+            if some[ends]:
+                yield column, np.flatnonzero(close[:, *ends])
+
+    def _solids(self) -> dict[int, _Solid]:
+        """Return every solid of the pairs once, by its id."""
+        return {id(solid): solid for pair in self.pairs for solid in pair}
+
+    def _lines(self, links: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Return centre and half of each solid's line, by the solid's id."""
+        return {key: _line(solid, links) for key, solid in self._solids().items()}
 
     def _measure(self, links: FloatArray, rows: IntArray, columns: IntArray) -> _Touch:
         """Let coal measure pair `columns[k]` in sample `rows[k]`."""
@@ -214,6 +262,25 @@ class Clearances:
             points[1][k] = result.getNearestPoint2()
             normals[k] = result.normal
         return _Touch(distance, points, normals)
+
+
+def _bound(
+    first: _Solid,
+    line: tuple[FloatArray, FloatArray],
+    second: _Solid,
+    other: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Return no more than the distance of a pair, (samples,) [m], by the lines of both."""
+    centre, half = other
+    if isinstance(first.shape, coal.Halfspace):
+        height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d
+        return np.asarray(height - second.radius)
+    if isinstance(first.shape, coal.Box):
+        # The box and the capsule's own box along the same axes.
+        size = first.shape.halfSide + np.abs(half)
+        beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
+        return np.asarray(np.linalg.norm(beyond, axis=1) - second.radius)
+    return _line_distance(*line, centre, half) - first.radius - second.radius
 
 
 def _line(solid: _Solid, links: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -54,6 +54,19 @@ def test_the_gradient_is_that_of_central_differences(robot, poses) -> None:
         assert gradient[sample, joint] == pytest.approx((up - down) / (2.0 * step), abs=1e-5)
 
 
+def test_a_pose_is_clear_where_every_pair_is_as_far_apart_as_it_must_be(robot) -> None:
+    floor = Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=-1.2)
+    clearances = Clearances.of(robot, Workspace(planes=(floor,)))
+    poses = np.random.default_rng(7).uniform(-2.5, 2.5, (60, 6))
+    far = [bool((clearances.nearest(q[np.newaxis]) >= clearances.margin_m).all()) for q in poses]
+    assert [clearances.is_clear(q[np.newaxis]) for q in poses] == far
+    assert 5 < sum(far) < 55
+    nothing = Clearances.of(robot.model_copy(update={"bodies": ()}))
+    assert len(nothing) == 0
+    assert nothing.is_clear(poses)
+    assert nothing.shortfall(poses)[0] == 0.0
+
+
 def test_a_tool_point_above_a_floor(robot) -> None:
     bare = robot.model_copy(update={"bodies": ()})
     floor = Workspace(planes=(Plane(name="floor", normal=(0.0, 0.0, 1.0), offset_m=0.0),))
