@@ -225,7 +225,7 @@ class Clearances:
         reach = np.array([solid.reach for solid in self._solids().values()])
         reach = reach[:, np.newaxis] + reach + (self.margin_m + _ROUNDED_M)
         close = apart < reach * reach
-        some = close.any(axis=0)
+        some = np.asarray(close.any(axis=0))
         for column, (first, second) in enumerate(self.pairs):
             if isinstance(first.shape, coal.Halfspace | coal.Box):
                 yield column, np.arange(len(close))
