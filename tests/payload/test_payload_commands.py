@@ -92,8 +92,13 @@ def test_every_procedure_weighs_a_real_payload_inside_its_interval(
         words += ["--model", str(model)]
     capsys.readouterr()
     assert run([*words, "-o", str(workshop / "procedure.json"), "--overwrite"]) == 0
-    mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
+    section = json.loads(capsys.readouterr().out)["payload"]
+    mass = section["parameters"][0]
     assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"] < 0.05 * WEIGHED_KG
+    # What each axis feels of the payload; `apart` has forgotten which axis measured what.
+    felt = [(axis["payload"], axis["mass_per_percent"]) for axis in section["axes"]]
+    assert felt[1][0] == pytest.approx(25.0, rel=0.1)
+    assert all((share is None) is (procedure == "apart") for _, share in felt)
 
 
 def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(

@@ -106,15 +106,16 @@ class PayloadAxis(Section):
         The residual, of the axis' torque [%]; left out by versions that did not judge it.
     grade, reason : str or None
         "good", "doubtful" or "bad", and what decides it; left out by versions that did not grade.
-    mass_per_percent : float
-        By how much the mass changes for 1 % of this axis' torque [kg].
+    mass_per_percent : float or None
+        By how much the mass changes for 1 % of this axis' torque [kg]; None where that is not told,
+        as by `apart`.
     """
 
     joint: str
     unit: str
     payload: float
     residual: float
-    mass_per_percent: float
+    mass_per_percent: float | None
     residual_percent: float | None = None
     grade: Grade | None = None
     reason: str | None = None
@@ -192,7 +193,9 @@ class PayloadSection(Section):
                 unit=[units(joint)[1] for joint in estimate.robot.joints],
                 payload=estimate.payload_nm,
                 residual=estimate.residual_nm,
-                mass_per_percent=0.01 * estimate.gain_effects[0],
+                mass_per_percent=[None] * len(estimate.robot.joints)
+                if estimate.procedure == "apart"
+                else 0.01 * estimate.gain_effects[0],
                 residual_percent=[None] * len(estimate.robot.joints)
                 if estimate.residual_share is None
                 else 100.0 * estimate.residual_share,
@@ -245,7 +248,9 @@ class PayloadSection(Section):
                     f"{number(axis.residual, 3)} {axis.unit}"
                     f" ({number(axis.residual_percent, 2)} % of its torque)",
                     axis.grade or "–",
-                    f"{number(axis.mass_per_percent, 2)} kg",
+                    "–"
+                    if axis.mass_per_percent is None
+                    else f"{number(axis.mass_per_percent, 2)} kg",
                 )
                 for axis in self.axes
             ],

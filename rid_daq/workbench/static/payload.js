@@ -162,7 +162,8 @@ function parameters(payload) {
 function axes(payload) {
   const rows = payload.axes.map((axis) => [
     axis.joint, gradeOf(axis.grade), axis.reason ?? "–", `${number(axis.payload, 3)} ${axis.unit}`,
-    `${number(axis.residual, 3)} ${axis.unit}`, `${number(axis.mass_per_percent, 2)} kg`,
+    `${number(axis.residual, 3)} ${axis.unit}`,
+    axis.mass_per_percent == null ? "–" : `${number(axis.mass_per_percent, 2)} kg`,
   ]);
   const columns = ["axis", "fit", "why", "payload (RMS)", "left over (RMS)", "mass per 1 % of torque"];
   return element("details", {}, element("summary", {}, "What each axis sees"), table(columns, rows, null, "axes"));
