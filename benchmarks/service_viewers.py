@@ -1,0 +1,195 @@
+"""Twenty viewers at a served cell's WebSocket, who come and go; how late cycles begin meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import multiprocessing
+import os
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Final
+
+import httpx
+import numpy as np
+from numpy.typing import NDArray
+from websockets.asyncio.client import ClientConnection, unix_connect
+
+from acquisition.journal.cycle_reader import CycleReader
+from acquisition.runs.manifest import RECORDING
+from acquisition.task.control_block import ControlBlock
+from benchmarks.lateness import calm_p99
+from rid_daq.service.records import Job
+from rid_daq.service.sockets import socket_of
+
+VIEWERS: Final = 20
+SEGMENT_S: Final = 2.0
+SETTLE_S: Final = 0.5
+LATENESS_BAR: Final = 1.1
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Cycles of a motion, with viewers or without.
+
+    Attributes
+    ----------
+    first, last : int
+        The cycles.
+    viewers : int
+        How many looked on, by the service's own word.
+    messages : int
+        How many they have got meanwhile, all together.
+    """
+
+    first: int
+    last: int
+    viewers: int
+    messages: int
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """How late cycles began, without viewers and with them: p99 of calm windows, and of all [us].
+
+    Attributes
+    ----------
+    without_us, with_us : float
+        Of calm windows: `calm_p99`.
+    all_without_us, all_with_us : float
+        Of all cycles.
+    cycles : int
+        How many each of the two has.
+    """
+
+    without_us: float
+    with_us: float
+    all_without_us: float
+    all_with_us: float
+    cycles: int
+
+    @property
+    def ratio(self) -> float:
+        """With them over without."""
+        return self.with_us / self.without_us
+
+    @property
+    def sentence(self) -> str:
+        """All of it in words."""
+        return (
+            f"lateness p99 with {VIEWERS} viewers {self.with_us:.0f} us, without"
+            f" {self.without_us:.0f} us: {self.ratio:.2f} times (calm windows; of all"
+            f" {self.all_with_us:.0f} and {self.all_without_us:.0f} us; {self.cycles} cycles each)"
+        )
+
+    def document(self) -> dict[str, float]:
+        """Return it for programs."""
+        return {
+            "lateness_ratio": round(self.ratio, 3),
+            "lateness_with_us": round(self.with_us, 1),
+            "lateness_without_us": round(self.without_us, 1),
+            "lateness_all_ratio": round(self.all_with_us / self.all_without_us, 3),
+            "lateness_cycles": self.cycles,
+        }
+
+
+def look_on(path: str, line: Connection) -> None:
+    """Be the viewers: come when told, go when told, say how much was seen; for their process."""
+    os.nice(10)  # they stand for other computers, which take no time of this one
+    asyncio.run(_look_on(path, line))
+
+
+async def _look_on(path: str, line: Connection) -> None:
+    loop = asyncio.get_running_loop()
+    while await loop.run_in_executor(None, line.recv):
+        seen = [0]
+        async with contextlib.AsyncExitStack() as stack:
+            for _ in range(VIEWERS):
+                address = "ws://localhost/api/v1/ws"
+                socket = await stack.enter_async_context(unix_connect(path, address))
+                task = asyncio.create_task(_read(socket, seen))
+                stack.callback(task.cancel)
+            line.send(None)
+            await loop.run_in_executor(None, line.recv)
+        line.send(seen[0])
+
+
+async def _read(socket: ClientConnection, seen: list[int]) -> None:
+    async for message in socket:
+        seen[0] += json.loads(message)["type"] == "samples"
+
+
+def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segment]:
+    """Have viewers come and go for so long; return which cycles had them and which had not."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=look_on, args=(str(socket_of(folder)), theirs), daemon=True)
+    process.start()
+    segments = []
+    try:
+        for number in range(2 * round(seconds / (2 * (SEGMENT_S + SETTLE_S)))):
+            on = number % 2 == 1
+            if on:
+                ours.send(True)
+                ours.recv()
+            time.sleep(SETTLE_S)
+            viewers = _viewers(folder)
+            first = control.task.cycles
+            time.sleep(SEGMENT_S)
+            last = control.task.cycles
+            messages = 0
+            if on:
+                ours.send(True)
+                messages = ours.recv()
+            segments.append(Segment(first, last, viewers, messages))
+        ours.send(False)
+        process.join(10.0)
+    finally:
+        process.kill()
+        process.join()
+    return segments
+
+
+def _viewers(folder: Path) -> int:
+    """Return how many look on, by the service's own word."""
+    transport = httpx.HTTPTransport(uds=str(socket_of(folder)))
+    with httpx.Client(transport=transport, base_url="http://localhost") as http:
+        found = re.search(r"^rid_daq_viewers (\d+)", http.get("/metrics").text, re.MULTILINE)
+    if found is None:
+        raise SystemExit("the service does not say how many look on")
+    return int(found[1])
+
+
+def lateness(folder: Path, job: Job, segments: Sequence[Segment]) -> Lateness:
+    """Return how late the cycles of a recording began, with viewers and without.
+
+    Raises
+    ------
+    SystemExit
+        Viewers were there when none should be, or saw nothing.
+    """
+    if job.run is None:
+        raise SystemExit(f"no run: {job.reason}")
+    with CycleReader(folder / "runs" / job.run / RECORDING) as reader:
+        rows = np.concatenate(list(reader.rows()))
+    parts: dict[bool, list[NDArray[np.float64]]] = {True: [], False: []}
+    for number, each in enumerate(segments):
+        on = number % 2 == 1
+        if each.viewers != (VIEWERS if on else 0) or (on and each.messages < VIEWERS):
+            raise SystemExit(f"{each.viewers} viewers, who saw {each.messages} pictures")
+        inside = (rows["cycle"] >= each.first) & (rows["cycle"] < each.last)
+        parts[on].append(rows["lateness_s"][inside])
+    without, having = (1e6 * np.concatenate(parts[on]) for on in (False, True))
+    window = min(len(each) for each in (*parts[True], *parts[False]))
+    return Lateness(
+        calm_p99(without, window),
+        calm_p99(having, window),
+        float(np.quantile(without, 0.99)),
+        float(np.quantile(having, 0.99)),
+        min(len(without), len(having)),
+    )
