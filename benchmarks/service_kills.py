@@ -343,7 +343,9 @@ def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
                 attacker.kill_one()
                 done += 1
                 if done % 20 == 0:
-                    print(f"lane {seed}: kill {done}, {attacker.tally}", flush=True)
+                    tally = attacker.tally
+                    bad = f"{tally.enabled} drives enabled, {tally.still} workers left"
+                    print(f"row {seed}: {done} kills, {bad}, {dict(tally.fell)}", flush=True)
             return {"kills": done, **attacker.left()}
 
 

@@ -2,37 +2,26 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import JournalWriter, read_journal
-from acquisition.journal.header import JournalHeader
-from acquisition.motion.samples import Phase
-from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
 from config.errors import EstimationError
-from config.load import load_cell, load_robot
-from dynamics.model.robot_model import RobotModel, torque
-from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
+from config.load import load_robot
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from identification.validation.estimate_difference import compare_estimates
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
+from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
 
-CYCLE_S = 0.008
-PERIODS = 4
 
 Measure = Callable[..., Estimate]
 
@@ -45,49 +34,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def measure(root: Path) -> Measure:
     """Return what records the bundled arm into a run folder, with its estimate."""
-    cell = load_cell("ir361")
-    model = RobotModel.from_description(cell.robot)
-    motion = design_two_harmonic(
-        cell.robot, TwoHarmonicOptions(5.0, highest_harmonic=6, tries=20, periods=PERIODS), CYCLE_S
-    )
-    path = motion.trajectory(cell.robot, CYCLE_S)
-    times = path.sample_times_s
-    q, v, a = path.position(times), path.velocity(times), path.acceleration(times)
-    assert cell.plant is not None
-    truth = true_parameters(model, cell.robot, cell.plant)
-
-    def record(label: str, seed: int, **changes: float) -> Estimate:
-        parameters = np.array(truth)
-        for name, factor in changes.items():
-            parameters[model.parameter_names.index(name)] *= factor
-        count = PERIODS * len(times)
-        noise = np.random.default_rng(seed).standard_normal((count, 3))
-        rows = np.zeros(count, dtype=row_dtype(3))
-        rows["time_s"] = np.arange(count) * CYCLE_S
-        rows["cycle"] = rows["sample_index"] = np.arange(count)
-        rows["position"] = np.tile(q, (PERIODS, 1))
-        rows["torque_nm"] = np.tile(torque(model, q, v, a, parameters), (PERIODS, 1)) + noise
-        rows["valid"], rows["phase"] = 1, Phase.MAIN
-        folder = RunFolder.create(root, label)
-        for name, content in cell.files.items():
-            folder.write(name, content)
-        header = JournalHeader(
-            joint_names=cell.robot.joint_names,
-            sample_period_s=CYCLE_S,
-            samples_per_period=len(times),
-            run_id=folder.run_id,
-        )
-        with JournalWriter(folder.file("recording.mcap"), header) as writer:
-            writer.append(rows.tobytes())
-        recording = read_journal(folder.file("recording.mcap")).recording()
-        estimate = estimate_periodic(
-            cell.robot, [average_periods(recording)], run_ids=(folder.run_id,)
-        )
-        write_estimate(folder.path / "model.json", estimate)
-        folder.finish(RunStatus.COMPLETE)
-        return estimate
-
-    return record
+    return functools.partial(identified_run, root, arm_in_motion())
 
 
 @pytest.fixture(scope="module")

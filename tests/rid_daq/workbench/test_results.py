@@ -1,0 +1,94 @@
+"""Runs compared and recovered, velocity loops measured, each by the buttons of its page."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+
+import pytest
+from playwright.sync_api import expect
+
+from rid_daq.service.records import JobState
+from tests.builders.identified_run import arm_in_motion, identified_run
+from tests.rid_daq.commands.test_compensation import MULTISINE
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.service.moving import begin_motion, taken
+from tests.rid_daq.workbench.conftest import OpenPage
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def identified(served_pages: ServedProcess) -> None:
+    """Two runs of the served arm with a model each; a joint rubs more in the newer one."""
+    arm = arm_in_motion()
+    identified_run(served_pages.folder / "runs", arm, "monday", 1)
+    identified_run(served_pages.folder / "runs", arm, "dry", 3, fc_axis2=1.2)
+
+
+@pytest.mark.usefixtures("identified")
+def test_two_identified_runs_are_compared(open_page: OpenPage) -> None:
+    page = open_page(width=820)
+    page.get_by_role("link", name="Runs", exact=True).click()
+    for label in ("monday", "dry"):
+        expect(page.locator("#compare")).to_be_disabled()
+        page.locator("#runs tr", has_text=label).get_by_role("checkbox").check()
+    page.locator("#compare").click()
+    expect(page.locator("#job .verdict.end")).to_contain_text("Compare: failed")
+    expect(page.locator("#job .said tr.red")).to_contain_text("fc_axis2")
+    expect(page.locator("#job .said")).to_contain_text("differ")
+
+
+def test_a_run_that_a_crash_has_left_is_recovered(
+    open_page: OpenPage, served_pages: ServedProcess, motion: str
+) -> None:
+    with taken(served_pages, motion) as key:
+        job = begin_motion(served_pages, key)
+        with served_pages.client as client:
+            pid = client.job(job.id).pid
+            assert pid is not None
+            os.kill(pid, signal.SIGKILL)
+            over = client.follow(job).job
+    assert over.state is JobState.INTERRUPTED
+    assert over.run is not None
+    page = open_page()
+    page.goto(f"{served_pages.url.split('/?')[0]}/cells/ir361/runs/{over.run}")
+    page.get_by_role("link", name="recover it").click()
+    page.get_by_role("button", name=re.compile("^Recover ")).first.click()
+    expect(page.locator("#job .verdict").first).to_contain_text("Recovered: ")
+    expect(page.locator("#job .verdict.end")).to_contain_text("Recover: ")
+    page.locator("#status").select_option("recovered")
+    expect(page.locator("#runs tbody tr")).to_have_count(1)
+
+
+@pytest.mark.usefixtures("identified")
+def test_velocity_loops_are_measured_and_a_feedforward_is_made_by_them(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    (served_pages.folder / "multisine.yaml").write_text(MULTISINE)
+    client = served_pages.client
+    with client, client.lease("ir361") as cell:
+        cell.run("check", {"seconds": 0.2}).require_done()
+        asked = {"motion": "multisine.yaml", "label": "multisine"}
+        run = cell.run("record", asked, cleared=True).require_done().job.run
+    assert run is not None
+    page = open_page(width=820)
+    page.get_by_role("link", name="Compensation", exact=True).click()
+    page.locator("#loop-run").select_option(run)
+    page.locator("#measure").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Velocity loop: done")
+    rows = page.locator("#loops-result tbody tr")
+    expect(rows).to_have_count(3)
+    expect(rows.first).to_contain_text("axis1")
+    gain = float(rows.first.locator("td").nth(2).inner_text().split()[0])
+    assert gain == pytest.approx(900.0, rel=0.05)
+    figure = "[data-figure=bode-axis1] [data-figure-state=shown]"
+    expect(page.locator(figure).first).to_be_visible()
+    expect(page.locator("#loop")).to_have_value(f"runs/{run}/loops.json")
+    assert (served_pages.folder / "runs" / run / "loops.json").is_file()
+    page.locator("#make").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
+    expect(page.locator("#feedforward")).to_have_value("feedforward.json")
+    page.locator("#compare").click()  # of a run with itself
+    expect(page.locator("#job [role=alert]")).to_contain_text("Before and after are the same run")
