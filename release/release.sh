@@ -34,6 +34,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 for build in first second; do
     git archive --prefix=source/ HEAD | tar -x -C "$work"
+    .venv/bin/python docs/site/build.py "$work/source/rid_daq/site"
     "$uv" build --quiet --out-dir "$work/$build" "$work/source"
     rm -rf "$work/source" "$work/$build/.gitignore"
 done

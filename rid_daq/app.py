@@ -60,6 +60,7 @@ COMMANDS: dict[str, str] = {
     "recover": "what is readable of an unfinished, torn or damaged recording",
     "stop": "quick stop of whatever session is running on this machine",
     "runs": "list the runs, and check that their files are unchanged",
+    "docs": "the documentation, in the browser: guides, reference, theory",
 }
 """Every command and its one line in the help; the module is `rid_daq.commands.<name>`.
 
@@ -67,7 +68,7 @@ A group of commands is a `typer.Typer` of that name in its module.
 """
 
 
-_WITHOUT_NUMERICS = frozenset({"init", "report", "runs", "stop"})
+_WITHOUT_NUMERICS = frozenset({"docs", "init", "report", "runs", "stop"})
 _NUMERICS_BYTES = 750 << 20  # of address space, of which about half is used
 
 

@@ -148,7 +148,7 @@ def results() -> str:
         "# Results\n\nGenerated from the schema. `result.json` of a run holds every number of its"
         " report; `result.schema.json` beside this page is its JSON schema. A key that is left"
         " out or null means that nothing was computed. Keys may be added within a version of the"
-        f" document (`schema`: {SCHEMA!r}); none is renamed or removed.\n"
+        f" document (`schema`: {SCHEMA!r}); none is renamed or removed.\n\n## The document\n"
     ]
     _model(Result, [], parts)
     return "\n".join(parts)

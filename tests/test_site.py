@@ -1,0 +1,70 @@
+"""The documentation site: it builds without a warning, and `rid-daq docs` finds its pages."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError
+from rid_daq.app import COMMANDS, run
+from rid_daq.commands import docs
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, ROOT / "docs" / "site" / "build.py", folder],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_nothing_of_the_site_is_fetched_from_elsewhere(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        for tag in ("<script src=", '<link rel="stylesheet" type="text/css" href=', "<img src="):
+            assert f'{tag}"http' not in text, page
+    assert (
+        "Coulomb" in (site / "searchindex.js").read_text()
+        or "coulomb" in (site / "searchindex.js").read_text()
+    )
+
+
+def test_a_topic_is_a_page_or_says_which_pages_it_may_be(site: Path) -> None:
+    assert docs.find_page(site, None) == site / "index.html"
+    assert docs.find_page(site, "payload") == site / "guide" / "payload.html"
+    assert docs.find_page(site, "faults") == site / "faults.html"
+    assert docs.find_page(site, "0042").name == "0042-the-service.html"
+    with pytest.raises(ConfigError, match="'drive' may be decisions/0019-drive-monitor, "):
+        docs.find_page(site, "drive")
+    with pytest.raises(ConfigError, match="no page is called 'welding'"):
+        docs.find_page(site, "welding")
+
+
+def test_the_command_says_where_the_page_is(
+    site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(docs, "SITE", site)
+    assert run(["docs", "theory", "--no-open"]) == 0
+    assert capsys.readouterr().out.strip() == (site / "theory.html").as_uri()
+    assert run(["docs", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"page": str(site / "index.html")}
+
+
+def test_an_installation_without_the_site_says_where_to_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(docs, "SITE", tmp_path)
+    assert run(["docs"]) == 2
+    assert "read the folder docs of the repository" in capsys.readouterr().err
+    assert "docs" in COMMANDS

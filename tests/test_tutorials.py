@@ -1,0 +1,71 @@
+"""The tutorials' commands do what the tutorials show, in an empty folder, one after the other."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+TUTORIALS = Path(__file__).resolve().parent.parent / "docs" / "tutorial"
+
+_NUMBER = re.compile(r"[-−]?\d[\d.,]*(?:·10[⁻⁰¹²³⁴-⁹]+)?")
+_PATH = re.compile(r"/\S+")
+
+
+def told(line: str) -> str:
+    """Return a line without its numbers, paths and the widths of its columns."""
+    return re.sub(r"\s+", " ", _NUMBER.sub("#", _PATH.sub("PATH", line))).strip()
+
+
+def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
+    """Give each command of a page and the lines that it shows."""
+    for block in re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        for step in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, *shown = step.splitlines()
+            yield command, shown
+
+
+def require_shown(shown: list[str], said: list[str], command: str) -> None:
+    """Compare what a page shows with what a command said; an ellipsis is any lines."""
+    parts = "\n".join(map(told, shown)).split("…\n") if shown else []
+    text = "\n".join(map(told, said)) + "\n"
+    at = 0
+    for number, part in enumerate(each.rstrip("…").rstrip("\n") for each in parts):
+        found = text.find(part, at)
+        assert found >= 0, (
+            f"{command}: after {text[:at]!r} the page shows {part!r}, not in {text!r}"
+        )
+        if number == 0:
+            assert found == 0, f"{command}: begins with {text.splitlines()[0]!r}"
+        at = found + len(part)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["first-hour"])
+def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> None:
+    own = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}", "COLUMNS": "200"}
+    found = list(steps(TUTORIALS / f"{name}.md"))
+    assert len(found) > 4
+    for command, shown in found:
+        done = subprocess.run(
+            command,
+            shell=True,
+            cwd=tmp_path,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        require_shown(shown, done.stdout.splitlines(), command)
+
+
+def test_every_tutorial_is_tried() -> None:
+    assert {path.stem for path in TUTORIALS.glob("*.md")} == {"first-hour"}
