@@ -221,10 +221,10 @@ class Clearances:
         centres = np.stack([centre for centre, _ in lines.values()], axis=1)
         inner = centres @ centres.transpose(0, 2, 1)
         squares = np.diagonal(inner, axis1=1, axis2=2)
-        apart = squares[:, :, np.newaxis] + squares[:, np.newaxis] - 2.0 * inner
+        squared_gap = squares[:, :, np.newaxis] + squares[:, np.newaxis] - 2.0 * inner
         reach = np.array([solid.reach for solid in self._solids().values()])
         reach = reach[:, np.newaxis] + reach + (self.margin_m + _ROUNDED_M)
-        close = apart < reach * reach
+        close = squared_gap < reach * reach
         some = np.asarray(close.any(axis=0))
         for column, (first, second) in enumerate(self.pairs):
             if isinstance(first.shape, coal.Halfspace | coal.Box):
