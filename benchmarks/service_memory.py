@@ -1,0 +1,159 @@
+"""Whether a service's memory stays as it is: `python -m benchmarks.service_memory`.
+
+10,000 requests are made of a served cell. Then a simulated cell records 30 simulated minutes after
+30 simulated minutes, as fast as the computer can, 8 hours in all, while somebody looks on. The
+service's memory after the first tenth of the requests, and after the first half hour, is compared
+with that at the end; so is what a recording's own processes have at its beginning and at its end.
+The last line is one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from websockets.sync.client import unix_connect
+
+from acquisition.task.control_block import ControlBlock
+from benchmarks.service import MOTION, PATIENCE_S, Served, serving
+from rid_daq.service.records import Job
+from rid_daq.service.sockets import socket_of
+
+REQUESTS: Final = 10_000
+HOURS: Final = 8.0
+EACH_S: Final = 1800.0
+CYCLE_S: Final = 0.008
+BAR: Final = 1.05
+
+
+def memory_bytes(pid: int) -> int:
+    """Return how much memory a process has in RAM, shared pages by their share."""
+    with contextlib.suppress(OSError):
+        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+            if line.startswith("Pss:"):
+                return 1024 * int(line.split()[1])
+    return 0
+
+
+def tree(pid: int) -> list[int]:
+    """Return a process and all that descend from it."""
+    found = [pid]
+    with contextlib.suppress(OSError):
+        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            found += tree(int(child))
+    return found
+
+
+@contextlib.contextmanager
+def somebody_looks_on(folder: Path) -> Iterator[list[int]]:
+    """Have a viewer at the service; yield how many messages it has got."""
+    got = [0]
+    with unix_connect(str(socket_of(folder)), "ws://localhost/api/v1/ws") as socket:
+
+        def read() -> None:
+            for _ in socket:
+                got[0] += 1
+
+        reading = threading.Thread(target=read, daemon=True)
+        reading.start()
+        yield got
+
+
+def ask_often(served: Served) -> float:
+    """Make the requests; return the memory at the end over that after a tenth of them."""
+    paths = ("/cells/ir361", "/jobs?limit=5", "/runs?limit=5", "/cells/ir361/preflight")
+    before = 0
+    for number in range(REQUESTS):
+        served.client.ask("GET", paths[number % len(paths)])
+        if number == REQUESTS // 10:
+            before = memory_bytes(served.server)
+    return memory_bytes(served.server) / before
+
+
+def record_half_an_hour(served: Served) -> float:
+    """Record; return what its processes have at nine tenths, over what they had at one tenth."""
+    wanted = {
+        "kind": "record",
+        "request": {"motion": "motion.yaml", "simulation": {"pace": None}},
+        "on_lost_client": "finish",
+    }
+    told = served.client.ask("POST", "/cells/ir361/jobs", wanted, served.lease)
+    job = Job.model_validate(told)
+    assert job.pid is not None
+    sizes = []
+    for share in (0.1, 0.9):
+        until_s = time.monotonic() + 10.0 * PATIENCE_S
+        while _cycles(job.pid) < share * EACH_S / CYCLE_S:
+            over = served.client.job(job.id)
+            if over.state.is_over or time.monotonic() > until_s:
+                raise SystemExit(f"the recording does not go on: {over.state.value} {over.reason}")
+            time.sleep(0.2)
+        sizes.append(sum(memory_bytes(each) for each in tree(job.pid)))
+    served.client.follow(job).require_done()
+    return sizes[1] / sizes[0]
+
+
+def _cycles(pid: int) -> int:
+    with contextlib.suppress(OSError):
+        control = ControlBlock.of_process(pid)
+        return 0 if control is None else control.task.cycles
+    return 0
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hours", type=float, default=HOURS, help="simulated")
+    hours: float = parser.parse_args().hours
+    began_s, own = time.monotonic(), []
+    with tempfile.TemporaryDirectory() as name, serving(Path(name)) as served:
+        folder = Path(name)
+        (folder / "motion.yaml").write_text(
+            MOTION.replace("periods: 1000", f"periods: {round(EACH_S / 2.0)}")
+        )
+        by_requests = ask_often(served)
+        first = now = 0
+        with somebody_looks_on(folder) as got:
+            for number in range(max(2, round(3600.0 * hours / EACH_S))):
+                served.client.ask("PUT", "/cells/ir361/lease", {"seconds": 3600.0}, served.lease)
+                if served.client.cell("ir361").state != "ready":
+                    served.client.run("ir361", "check", {"seconds": 0.2}, lease=served.lease)
+                own.append(record_half_an_hour(served))
+                now = memory_bytes(served.server)
+                first = first or now
+                print(
+                    f"{(number + 1) * EACH_S / 3600.0:.1f} h: service {now / 1e6:.1f} MB,"
+                    f" the recording's own {own[-1]:.3f} times",
+                    flush=True,
+                )
+        by_hours = now / first
+        seen = got[0]
+    holds = max(by_requests, by_hours, *own) <= BAR and seen > 0
+    result = {
+        "name": "service_memory",
+        "requests": REQUESTS,
+        "requests_ratio": round(by_requests, 3),
+        "simulated_hours": len(own) * EACH_S / 3600.0,
+        "hours_ratio": round(by_hours, 3),
+        "recordings_ratio": round(max(own), 3),
+        "messages_seen": seen,
+        "minutes": round((time.monotonic() - began_s) / 60.0, 1),
+        "load": round(os.getloadavg()[0], 1),
+        "bar": f"at most {BAR:g} times",
+        "holds": holds,
+    }
+    print(json.dumps(result))
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
