@@ -1,0 +1,115 @@
+"""Which figures a run has, whether runs fit together, what a motion is: without a browser."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.errors import ConfigError, LimitError, RecordingError
+from config.load import LoadedCell, load_cell
+from rid_daq.figures.embedding import as_item
+from rid_daq.report.result_file import RESULT
+from rid_daq.workbench.data_check import check_data
+from rid_daq.workbench.motion_facts import motion_facts, motion_picture
+from rid_daq.workbench.run_figures import run_drawings
+from tests.builders.invented import whole_result
+
+MOTION = """kind: fourier
+robot: ir361
+period_s: 2.0
+periods: 3
+ramp_s: 1.0
+joints:
+  - {joint: axis1, sine: [0.2, 0.05], cosine: [0.1, 0.0]}
+  - {joint: axis2, sine: [0.2, 0.0], cosine: [0.1, 0.05]}
+  - {joint: axis3, sine: [0.2, 0.02], cosine: [0.1, 0.03]}
+"""
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+def recorded(
+    root: Path, cell: LoadedCell, label: str, status: RunStatus | None = RunStatus.COMPLETE
+) -> RunFolder:
+    """Write a run of a cell without its recording."""
+    folder = RunFolder.create(root, label)
+    for name, content in cell.files.items():
+        folder.write(name, content)
+    folder.write("motion.yaml", MOTION.encode())
+    if status is not None:
+        folder.finish(status)
+    return folder
+
+
+def test_a_run_has_the_figures_of_what_was_computed_of_it(tmp_path: Path, cell: LoadedCell) -> None:
+    folder = recorded(tmp_path, cell, "plain")
+    assert [each.name for each in run_drawings(folder)] == ["motion"]
+    folder.file(RESULT).write_text(json.dumps(whole_result()))
+    drawings = run_drawings(folder)
+    names = [each.name for each in drawings]
+    assert len(set(names)) == len(names)
+    assert names[-1] == "motion"
+    assert {"fit", "spectrum", "parameters", "path-1"} <= set(names)
+    item = as_item(drawings[names.index("parameters")].make(), dark=False)
+    assert item["doc"]
+
+
+def test_a_motion_without_its_cell_is_not_drawn(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "bare")
+    folder.write("motion.yaml", MOTION.encode())
+    (drawing,) = run_drawings(folder)
+    with pytest.raises(RecordingError, match=r"has no robot\.yaml: its motion is not drawn"):
+        drawing.make()
+
+
+def test_runs_that_fit_together_are_told_as_good(tmp_path: Path, cell: LoadedCell) -> None:
+    found = check_data(cell, [recorded(tmp_path, cell, "one"), recorded(tmp_path, cell, "two")])
+    assert [each.passed for each in found.data] == [True, True]
+    assert [each.text.split(":")[0] for each in found.model] == ["Run one", "Run two"]
+    assert all("condition number" in each.text for each in found.model)
+    assert found.parameters > 0
+    assert set(found.friction) == set(cell.robot.joint_names)
+
+
+def test_a_run_that_does_not_fit_is_told_with_its_reason(tmp_path: Path, cell: LoadedCell) -> None:
+    of_another = recorded(tmp_path, load_cell("kr15"), "another robot")
+    stopped = recorded(tmp_path, cell, "stopped", RunStatus.STOPPED)
+    unfinished = recorded(tmp_path, cell, "unfinished", None)
+    changed = recorded(tmp_path, cell, "changed")
+    file = changed.file("robot.yaml")
+    file.write_text(file.read_text() + "# another hand\n")
+    found = check_data(cell, [of_another, stopped, unfinished, changed]).data
+    assert [each.passed for each in found] == [False] * 4
+    words = ("of robot kr15, the cell has ir361", "is stopped", "is unfinished", "robot.yaml")
+    for each, word in zip(found, words, strict=True):
+        assert word in each.text
+
+
+def test_a_motions_facts_and_its_picture(tmp_path: Path, cell: LoadedCell) -> None:
+    path = tmp_path / "motion.yaml"
+    path.write_text(MOTION)
+    facts = motion_facts(cell, path)
+    assert (facts.kind, facts.periods) == ("fourier", 3)
+    assert facts.duration_s == pytest.approx(3 * 2.0 + 2 * 1.0, abs=2.1)
+    assert facts.condition_number is not None
+    assert facts.condition_number > 1.0
+    assert as_item(motion_picture(cell, path, None), dark=True)["doc"]
+
+
+def test_a_motion_of_another_robot_or_beyond_a_limit_has_no_facts(
+    tmp_path: Path, cell: LoadedCell
+) -> None:
+    path = tmp_path / "motion.yaml"
+    path.write_text(MOTION.replace("robot: ir361", "robot: kr15"))
+    with pytest.raises(ConfigError, match="kr15"):
+        motion_facts(cell, path)
+    path.write_text(MOTION.replace("sine: [0.2, 0.05]", "sine: [9.0, 0.05]"))
+    with pytest.raises(LimitError, match="axis1"):
+        motion_facts(cell, path)

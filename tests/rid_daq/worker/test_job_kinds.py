@@ -1,0 +1,95 @@
+"""Jobs that compute, as a worker does them: from a client's request to the events."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.journal.cycle_row import row_dtype
+from acquisition.journal.cycles import JournalWriter
+from acquisition.journal.header import JournalHeader
+from acquisition.runs.catalogue import list_runs
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RECORDING
+from config.errors import ConfigError, RidDaqError
+from config.load import load_cell
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.request_check import check_request
+from rid_daq.service.running_job import EventTail
+from rid_daq.terminal.job_events import AnyEvent, Documented, Judged
+from rid_daq.worker.job_console import EventFile, JobConsole
+from rid_daq.worker.job_requests import performer, request_of
+from rid_daq.worker.orders import Orders
+
+ROWS = 50
+
+
+def done(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
+    """Do a job of a service's folder, and return what it says."""
+    check_request(kind, told, folder)
+    request = request_of(kind, told, "ir361", folder / "runs", cleared=False)
+    path = folder / "events.jsonl"
+    with EventFile(path) as file:
+        performer(kind)(request, JobConsole(events=file, orders=Orders(io.StringIO())))
+    return list(EventTail(path).new())
+
+
+def left_by_a_crash(folder: Path) -> RunFolder:
+    """Write a run whose program has ended before it could close it."""
+    cell = load_cell("ir361")
+    run = RunFolder.create(folder / "runs", "crashed")
+    for name, content in cell.files.items():
+        run.write(name, content)
+    header = JournalHeader(
+        joint_names=cell.robot.joint_names, sample_period_s=0.008, run_id=run.run_id
+    )
+    rows = np.zeros(ROWS, dtype=row_dtype(3))
+    rows["time_s"], rows["cycle"] = 0.008 * np.arange(ROWS), np.arange(ROWS)
+    with JournalWriter(run.file(RECORDING), header) as writer:
+        writer.append(rows.tobytes())
+    return run
+
+
+def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Path) -> None:
+    run = left_by_a_crash(tmp_path)
+    events = done(JobKind.RECOVER, {"what": run.run_id}, tmp_path)
+    (document,) = (each.document for each in events if isinstance(each, Documented))
+    assert document["recordings"][RECORDING]["rows"] == ROWS
+    assert document["rows_lost"] == 0
+    (verdict,) = (each for each in events if isinstance(each, Judged))
+    assert verdict.passed
+    statuses = {found.run_id: manifest.status for found, manifest in list_runs(tmp_path / "runs")}
+    assert statuses.pop(run.run_id) == "unfinished"
+    assert list(statuses.values()) == ["recovered"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "told", "said"),
+    [
+        (JobKind.RECOVER, {"what": "nowhere"}, "nowhere"),
+        (JobKind.COMPARE, {"first": "monday", "second": "friday"}, "monday"),
+        (JobKind.TRACKING, {"run": ["after"], "against": ["before"]}, "after"),
+        (JobKind.PAYLOAD_CERTIFICATE, {"session": "payload"}, "payload"),
+        (JobKind.PAYLOAD_EXPORT, {"payload": "x.json", "to": "kuka", "output": "o.txt"}, "x"),
+        (JobKind.PAYLOAD_READ_BACK, {"payload": "x.json", "form": "kuka", "text": "M 9"}, "x"),
+    ],
+)
+def test_what_is_not_there_is_named(
+    kind: JobKind, told: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "runs").mkdir()
+    with pytest.raises(RidDaqError, match=said):
+        done(kind, told, tmp_path)
+
+
+def test_nothing_is_recovered_from_outside_of_the_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    run = left_by_a_crash(tmp_path)
+    for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
+        with pytest.raises(ConfigError, match="not inside the service's folder"):
+            done(JobKind.RECOVER, told, folder)
