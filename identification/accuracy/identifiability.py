@@ -49,7 +49,7 @@ class WeakParameter:
     def sentence(self) -> str:
         """The finding in words."""
         interval = f"{self.value:.3g} ± {2 * self.sigma:.2g} {self.unit}"
-        text = f"{self.expression} = {interval} is hardly seen"
+        text = f"{self.expression} = {interval} is poorly determined"
         if not self.motion:
             return f"{text}; it is small, and no motion of one or two joints would show it better."
         return (

@@ -56,7 +56,8 @@ class PayloadFinding:
             if not self.motion:
                 return f"{said}, nor by any other of one or two joints; hold it as known"
             return f"{said}; {self.motion} would show it"
-        said = f"{self.name} = {self.value:.3g} ± {2 * self.sigma:.2g} {self.unit} is hardly seen"
+        value = f"{self.name} = {self.value:.3g} ± {2 * self.sigma:.2g} {self.unit}"
+        said = f"{value} is poorly determined"
         if not self.motion or self.gain is None:
             return f"{said}; no motion of one or two joints would show it much better"
         return (
@@ -76,9 +77,9 @@ def inertia_size(estimate: PayloadEstimate) -> float:
 
 
 def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
-    """Return what is not seen, then what is hardly seen, each with the motion that would show it.
+    """Return what is not seen, then what is poorly determined, with the motions that would show it.
 
-    Hardly seen means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of gravity, or
+    Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of gravity, or
     20 % of the inertia about the flange. Motions of one joint or two at their limits are tried, as
     one more pair of runs of the same length and colour of residuals.
 

@@ -1,4 +1,4 @@
-"""`Known`: what is known of a payload otherwise, such as its mass off the scales."""
+"""`Known`: what is known of a payload otherwise, such as its mass from a scale."""
 
 from __future__ import annotations
 

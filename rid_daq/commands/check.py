@@ -9,7 +9,7 @@ import typer
 
 from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_words import say_all, say_devices
 from rid_daq.preflight.preflight import CheckRequest, preflight
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
@@ -26,6 +26,9 @@ def check(
         float, typer.Option(min=0.1, max=600.0, help="How long answers are counted.")
     ] = 5.0,
     cleared: Cleared = False,
+    all_lines: Annotated[
+        bool, typer.Option("--all", help="Show every line, not one a device and what is red.")
+    ] = False,
     runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
     as_json: AsJson = False,
@@ -42,7 +45,7 @@ def check(
     nothing is written to a drive that is another than its EDS says. Exit code 3 where a line is
     red.
     """
-    request = CheckRequest(cell, runs, seconds, cleared)
+    request = CheckRequest(cell, runs, seconds, cleared, all_lines)
     here_or_there(service, JobKind.CHECK, request, Console(as_json), perform)
 
 
@@ -61,7 +64,14 @@ def perform(request: CheckRequest, console: Console) -> None:
         write_log = (
             new_write_log(request.runs) if simulated is None else None
         )  # these drives outlive it
-        lines, problem = preflight(loaded, reachable, request.runs, request.seconds, write_log)
+        lines, problem = preflight(
+            loaded,
+            reachable,
+            request.runs,
+            request.seconds,
+            write_log,
+            tell=lambda found: say_devices(console, found),
+        )
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
     console.document(
@@ -73,9 +83,10 @@ def perform(request: CheckRequest, console: Console) -> None:
             "lines": [asdict(line) for line in lines],
         }
     )
-    _print(console, lines)
-    for line in red:
-        console.say(f"RED {line.where}, {line.what}: {line.next_action}")
+    if request.all_lines:
+        say_all(console, lines)
+    else:
+        console.say("Every line: --all.")
     if write_log is not None and write_log.path.exists():
         undo = as_command("drives", "rollback", request.cell, write_log.path)
         console.say(f"To undo what was written to the drives: {undo}")
@@ -91,29 +102,3 @@ def perform(request: CheckRequest, console: Console) -> None:
     if problem is not None and not (red and isinstance(problem, PreflightError)):
         failure = problem
     raise failure
-
-
-def _print(console: Console, lines: list[CheckLine]) -> None:
-    """Write the lines: what every drive has in one row, what belongs to one place in its own."""
-    drives = list(dict.fromkeys(line.where for line in lines if line.of_drive))
-    rows: list[tuple[str, ...]] = []
-    for what in dict.fromkeys(line.what for line in lines):
-        same = {line.where: line for line in lines if line.what == what}
-        found = [same[drive].found if drive in same else "" for drive in drives]
-        if not any(line.of_drive for line in same.values()):
-            found = [", ".join(line.found for line in same.values()), *[""] * (len(drives) - 1)]
-        required = " / ".join(
-            dict.fromkeys(line.required for line in same.values() if line.required)
-        )
-        rows.append((_worst(list(same.values())), what, required, *(found or [""])))
-    console.table(
-        ("", "what", "required", *(drives or ["found"])),
-        rows,
-        red=[row[0] == "RED" for row in rows],
-    )
-
-
-def _worst(lines: list[CheckLine]) -> str:
-    verdicts = {line.verdict for line in lines}
-    words = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
-    return next(word for verdict, word in words.items() if verdict in verdicts)

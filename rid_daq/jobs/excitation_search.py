@@ -106,7 +106,7 @@ class Search:
         )
         broken = sum(bool(trial.broken) for trial in self.trials)
         console.say(
-            f"{len(self.trials)} starts, {broken} of them in vain. The best so far: {curve}."
+            f"{len(self.trials)} starts, {broken} of them rejected. The best so far: {curve}."
         )
         uses = self.best.check.uses
         torques = [use for use in uses if use.what.startswith("torque")]

@@ -133,7 +133,7 @@ def watch_lines(opened: Cell) -> list[CheckLine]:
         lines.append(
             CheckLine(
                 where=f"{trial.joint}, node {trial.node_id}",
-                what="its silence is noticed after",
+                what="drive heartbeat loss detected after",
                 required=f"≤ {1e3 * limit_s:.0f} ms",
                 found=_after(trial.noticed_s),
                 verdict="ok" if good else "red",

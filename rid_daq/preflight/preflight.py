@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,12 +33,19 @@ class CheckRequest:
         How long answers are counted [s].
     cleared : bool
         Whether a person has cleared the cell.
+    all_lines : bool
+        Whether people are shown every line, not one a device and what is red.
     """
 
     cell: str
     runs: Path
     seconds: float = 5.0
     cleared: bool = False
+    all_lines: bool = False
+
+
+def _untold(_lines: Sequence[CheckLine]) -> None:
+    """Tell nobody."""
 
 
 def preflight(
@@ -48,27 +55,33 @@ def preflight(
     seconds: float,
     write_log: WriteLog | None = None,
     axis_test: AxisTestRule = AxisTestRule.REQUIRED,
+    tell: Callable[[Sequence[CheckLine]], None] = _untold,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early.
 
-    What is written to the drives is kept in the write log, where there is one.
+    What is written to the drives is kept in the write log, where there is one. `tell` is given the
+    lines of some devices as soon as all of theirs are there.
     """
     eds_files = eds_lines(loaded)
-    lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs), *eds_files]
+    lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs)]
     lines.append(axis_test_line(loaded, axis_test))
+    tell(lines)
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
-    lines += monitor_lines(reachable, loaded.robot, loaded.drive_profile)
-    drives: list[CheckLine] = []
+    drives = [*eds_files, *monitor_lines(reachable, loaded.robot, loaded.drive_profile)]
     position: list[float] = []
     fit = all(line.verdict != "red" for line in eds_files)
     try:
         if fit:
-            drives, position = check_drives(reachable, loaded.robot, seconds, write_log)
+            found, position = check_drives(reachable, loaded.robot, seconds, write_log)
+            drives += found
     except DriveTrouble as trouble:
-        drives, problem = trouble.lines, trouble.error
+        drives += trouble.lines
+        problem = trouble.error
+    tell(drives)
     if fit and problem is None:
         problem = _attempt(lambda: plate.after(position))
+    tell(plate.lines)
     return [*lines, *plate.lines, *drives], problem
 
 

@@ -61,7 +61,7 @@ def test_a_real_payload_is_weighed_within_two_percent_and_inside_its_interval(
     # White noise would promise several times more than it can hold.
     assert mass["std"] > 3.0 * mass["std_noise"]
     assert document["verdict"]["passed"] is True
-    assert "hardly seen; moving" in " ".join(document["payload"]["findings"])
+    assert "poorly determined; moving" in " ".join(document["payload"]["findings"])
     # The payload stands in the run too, and in its report.
     report = Path(document["report"]).read_text(encoding="utf-8")
     assert "Torque" in report or "torque of the payload" in report

@@ -51,7 +51,7 @@ function gradeTable(axes) {
     `${number(axis.residual, 3)} ${axis.unit}`, `${number(axis.percent, 3)} %`,
     axis.over_noise === null || axis.over_noise === undefined ? "–" : `${number(axis.over_noise, 2)} times`,
   ]);
-  const columns = ["axis", "fit", "why", "torque (RMS)", "left over (RMS)", "of torque", "over noise"];
+  const columns = ["axis", "fit", "why", "torque (RMS)", "residual (RMS)", "of torque", "over noise"];
   return table(columns, rows, null, "fit of each axis");
 }
 

@@ -165,7 +165,7 @@ function axes(payload) {
     `${number(axis.residual, 3)} ${axis.unit}`,
     axis.mass_per_percent == null ? "–" : `${number(axis.mass_per_percent, 2)} kg`,
   ]);
-  const columns = ["axis", "fit", "why", "payload (RMS)", "left over (RMS)", "mass per 1 % of torque"];
+  const columns = ["axis", "fit", "why", "payload (RMS)", "residual (RMS)", "mass per 1 % of torque"];
   return element("details", {}, element("summary", {}, "What each axis sees"), table(columns, rows, null, "axes"));
 }
 

@@ -1,4 +1,4 @@
-"""Parameters hardly seen, and the motion that would show them."""
+"""Parameters poorly determined, and the motion that would show them."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_they_are_those_that_cannot_be_told_from_zero(shy: Estimate) -> None:
 def test_the_sentence_says_what_to_do(shy: Estimate) -> None:
     weak = next(weak for weak in weak_parameters(shy) if weak.motion)
     assert weak.motion in weak.sentence
-    assert "hardly seen" in weak.sentence
+    assert "poorly determined" in weak.sentence
 
 
 def test_a_motion_of_all_joints_leaves_less_to_wish_for(shy: Estimate) -> None:

@@ -244,7 +244,7 @@ def test_check_reads_every_drive_and_moves_nothing(
     assert all(line["required"] == line["found"] == "3" for line in watchdogs)
     whats = {line["what"]: line["verdict"] for line in told["lines"]}
     assert whats["without this computer it acts after"] == "ok"
-    assert whats["its silence is noticed after"] == "ok"
+    assert whats["drive heartbeat loss detected after"] == "ok"
     assert whats["writing to disk"] == "ok"
     assert whats["date"] == "ok"
     privileges = {"real-time scheduling", "locked memory", "processors kept awake"}

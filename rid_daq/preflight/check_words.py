@@ -1,0 +1,86 @@
+"""`say_devices` and `say_all`: the preflight for people, device by device, red first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.terminal.console import Console
+
+_WORDS = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
+_COLUMNS = ("", "what", "found", "required")
+
+
+def say_devices(console: Console, lines: Sequence[CheckLine]) -> None:
+    """Write one line a device, and below it each of its lines that is red or was only allowed.
+
+    Parameters
+    ----------
+    console : Console
+        Where they are written.
+    lines : sequence of CheckLine
+        Those of some devices, all of each.
+    """
+    for where, own in _by(lines).items():
+        console.say(f"{_WORDS[_worst(own)]:<8}{where}: {_summary(own)}")
+        told = [line for line in own if line.verdict in ("red", "allowed")]
+        for line in sorted(told, key=lambda each: each.verdict != "red"):
+            console.say(
+                f"  {_WORDS[line.verdict]:<8}{line.what}: {line.found}, required {line.required}"
+            )
+            if line.verdict == "red" and line.next_action:
+                console.say(f"          {line.next_action}")
+
+
+def say_all(console: Console, lines: Sequence[CheckLine]) -> None:
+    """Write every line: what all drives share once, then each device's own; red ones first.
+
+    Parameters
+    ----------
+    console : Console
+        Where they are written.
+    lines : sequence of CheckLine
+        All of a preflight.
+    """
+    drives = list(dict.fromkeys(line.where for line in lines if line.of_drive))
+    shared: list[CheckLine] = []
+    for what in dict.fromkeys(line.what for line in lines if line.of_drive):
+        same = [line for line in lines if line.what == what and line.of_drive]
+        alike = {(line.found, line.required, line.verdict) for line in same}
+        if len(same) == len(drives) > 1 and len(alike) == 1:
+            shared.append(same[0])
+    whats = {line.what for line in shared}
+    own = [line for line in lines if not (line.of_drive and line.what in whats)]
+    groups = {"every drive": shared, **_by(own)} if shared else _by(own)
+    for where, found in groups.items():
+        found = sorted(found, key=lambda line: line.verdict != "red")
+        console.say(f"\n{where}")
+        console.table(
+            _COLUMNS,
+            [(_WORDS[line.verdict], line.what, line.found, line.required) for line in found],
+            red=[line.verdict == "red" for line in found],
+        )
+
+
+def _by(lines: Sequence[CheckLine]) -> dict[str, list[CheckLine]]:
+    groups: dict[str, list[CheckLine]] = {}
+    for line in lines:
+        groups.setdefault(line.where, []).append(line)
+    return groups
+
+
+def _worst(lines: Sequence[CheckLine]) -> str:
+    verdicts = {line.verdict for line in lines}
+    return next(verdict for verdict in _WORDS if verdict in verdicts)
+
+
+def _summary(lines: Sequence[CheckLine]) -> str:
+    required = [line for line in lines if line.verdict != "shown"]
+    held = sum(line.verdict == "ok" for line in required)
+    if len(lines) == 1:
+        (line,) = lines
+        limit = f" (required {line.required})" if line.required and line.verdict == "ok" else ""
+        return f"{line.what}: {line.found}{limit}"
+    if not required:
+        return f"{len(lines)} things read, none required"
+    return f"{held} of {len(required)} requirements hold"

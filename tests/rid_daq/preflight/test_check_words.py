@@ -1,0 +1,68 @@
+"""What a person reads of a preflight: a line a device, red lines with what to do, all at wish."""
+
+from __future__ import annotations
+
+import pytest
+
+from rid_daq.preflight.bus_check import CheckLine, Verdict
+from rid_daq.preflight.check_words import say_all, say_devices
+from rid_daq.terminal.console import Console
+
+
+def line(
+    where: str, what: str, found: str, required: str = "", verdict: Verdict = "ok"
+) -> CheckLine:
+    return CheckLine(where, what, required, found, verdict, f"mend {what}", where != "bus")
+
+
+LINES = [
+    line("bus", "load", "9 %", "≤ 80 %"),
+    line("axis1, node 1", "serial number", "17", verdict="shown"),
+    line("axis1, node 1", "SYNC", "128", "128"),
+    line("axis1, node 1", "gear", "121:1", "121"),
+    line("axis2, node 2", "serial number", "18", verdict="shown"),
+    line("axis2, node 2", "SYNC", "128", "128"),
+    line("axis2, node 2", "watch", "none", "one", "allowed"),
+    line("axis2, node 2", "gear", "153:1", "100", "red"),
+]
+
+
+def test_a_device_is_a_line_and_below_it_what_is_red_or_was_only_allowed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say_devices(Console(), LINES)
+    assert capsys.readouterr().out.splitlines() == [
+        "ok      bus: load: 9 % (required ≤ 80 %)",
+        "ok      axis1, node 1: 2 of 2 requirements hold",
+        "RED     axis2, node 2: 1 of 3 requirements hold",
+        "  RED     gear: 153:1, required 100",
+        "          mend gear",
+        "  allowed watch: none, required one",
+    ]
+
+
+def test_all_lines_are_what_drives_share_and_each_devices_own_red_ones_first(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say_all(Console(), LINES)
+    assert capsys.readouterr().out.splitlines() == [
+        "",
+        "every drive",
+        "    what  found  required",
+        "ok  SYNC  128    128",
+        "",
+        "bus",
+        "    what  found  required",
+        "ok  load  9 %    ≤ 80 %",
+        "",
+        "axis1, node 1",
+        "    what           found  required",
+        "-   serial number  17",
+        "ok  gear           121:1  121",
+        "",
+        "axis2, node 2",
+        "         what           found  required",
+        "RED      gear           153:1  100",
+        "-        serial number  18",
+        "allowed  watch          none   one",
+    ]
