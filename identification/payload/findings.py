@@ -79,9 +79,9 @@ def inertia_size(estimate: PayloadEstimate) -> float:
 def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
     """Return what is not seen, then what is poorly determined, with the motions that would show it.
 
-    Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of gravity, or
-    20 % of the inertia about the flange. Motions of one joint or two at their limits are tried, as
-    one more pair of runs of the same length and colour of residuals.
+    Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
+    gravity, or 20 % of the inertia about the flange. Motions of one joint or two at their limits
+    are tried, as one more pair of runs of the same length and colour of residuals.
 
     Parameters
     ----------
