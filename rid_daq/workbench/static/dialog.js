@@ -42,8 +42,8 @@ export function dialog(title, content, actionText, { danger = false, read = () =
 }
 
 // Ask, before each motion, whether the cell is clear; resolves with what is to happen where this page
-// goes out of reach ("stop" or "finish"), or null.
-export function confirmClear(what) {
+// goes out of reach ("stop" or "finish"), or null. What moves only while it is held stops: no choice.
+export function confirmClear(what, { held = false } = {}) {
   const words = page.simulated
     ? "This cell is simulated: nothing real moves. On a real cell you would now look:"
     : "The robot moves. Look now:";
@@ -61,6 +61,6 @@ export function confirmClear(what) {
     element("option", { value: "finish" }, "let it go on to its end"),
   );
   const label = element("label", { for: "on-lost" }, "If this page goes out of reach:");
-  const content = [element("p", {}, words), list, label, lost];
+  const content = [element("p", {}, words), list, ...(held ? [] : [label, lost])];
   return dialog(`Is the cell clear? ${what}`, content, `${name} is clear: begin`, { danger: true, read: () => lost.value });
 }

@@ -38,7 +38,7 @@ export class JobPanel {
   // Begin a job and show it; a motion asks first whether the cell is clear. Resolves with the job or
   // null where somebody has thought better of it; a refusal is shown here.
   async begin(kind, request = {}, { moves = false } = {}) {
-    const lost = moves ? await confirmClear(kindWords(kind)) : "stop";
+    const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
     try {
       const more = { cleared: moves, on_lost_client: lost };
