@@ -26,12 +26,18 @@ def plant_at(cell: LoadedCell, truth: PlantConfig, pose: FloatArray, seed: int =
 
 
 def closed_loop(
-    cell: LoadedCell, truth: PlantConfig, samples: MotionSamples, seed: int = 0
+    cell: LoadedCell,
+    truth: PlantConfig,
+    samples: MotionSamples,
+    seed: int = 0,
+    *,
+    wrench: FloatArray | None = None,
 ) -> Recording:
     """Run a motion through plant and position loop, rounded as drives and bus round.
 
     Speeds that are sent act from the next SYNC on; they are the motion's feedforward where it has
-    one, else its velocity, and what the position loop adds.
+    one, else its velocity, and what the position loop adds. `wrench` (samples, 6) is filled with
+    what the base exerts, truly.
     """
     samples = samples.whole()
     joints, step_s = cell.robot.joints, samples.sample_period_s
@@ -51,6 +57,8 @@ def closed_loop(
         if row >= 0:
             position[row], torque[row] = measured, permille_nm * plant.torque_permille()
             speed = speed + ahead[row]
+            if wrench is not None:
+                wrench[row] = plant.base_wrench
         speed = np.rint(speed * counts) / counts
         command[at] = speed
         before, now, sent = now, sent, speed
