@@ -142,7 +142,12 @@ def retimed(
     if confidence:
         margin = ModelMargin(estimate, confidence, payload, limits.base is not None)
     timer = PathTimer(
-        robot, torque_model(estimate, payload), limits, samples.sample_period_s, margin
+        robot,
+        torque_model(estimate, payload),
+        limits,
+        samples.sample_period_s,
+        margin,
+        positions_alone=True,
     )
     paths, files = [], []
     for way in ways:

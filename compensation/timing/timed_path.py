@@ -29,13 +29,14 @@ from dynamics.model.one_sample import FRICTION, KIND, SampleTorque
 
 INTERVALS: Final = 1000
 WINDOW_CYCLES: Final = 2
-HEADROOM: Final = 5e-4
+HEADROOM: Final = 1.5e-3  # fewer scans for a thousandth of the time
 MORE: Final = 1.2  # what is tightened, by what was exceeded
 LEAST_MORE: Final = 2e-4
 ATTEMPTS: Final = 60
 WIDER: Final = 1.02
 LONGEST_WINDOW: Final = 0.5  # of the path's time
 SLOWEST: Final = 10.0
+ROUNDING: Final = 0.009  # a stream of points lets differences be off by a little more
 
 
 class Margins(NamedTuple):
@@ -116,6 +117,9 @@ class PathTimer:
         What of the torques is uncertain.
     intervals : int
         Of the grid over the path.
+    positions_alone : bool
+        Whether all holds as well for who takes positions alone and differences them, as a stream
+        of points is judged. The path is then from rest to rest.
     """
 
     robot: RobotDescription
@@ -124,6 +128,7 @@ class PathTimer:
     cycle_s: float
     margin: MarginOf | None = None
     intervals: int = INTERVALS
+    positions_alone: bool = False
 
     def timed(
         self, curve: JointCurve, *, ends: tuple[float, float] = (0.0, 0.0), closed: bool = False
@@ -245,40 +250,42 @@ class _Search:
         speed, acceleration = sizes_between_rows(
             found.path, self._timer.cycle_s, limits.acceleration
         )
-        for j, joint in enumerate(self._timer.robot.joints):
-            over = size[:, j] / limits.torque[j] - 1.0
-            exceeded |= self._keep(f"torque of {joint.name}", over, found)
-            over = acceleration[:, j] / limits.acceleration[j] - 1.0
-            exceeded |= self._keep(f"acceleration of {joint.name}", over, found)
-            over = speed[:, j] / limits.speed[j] - 1.0
-            if over.max() > 0.0:
-                exceeded, self.worst = True, f"the speed of {joint.name}"
-                for row in np.flatnonzero(over > 0.0).tolist():
-                    part = slice(int(found.begin[row]), int(found.end[row]) + 2)
-                    self._most[part] *= (1.0 - over[row] - LEAST_MORE) ** 2
+        if self._timer.positions_alone:
+            seen = differenced(found.path.position, self._timer.cycle_s)
+            more, beside = np.empty_like(seen.position), np.empty((len(seen.position), 6))
+            torques_of(self._timer.torque.arrays, *seen, more, beside)
+            more = _folded(np.abs(more)) + (0.0 if margins is None else margins.torque)
+            size = np.maximum(size, more)
+            hull = sizes_between_rows(seen, self._timer.cycle_s, np.full_like(limits.speed, np.inf))
+            speed = np.maximum(speed, _folded(hull[0]) / (1.0 + ROUNDING))
+            acceleration = np.maximum(acceleration, _folded(hull[1]) / (1.0 + ROUNDING))
+        names = [joint.name for joint in self._timer.robot.joints]
+        for what, values, limit in (
+            ("torque", size, limits.torque),
+            ("acceleration", acceleration, limits.acceleration),
+            ("speed", speed, limits.speed),
+        ):
+            over = values / limit - 1.0
+            for j in np.flatnonzero(over.max(axis=0) > 0.0).tolist():
+                exceeded = True
+                self._keep(f"{what} of {names[j]}", _around(over[:, j], found, len(self._free)))
         if limits.base is not None:
-            for c, name in enumerate(WRENCH):
-                over = base[:, c] / limits.base[c] - 1.0
-                exceeded |= self._keep(f"{name} of the base", over, found)
+            over = base / limits.base - 1.0
+            for c in np.flatnonzero(over.max(axis=0) > 0.0).tolist():
+                exceeded = True
+                self._keep(f"{WRENCH[c]} of the base", _around(over[:, c], found, len(self._free)))
         return exceeded
 
-    def _keep(self, label: str, over: FloatArray, found: RowsInTime) -> bool:
-        rows = np.flatnonzero(over > 0.0)
-        if not len(rows):
-            return False
+    def _keep(self, label: str, more: FloatArray) -> None:
+        """Keep more of a limit free, `more` (points,) of it."""
         self.worst = f"the {label}"
-        more = np.zeros(len(self._free))
-        for row in rows.tolist():
-            part = slice(int(found.begin[row]), int(found.end[row]) + 2)
-            more[part] = np.maximum(more[part], MORE * over[row] + LEAST_MORE)
-        for r in self._columns[label]:
+        for r in self._columns.get(label, ()):
             self._free[:, r] += more
-        if self._scans > ATTEMPTS // 4:  # rows without u, or what only speed decides
-            self._most = np.where(more > 0.0, (1.0 - more) * self._most, self._most)
-            self._most = np.where(
-                more > 0.0, np.minimum(self._most, 0.98 * self._last.x), self._most
-            )
-        return True
+        if label not in self._columns:  # a speed
+            self._most = (1.0 - more) ** 2 * self._most
+        elif self._scans > ATTEMPTS // 4:  # rows without u, or what only speed decides
+            slower = np.minimum((1.0 - more) * self._most, 0.98 * self._last.x)
+            self._most = np.where(more > 0.0, slower, self._most)
 
     @property
     def _last(self) -> SpeedOverPath:
@@ -298,7 +305,8 @@ class _Search:
             changing = self._without_friction(path) if values is None else values
             ratio = (np.abs(np.diff(changing, axis=0)) / cycle_s / limit).max(axis=0)
             if ratio.max() > worst:
-                worst, what = float(ratio.max()), f"the {name} of joint {1 + int(ratio.argmax())}"
+                joint = self._timer.robot.joints[int(ratio.argmax())].name
+                worst, what = float(ratio.max()), f"the {name} of {joint}"
         if worst <= 1.0:
             return False
         self.worst = what
@@ -336,3 +344,30 @@ class _Search:
                 " alone take it. Rest between motions, or allow more"
             )
         return True
+
+
+def _around(over: FloatArray, found: RowsInTime, points: int) -> FloatArray:
+    """Return what is to be kept free at each point of the grid for rows that exceed a limit."""
+    rows = np.flatnonzero(over > 0.0)
+    more = np.zeros(points)
+    begin, end = found.begin[rows], found.end[rows] + 1
+    for ahead in range(int((end - begin).max()) + 1):
+        np.maximum.at(more, np.minimum(begin + ahead, end), MORE * over[rows] + LEAST_MORE)
+    return more
+
+
+def differenced(position: FloatArray, step_s: float) -> JointTrajectory:
+    """Return positions with their five-point differences, and two rows of the rests around them."""
+    q = np.concatenate([position[[0] * 4], position, position[[-1] * 4]])
+    a2, a1, own, b1, b2 = (q[k : len(q) - 4 + k] for k in range(5))
+    velocity = (8.0 * (b1 - a1) - (b2 - a2)) / (12.0 * step_s)
+    change = (16.0 * (b1 + a1) - 30.0 * own - (b2 + a2)) / (12.0 * step_s**2)
+    return JointTrajectory(np.ascontiguousarray(own), velocity, change)
+
+
+def _folded(sizes: FloatArray) -> FloatArray:
+    """Count what the two rows of a rest show to the path's own first and last row."""
+    own = sizes[2:-2].copy()
+    own[0] = sizes[:3].max(axis=0)
+    own[-1] = sizes[-3:].max(axis=0)
+    return own

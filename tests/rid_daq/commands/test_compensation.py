@@ -397,3 +397,31 @@ def stopped_on(path: NDArray[np.float64], told: dict[str, Any]) -> None:
     assert speed[-5:].max() < 0.01
     torque = np.abs(moving["torque_nm"])
     assert (torque <= np.array([limit.torque for limit in LIMITS])).all()
+
+
+PICK = """
+kind: joint_path
+robot: ir361
+points: [[-0.5, 0.3, 0.2], [0.0, 0.0, 0.4], [0.5, 0.3, 0.2]]
+"""
+
+
+def test_a_timed_path_is_compensated_recorded_and_streamed(
+    workshop: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """With the robot file's own accelerations, which hold everywhere."""
+    cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
+    (tmp_path / "pick.yaml").write_text(PICK)
+    pick, fast, ahead = (str(tmp_path / name) for name in ("pick.yaml", "fast.yaml", "ahead.json"))
+    capsys.readouterr()
+    model = by(workshop)[:2]
+    assert run(["retime", cell, pick, *model, "-o", fast, "--json"]) == 0
+    assert document(capsys)["shorter_percent"] > 20.0
+    assert run(["compensate", cell, fast, *by(workshop), "-o", ahead]) == 0
+    words = ["record", cell, fast, "--feedforward", ahead, "--label", "timed", *runs]
+    assert run([*words, *model]) == 0
+    assert run(["stream", cell, fast, *by(workshop), "--label", "timed-live", *runs]) == 0
+    capsys.readouterr()
+    assert run(["tracking", "timed", "timed-live", "--json", *runs]) == 0
+    for motion in document(capsys)["motions"]:
+        assert motion["mean_m"] < 5e-4
