@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 
 from rid_daq.service.records import JobState
 from tests.builders.identified_run import arm_in_motion, identified_run
-from tests.rid_daq.commands.test_compensation import MULTISINE
+from tests.builders.motion_texts import MULTISINE
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import begin_motion, taken
 from tests.rid_daq.workbench.conftest import OpenPage
