@@ -101,6 +101,11 @@ class PayloadResult:
         """Whether every limit was kept, and there was one."""
         return bool(self.checks) and all(line.passed for line in self.checks)
 
+    @property
+    def fits(self) -> bool:
+        """Whether the residual of every axis kept its limit."""
+        return all(line.passed for line in self.checks if line.advice == BAD_FIT)
+
 
 @dataclass(frozen=True, eq=False)
 class Repeats:

@@ -144,7 +144,8 @@ def identify(
     """Identify a payload: mass, centre of gravity and inertia, from runs with and without it.
 
     Friction is free in every run. Exit code 1 where the payload is less sure than the limits ask
-    for; what the motion does not show is named, with the motion that would.
+    for, 6 where the torque of an axis is not explained; what the motion does not show is named,
+    with the motion that would.
     """
     request = PayloadIdentifyRequest(
         loaded=loaded,
@@ -189,5 +190,5 @@ def perform(request: PayloadIdentifyRequest, console: Console) -> None:
     console.say(f"Payload: {file}")
     console.say(f"Report: {identified.report}")
     if not verdict.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
+        raise typer.Exit(ExitCode.VERDICT_FAILED if identified.fits else ExitCode.DATA_QUALITY)
     console.next_step("payload", "export", file, "--to", "FORMAT", "-o", "FILE")

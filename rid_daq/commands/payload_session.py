@@ -161,7 +161,7 @@ def perform(request: PayloadSessionRequest, console: Console) -> None:
         raise typer.Exit(ended.run.exit_code)
     _print(console, ended)
     if not ended.judged.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
+        raise typer.Exit(ExitCode.VERDICT_FAILED if ended.judged.fits else ExitCode.DATA_QUALITY)
 
 
 def _print_failed(console: Console, failed: StepFailed) -> None:

@@ -87,6 +87,8 @@ class PayloadIdentified:
         Where payload and report are.
     notes : list of str
         What the runs lack.
+    fits : bool
+        Whether the residual of every axis kept its limit.
     """
 
     section: PayloadSection
@@ -94,6 +96,7 @@ class PayloadIdentified:
     file: Path
     report: Path
     notes: list[str]
+    fits: bool
 
 
 def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> PayloadIdentified:
@@ -140,7 +143,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
         title=f"Payload on {first.robot.name}", payload=section, verdict=verdict
     )
     report = write_result(first.folder, result)
-    return PayloadIdentified(section, verdict, output, report, notes)
+    return PayloadIdentified(section, verdict, output, report, notes, payload.fits)
 
 
 def _torque_constant_sigma(asked: float | None, procedure: Procedure) -> float:
