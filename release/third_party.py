@@ -51,15 +51,15 @@ def needed() -> list[str]:
 
 def licence(name: str) -> str:
     """Return a package's licence, as its metadata says it."""
-    about = metadata.metadata(name)
-    if expression := about.get("License-Expression"):
+    about = metadata.metadata(name).json
+    if expression := about.get("license_expression"):
         return str(expression)
     classified = [
         each.rsplit(" :: ", 1)[1]
-        for each in about.get_all("Classifier", [])
+        for each in about.get("classifier", [])
         if each.startswith("License :: ")
     ]
-    written = (about.get("License") or "").strip()
+    written = str(about.get("license", "")).strip()
     if "\n" not in written and 0 < len(written) <= 40:
         return str(written)
     return ", ".join(classified) or "see its licence file"
@@ -86,7 +86,8 @@ def _texts_of(name: str) -> Iterator[str]:
         yield path.read_text(encoding="utf-8")
     if not files:
         yield (
-            metadata.metadata(name).get("License") or "Its package has no text of its licence."
+            str(metadata.metadata(name).json.get("license", ""))
+            or "Its package has no text of its licence."
         ) + "\n"
 
 
