@@ -15,6 +15,7 @@ import typer
 from pydantic import BaseModel
 
 from config.errors import ConfigError, PreflightError
+from rid_daq.terminal.progress_bar import MovingBar, counted
 
 if TYPE_CHECKING:
     from acquisition.hold_to_run.pilot import Keys
@@ -300,7 +301,7 @@ class Console:
         if self.as_json:
             yield _Silent()
         elif self.is_terminal:
-            with _bar(title, total, unit) as bar:
+            with MovingBar(title, total, unit).shown() as bar:
                 yield bar
         else:
             yield _Lines(title, total, unit)
@@ -332,32 +333,4 @@ class _Lines:
         tenth = int(10.0 * done / self._total) if self._total > 0 else 10
         if tenth > self._shown:
             self._shown = tenth
-            _write(f"{self._title}: {_count(done)} of {_count(self._total)} {self._unit}  {line}")
-
-
-@contextmanager
-def _bar(title: str, total: float | None, unit: str) -> Iterator[Progress]:
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as RichProgress
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=24),
-        TextColumn("{task.fields[count]}", markup=False),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[line]}", markup=False),
-    )
-    with RichProgress(*columns, refresh_per_second=5) as display:
-        task = display.add_task(title, total=total, count="", line="")
-
-        class Bar:
-            def update(self, done: float, line: str) -> None:
-                of = "" if total is None else f"/{_count(total)}"
-                count = f"{_count(done)}{of} {unit}"
-                display.update(task, completed=done, count=count, line=line)
-
-        yield Bar()
-
-
-def _count(number: float) -> str:
-    return f"{number:.0f}" if number >= 10 or number == int(number) else f"{number:.1f}"
+            _write(f"{self._title}: {counted(done)} of {counted(self._total)} {self._unit}  {line}")

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from rid_daq.terminal.progress_bar import BAR, MovingBar, bar_line, shortened
+
+TAIL = (
+    "transient period; torque 28% (axis2), following error 1.4% (axis3) of the limit; mass 2.80 kg"
+)
+
+
+@pytest.mark.parametrize(
+    ("width", "tail"),
+    [
+        (80, "transient period; torque 28%"),
+        (120, "transient period; torque 28% (axis2), following error 1.4%"),
+        (200, TAIL),
+    ],
+)
+def test_the_tail_gives_way_to_bar_count_and_time_left(width: int, tail: str) -> None:
+    line = bar_line(width, "measurement", "1.1/3.5 periods", TAIL)
+    assert line.title == "measurement"
+    assert line.tail == tail
+    assert BAR[0] <= line.bar <= BAR[1]
+    used = len(line.title) + line.bar + len("1.1/3.5 periods") + len("99:59:59") + len(tail) + 4
+    assert used <= width
+
+
+@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("title", ["recording", "the unloaded robot, before the payload is hung"])
+def test_a_terminal_shows_bar_count_and_time_left_on_one_line(width: int, title: str) -> None:
+    file = io.StringIO()
+    console = Console(file=file, width=width, force_terminal=True, color_system=None)
+    bar = MovingBar(title, 36.0, "periods", console)
+    with bar.shown():
+        bar.update(12.5, TAIL)
+    last = [line for line in file.getvalue().splitlines() if "periods" in line][-1]
+    assert "12/36 periods -:--:-- transient period" in last
+    assert "━━━" in last  # the part that is done
+    assert "…" not in last.split("36 periods")[1]
+
+
+def test_a_text_without_parts_ends_in_dots() -> None:
+    assert shortened("abcdefgh", 5) == "abcd…"
+    assert shortened("abcdefgh", 8) == "abcdefgh"
+    assert shortened("measuring; torque", 12) == "measuring"
+    assert shortened("abcdefgh", 0) == ""
