@@ -17,55 +17,75 @@ from types import FrameType
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from config.errors import RecordingError, RidDaqError
 from config.process.shortage import as_named, require_memory
 from config.process.termination import TERMINATION, ending_signals, signals_deferred
 from rid_daq.terminal.console import Console, documents_written, output_error, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
+from rid_daq.terminal.option_sections import SectionedCommand
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-COMMANDS: dict[str, str] = {
-    "demo": "the whole story on the bundled simulated cell, with a report, no hardware",
-    "init": "write a commented cell, robot and motion to start from",
-    "check": "preflight: every device, every safety setting; any red means no motion",
-    "reset": "reset the faults of a cell's drives, once their causes are gone",
-    "axes": "test direction, encoder and gear of every axis, before the first motion",
-    "jog": "move one joint at a time, or go to the home pose, while a key is held",
-    "drives": "keep what the drives hold, put it back, undo what a run wrote",
-    "mock": "serve a cell's simulated devices on their bus until stopped",
-    "design": "choose an excitation, verify it against the limits, write the motion file",
-    "plate": "zero the force plate under the robot",
-    "record": "run a motion on a cell and record it",
-    "import": "someone else's recording (CSV, ROS bag) into a run folder",
-    "average": "cut a run into periods, reject bad ones, average the rest",
-    "identify": "estimate the robot's parameters from one or more runs",
-    "validate": "predict another run's torques and judge the error",
-    "friction": "friction alone, out of the runs that were made to measure it",
-    "payload": "identify what the robot carries; load data for its controller",
-    "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
-    "loop": "the drives' velocity loops, out of a multisine run",
-    "retime": "a motion's path as fast as the torques of a model allow",
-    "compensate": "the feedforward that makes a motion accurate, from model and loops",
-    "refine": "the next feedforward, from what the robot missed with this one",
-    "stream": "follow a path more closely, live: from a file or from another program",
-    "tracking": "how far the robot was from where it should have been",
-    "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
-    "serve": "cells as a service: jobs, runs and a workbench in the browser",
-    "report": "write a run's report again from its results",
-    "compare": "two estimates, or the runs behind them, side by side",
-    "recover": "what is readable of an unfinished, torn or damaged recording",
-    "stop": "quick stop of whatever session is running on this machine",
-    "runs": "list the runs, and check that their files are unchanged",
-    "docs": "the documentation, in the browser: guides, reference, theory",
+COMMAND_GROUPS: dict[str, dict[str, str]] = {
+    "Begin": {
+        "demo": "the whole story on the bundled simulated cell, with a report, no hardware",
+        "init": "write a commented cell, robot and motion to start from",
+        "docs": "the documentation, in the browser: guides, reference, theory",
+    },
+    "Cell": {
+        "check": "preflight: every device, every safety setting; any red means no motion",
+        "reset": "reset the faults of a cell's drives, once their causes are gone",
+        "axes": "test direction, encoder and gear of every axis, before the first motion",
+        "jog": "move one joint at a time, or go to the home pose, while a key is held",
+        "drives": "keep what the drives hold, put it back, undo what a run wrote",
+        "mock": "serve a cell's simulated devices on their bus until stopped",
+        "plate": "zero the force plate under the robot",
+        "stop": "quick stop of whatever session is running on this machine",
+    },
+    "Experiment": {
+        "design": "choose an excitation, verify it against the limits, write the motion file",
+        "record": "run a motion on a cell and record it",
+        "import": "someone else's recording (CSV, ROS bag) into a run folder",
+        "average": "cut a run into periods, reject bad ones, average the rest",
+    },
+    "Identify": {
+        "identify": "estimate the robot's parameters from one or more runs",
+        "validate": "predict another run's torques and judge the error",
+        "friction": "friction alone, out of the runs that were made to measure it",
+        "compare": "two estimates, or the runs behind them, side by side",
+        "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV,"
+        " Parquet, MAT, MDF4",
+        "report": "write a run's report again from its results",
+    },
+    "Payload": {
+        "payload": "identify what the robot carries (`payload CELL`); load data for its controller",
+        "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
+    },
+    "Path": {
+        "loop": "the drives' velocity loops, out of a multisine run",
+        "retime": "a motion's path as fast as the torques of a model allow",
+        "compensate": "the feedforward that makes a motion accurate, from model and loops",
+        "refine": "the next feedforward, from what the robot missed with this one",
+        "stream": "follow a path more closely, live: from a file or from another program",
+        "tracking": "how far the robot was from where it should have been",
+    },
+    "Runs": {
+        "runs": "list the runs, and check that their files are unchanged",
+        "recover": "what is readable of an unfinished, torn or damaged recording",
+    },
+    "Service": {
+        "serve": "cells as a service: jobs, runs and a workbench in the browser",
+    },
 }
 """Every command and its one line in the help; the module is `rid_daq.commands.<name>`.
 
-A group of commands is a `typer.Typer` of that name in its module.
+A command that has commands of its own is a `typer.Typer` named `group` in its module.
 """
+
+COMMANDS = {name: line for group in COMMAND_GROUPS.values() for name, line in group.items()}
 
 
 _WITHOUT_NUMERICS = frozenset({"docs", "init", "report", "runs", "stop"})
@@ -79,11 +99,14 @@ class LazyCommands(TyperGroup):
         super().__init__(**attributes)
         names: Any = dict.fromkeys(COMMANDS)
         self.commands = names  # for lists and "did you mean"; get_command fills them in
+        self._named_only = False
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Import and return one command, or None where there is none of that name."""
         if cmd_name not in COMMANDS:
             return None
+        if self._named_only:
+            return TyperCommand(cmd_name, short_help=COMMANDS[cmd_name], rich_markup_mode=None)
         # `import` is a word of the language, so its module is import_.
         module_name = "import_" if cmd_name == "import" else cmd_name
         if cmd_name not in _WITHOUT_NUMERICS:
@@ -94,18 +117,27 @@ class LazyCommands(TyperGroup):
         if isinstance(found, typer.Typer):  # a command with commands of its own
             return typer.main.get_command(found)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(name=cmd_name)(found)
+        single.command(name=cmd_name, cls=SectionedCommand)(found)
         return typer.main.get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of commands without importing any of them."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        width = max(map(len, COMMANDS))
+        for title, commands in COMMAND_GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(width), line) for name, line in commands.items()])
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return what a word may become, without importing any command."""
+        self._named_only = True
+        try:
+            return super().shell_complete(ctx, incomplete)
+        finally:
+            self._named_only = False
 
 
 root = typer.Typer(
     cls=LazyCommands,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,

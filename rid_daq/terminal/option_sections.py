@@ -1,0 +1,106 @@
+"""The help of a command with many options: by what they are for, in sections."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typer.core import TyperCommand
+
+MANY = 12  # options that one list holds
+
+SHARED: dict[str, tuple[str, ...]] = {
+    "Payload": ("--loaded", "--load-mass", "--load-mass-sigma"),
+    "Limits of the verdict": (
+        "--mass-limit",
+        "--centre-limit",
+        "--inertia-limit",
+        "--residual-limit",
+    ),
+    "Equations": (
+        "--friction-terms",
+        "--choose",
+        "--band",
+        "--standstill",
+        "--rotors",
+        "--friction",
+        "--spring",
+    ),
+    "Simulated cells": ("--realtime", "--pace", "--seed", "--payload", "--faults"),
+    "Before it moves": (
+        "--rehearse",
+        "--rehearsal",
+        "--warm-up",
+        "--warm-up-periods",
+        "--i-have-cleared-the-cell",
+        "--without-axis-test",
+        "--yes",
+    ),
+    "Live page": ("--live", "--listen", "--token", "--certificate"),
+    "Files and services": (
+        "--output",
+        "--overwrite",
+        "--label",
+        "--unfinished",
+        "--runs",
+        "--scheduler",
+        "--service",
+        "--json",
+        "--help",
+    ),
+}
+"""The sections after the command's own options, and what belongs there wherever it is taken."""
+
+OWN: dict[str, dict[str, tuple[str, ...]]] = {
+    "design": {
+        "Search": ("--method", "--criterion", "--for", "--starts", "--budget", "--tries"),
+        "Multisines": ("--band", "--grid", "--phases", "--realisations", "--slow", "--seed"),
+    },
+    "payload identify": {"Payload": ("--known", "--torque-constant-sigma")},
+    "retime": {"Limits": ("--torque-rate", "--jerk", "--rms-torque", "--base-limits", "--mass")},
+    "sensitivity": {
+        "Doubts": ("--bias", "--doubt-torque-constants", "--doubt-links", "--doubt-rotors"),
+        "Monte Carlo": ("--draws", "--seed", "--scheduler"),
+    },
+}
+"""What a command says otherwise; of a group's command the name has two words."""
+
+
+class SectionedCommand(TyperCommand):
+    """A command whose help shows its options in sections, where it has more than `MANY`."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options."""
+        options = [each for each in self.get_params(ctx) if each.param_type_name == "option"]
+        shown = [(each, each.get_help_record(ctx)) for each in options]
+        if len(shown) <= MANY:
+            super().format_options(ctx, formatter)
+            return
+        arguments = [each for each in self.get_params(ctx) if each not in options]
+        records = [record for each in arguments if (record := each.get_help_record(ctx))]
+        if records:
+            with formatter.section("Arguments"):
+                formatter.write_dl(records)
+        section_of = sections(ctx.command_path.partition(" ")[2])
+        lists: dict[str, list[tuple[str, str]]] = {"Options": []}
+        lists.update((title, []) for title in section_of.values())
+        for each, record in shown:
+            if record is not None:
+                title = next((section_of[o] for o in each.opts if o in section_of), "Options")
+                lists[title].append(record)
+        for title, records in lists.items():
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+def sections(command: str) -> dict[str, str]:
+    """Return the section of every option that stands in one, in the order of the sections.
+
+    Parameters
+    ----------
+    command
+        The command's words after the program's name.
+    """
+    own = {name: title for title, names in OWN.get(command, {}).items() for name in names}
+    shared = {name: title for title, names in SHARED.items() for name in names}
+    return own | {name: title for name, title in shared.items() if name not in own}

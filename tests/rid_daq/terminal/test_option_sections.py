@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rid_daq.app import COMMAND_GROUPS, run
+from rid_daq.terminal.option_sections import OWN, SHARED, sections
+
+REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "command-line.md"
+
+
+def test_many_options_are_shown_in_sections_each_of_them_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["stream", "--help"]) == 0
+    shown = capsys.readouterr().out
+    own, simulated, before, files = (
+        shown.index(f"\n{title}:\n")
+        for title in ("Options", "Simulated cells", "Before it moves", "Files and services")
+    )
+    assert own < simulated < before < files
+    assert own < shown.index("  --model ") < simulated < shown.index("  --pace ") < before
+    assert files < shown.index("  --runs ") < shown.index("  --json ") < shown.index("  --help ")
+    assert "Live page:" not in shown
+
+
+def test_few_options_stay_one_list(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["runs", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert "\nOptions:\n" in shown
+    assert "Files and services:" not in shown
+
+
+def test_every_option_that_stands_in_a_section_is_one_of_the_program() -> None:
+    page = REFERENCE.read_text(encoding="utf-8")
+    names = [name for section in SHARED.values() for name in section]
+    assert len(names) == len(set(names))
+    for command, own in OWN.items():
+        found = page.index(f" {command}\n\n```\n") + len(f" {command}\n\n```\n")
+        text = page[found : page.index("\n```\n", found)]
+        names += [name for section in own.values() for name in section]
+        assert all(f"{name} " in text for section in own.values() for name in section)
+    assert [name for name in names if f"{name} " not in page] == []
+
+
+def test_a_command_may_say_otherwise_where_an_option_belongs() -> None:
+    assert sections("design")["--seed"] == "Multisines"
+    assert sections("record")["--seed"] == "Simulated cells"
+
+
+def test_the_help_shows_commands_in_groups(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--help"]) == 0
+    shown = capsys.readouterr().out
+    for title, commands in COMMAND_GROUPS.items():
+        group = shown[shown.index(f"\n{title}:\n") :].split("\n\n")[0]
+        assert [name for name in commands if f"\n  {name} " not in group] == []
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_a_payload_session_is_named_where_payloads_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["payload", "--help"]) == 0
+    assert "rid-daq payload CELL" in capsys.readouterr().out
