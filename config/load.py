@@ -22,6 +22,7 @@ from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet
+from config.formats.file_kinds import wrong_kind
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
 from config.plausible import implausible, key_name
@@ -251,7 +252,8 @@ def validate(tree: YamlTree, model: type[T]) -> T:
         file = TypeAdapter(model).validate_json(tree.json())
     except ValidationError as error:
         details = error.errors(include_url=False)
-        raise _refused(tree, [_describe(tree, detail, model) for detail in details]) from None
+        other = wrong_kind(tree, getattr(model, "__name__", ""))
+        raise _refused(tree, other or [_describe(tree, d, model) for d in details]) from None
     found = [f"{tree.where(path)}: {key_name(path)}: {words}" for path, words in implausible(file)]
     if found:
         raise _refused(tree, found)
