@@ -9,14 +9,19 @@ from typing import Final
 import numpy as np
 
 from acquisition.motion.limits import verify_limits
+from acquisition.motion.samples import MotionSamples
 from compensation.timing.limits import TimingLimits
 from compensation.timing.timed_motion import TimedMotion, retimed, weighed
+from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import torque
+from dynamics.terms.conditions import Conditions
 from identification.calibration.base_reaction import base_limits
 from identification.estimation.estimate import Estimate, predict
+from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload
 from rid_daq.jobs.cell_files import estimate_for, motion_for
@@ -194,12 +199,23 @@ def _hold_what_is_written(
     """Plan the motion as `record` will, and hold its rows against the robot and the model."""
     planned = timed.motion.plan(robot, cycle_s)
     verify_limits(planned, robot)
-    if payload is not None:
-        return
-    torque = np.abs(predict(estimate, planned.position, planned.velocity, planned.acceleration))
+    taken = np.abs(_torque(estimate, payload, planned))
     for j, joint in enumerate(robot.joints):
-        if torque[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
+        if taken[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
             raise LimitError(
-                f"the timed motion takes {torque[:, j].max():.6g} of joint {joint.name!r} when it"
+                f"the timed motion takes {taken[:, j].max():.6g} of joint {joint.name!r} when it"
                 " is planned again: tell the makers"
             )
+
+
+def _torque(
+    estimate: Estimate, payload: PayloadEstimate | None, samples: MotionSamples
+) -> FloatArray:
+    """Return the torques of a motion by the regressor, with what hangs on the flange."""
+    motion = (samples.position, samples.velocity, samples.acceleration)
+    if payload is None:
+        return predict(estimate, *motion)
+    model = replace(estimate.options, payload=True).build(estimate.robot)
+    body = to_link(flange_pose(estimate.robot)) @ payload.values
+    whole = np.concatenate([estimate.standard_values, body])
+    return torque(model, *motion, whole, Conditions(payload=True))

@@ -272,7 +272,7 @@ def _way(
 
 def _margins(way: TimedPath) -> tuple[FloatArray, FloatArray]:
     if way.margins is None:
-        return 0.0 * way.torque, 0.0 * way.wrench
+        return np.zeros_like(way.torque), np.zeros_like(way.wrench)
     return way.margins
 
 

@@ -6,14 +6,24 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 import pytest
 
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import load_motion
+from acquisition.motion.samples import MotionSamples
+from compensation.timing.timed_motion import retimed
+from config.arrays import FloatArray
 from config.load import load_cell
+from config.simulation.plant import PayloadBody as HungBody
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
+from identification.payload.body import PayloadBody
+from identification.payload.file import write_payload
+from identification.payload.verdict import PayloadResult
+from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
+from tests.builders.certified import estimate_of
 from tests.builders.known_model import known
 from tests.builders.told import document
 
@@ -42,6 +52,88 @@ def words(folder: Path, *more: object) -> list[str]:
     model, path, fast = (str(folder / name) for name in ("model.json", "path.yaml", "fast.yaml"))
     own = ["retime", "ir361", path, "--model", model, "-o", fast]
     return [*own, *(str(word) for word in more)]
+
+
+MASS_KG, CENTRE_M, INERTIA_KG_M2 = 12.0, (0.10, 0.02, -0.05), (0.3, 0.2, 0.25)
+"""A tool on the flange; its inertias about its centre of gravity."""
+
+
+@pytest.fixture
+def tool(folder: Path) -> Path:
+    body = PayloadBody(MASS_KG, np.array(CENTRE_M), np.diag(INERTIA_KG_M2))
+    estimate = replace(estimate_of(load_cell("ir361"), ()), values=body.parameters)
+    write_payload(folder / "payload.json", PayloadResult(estimate, ()))
+    return folder / "payload.json"
+
+
+def torque_of_the_tool(samples: MotionSamples) -> FloatArray:
+    """Return what the tool adds to the torques: two plants in Pinocchio, with and without it."""
+    cell = load_cell("ir361")
+    assert cell.plant is not None
+    xx, yy, zz = INERTIA_KG_M2
+    x, y, z = CENTRE_M
+    offset_x, offset_y, offset_z = cell.robot.tool_offset_m
+    hung = HungBody(
+        mass_kg=MASS_KG,
+        centre_m=(offset_x + x, offset_y + y, offset_z + z),
+        inertia_kg_m2=(xx, yy, zz, 0.0, 0.0, 0.0),
+    )
+    bare = cell.plant.without_unmodelled().model_copy(update={"payloads": {"tool": hung}})
+    found = []
+    for plant in (bare.with_payload("tool"), bare):
+        bodies = build_rigid_bodies(cell.robot, plant)
+        data, gearing = bodies.model.createData(), bodies.gearing
+        found.append(
+            np.array(
+                [
+                    gearing.T @ pin.rnea(bodies.model, data, *(gearing @ row for row in rows))
+                    for rows in zip(
+                        samples.position, samples.velocity, samples.acceleration, strict=True
+                    )
+                ]
+            )
+        )
+    carrying, alone = found
+    return np.asarray(carrying - alone)
+
+
+def planned_in(file: Path) -> MotionSamples:
+    cell = load_cell("ir361")
+    return load_motion(file).plan(cell.robot, cell.config.cycle_time_s)
+
+
+def test_what_it_carries_counts(
+    folder: Path, tool: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = read_estimate(folder / "model.json")
+    limit = np.array([joint.limits.torque for joint in model.robot.joints])
+    moving_s, over = {}, {}
+    for name, more in (("empty", []), ("carrying", ["--payload", tool])):
+        bold = ["--confidence", "0", "--json", "--overwrite"]
+        assert run(words(folder, *bold, *more)) == 0
+        moving_s[name] = document(capsys)["moving_s"]
+        samples = planned_in(folder / "fast.yaml")
+        own = predict(model, samples.position, samples.velocity, samples.acceleration)
+        over[name] = (np.abs(own + torque_of_the_tool(samples)) / limit).max()
+    assert moving_s["carrying"] > 1.03 * moving_s["empty"]
+    assert 0.97 < over["carrying"] <= 1.0 + 1e-9
+    assert over["empty"] > 1.05
+
+
+def test_what_is_written_is_held_with_what_it_carries(
+    folder: Path,
+    tool: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A search that forgets the payload does not get as far as a file."""
+    monkeypatch.setattr(
+        "rid_daq.jobs.retime_job.retimed",
+        lambda *known, **more: retimed(*known, **{**more, "payload": None}),
+    )
+    assert run(words(folder, "--confidence", "0", "--payload", tool)) != 0
+    assert "when it is planned again" in " ".join(capsys.readouterr().err.split())
+    assert not (folder / "fast.yaml").exists()
 
 
 def test_a_motion_is_timed_and_shown(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
