@@ -15,7 +15,8 @@ from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray
 from config.errors import ConfigError
 
-MOST_KNOTS: Final = 1000
+KNOTS: Final = (1000, 2000, 4000, 8000)
+"""How many poses a way is told by at most: the first that are enough; a file takes 10,000."""
 SLOW: Final = 1e-3  # of the largest speed
 STRAIGHT_ON: Final = 0.9999
 SHORTEST: Final = 1e-4  # rad or m of any joint: less than that is no way
@@ -138,21 +139,34 @@ def _rests(velocity: FloatArray, speed: FloatArray) -> list[tuple[int, int]]:
 def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
     chords = _chords(points, speeds)
     along = np.concatenate([[0.0], np.cumsum(chords)])
-    least = along[-1] / min(MOST_KNOTS, len(points))
+    off = np.inf
+    for most in KNOTS:
+        curve = _curve(points, along, min(most, len(points)))
+        off = float(np.abs(curve.curve(along) - points).max())
+        if off <= FARTHEST_OFF:
+            return RestToRest(curve, rest_s, off)
+        if most >= len(points):
+            raise ConfigError(
+                f"between its rows the motion's path cannot be told to better than {off:.2g} rad or"
+                " m: it turns within a few cycles. Round its corners, or drive it more slowly"
+            )
+    raise ConfigError(
+        f"{KNOTS[-1]:,} poses tell the motion's path to {off:.2g} rad or m only, from one rest to"
+        f" the next, and {FARTHEST_OFF:g} is wanted: make it shorter (fewer turns), or let it rest"
+        " in between"
+    )
+
+
+def _curve(points: FloatArray, along: FloatArray, most: int) -> JointCurve:
+    """Return the spline through some of the points, at nearly equal distances."""
+    least = along[-1] / most
     kept = [0]
     for row in range(1, len(points)):
         if along[row] - along[kept[-1]] >= least and along[-1] - along[row] >= 0.5 * least:
             kept.append(row)
     kept.append(len(points) - 1)
     knots = along[kept]
-    curve = JointCurve(joint_spline(knots, points[kept]))
-    off = float(np.abs(curve.curve(along) - points).max())
-    if off > FARTHEST_OFF:
-        raise ConfigError(
-            f"between its rows the motion's path cannot be told to better than {off:.2g} rad or m:"
-            " it turns within a few cycles. Round its corners, or drive it more slowly"
-        )
-    return RestToRest(curve, rest_s, off)
+    return JointCurve(joint_spline(knots, points[kept]))
 
 
 def _chords(points: FloatArray, speeds: FloatArray) -> FloatArray:

@@ -39,6 +39,8 @@ class TimedMotion:
         [s].
     off : float
         How far the original's rows are off the curve, at most [rad or m].
+    was_periodic : bool
+        Whether the original had periods: they are one way now.
     """
 
     motion: TimedPathMotion
@@ -46,6 +48,7 @@ class TimedMotion:
     moving_s: float
     original_s: float
     off: float
+    was_periodic: bool = False
 
     @property
     def shorter(self) -> float:
@@ -178,4 +181,5 @@ def retimed(
         moving_s=sum(len(way.torque) - 1 for way in paths) * step_s,
         original_s=samples.whole().duration_s - rests_s,
         off=max(way.off for way in ways),
+        was_periodic=samples.periods > 0,
     )

@@ -20,7 +20,9 @@ from rid_daq.terminal.plausible_option import plausible
 def retime(
     context: typer.Context,
     cell: CellName,
-    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file of any kind.")],
+    motion: Annotated[
+        Path, typer.Argument(metavar="MOTION", help="A motion file: a path of any kind.")
+    ],
     model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")

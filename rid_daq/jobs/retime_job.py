@@ -32,6 +32,13 @@ from rid_daq.report.sections.verdict import Verdict
 from rid_daq.terminal.output_file import refuse_output
 
 DEFAULT_CONFIDENCE: Final = 0.95
+BY_TIME: Final = {
+    "fourier": "its periods",
+    "reversed": "its periods, there and back,",
+    "multisine": "its periods and frequencies",
+    "constant_velocity": "its speeds",
+}
+"""Kinds of motion that measure by when the robot is where, and what of it would be lost."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +118,12 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     loaded = load_cell(request.cell)
     robot = loaded.robot
     motion = motion_for(request.motion, loaded)
+    if motion.kind in BY_TIME:
+        raise ConfigError(
+            f"{request.motion}: a motion of kind {motion.kind} is there to measure by"
+            f" {BY_TIME[motion.kind]}, which another timing would take away: give a path"
+            " (joint_path, path, circle, joint_table, multipoint)"
+        )
     estimate = estimate_for(request.model, robot)
     payload = None if request.payload is None else _payload(request.payload, robot)
     limits = _limits(request, loaded)

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 REACHED: Final = 0.98
 CHANGES: Final = "a change of acceleration"
+PERIODIC: Final = (
+    " The motion was periodic: all its turns, those to settle included, are one way from rest to"
+    " rest now, and what is recorded of it has no periods."
+)
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -116,6 +120,8 @@ class RetimingSection(Section):
         The base wrench, where it was limited.
     ways : tuple of RetimedWay
         The pictures.
+    was_periodic : bool or None
+        Whether the motion had periods, which are one way now; None for not.
     """
 
     motion: str
@@ -131,6 +137,7 @@ class RetimingSection(Section):
     joints: tuple[RetimedJoint, ...]
     base: tuple[BaseShare, ...] | None = None
     ways: tuple[RetimedWay, ...]
+    was_periodic: bool | None = None
 
     @classmethod
     def of(
@@ -189,6 +196,7 @@ class RetimingSection(Section):
             joints=tuple(joints),
             base=base,
             ways=tuple(_way(way, robot, limits, timed.motion.cycle_time_s) for way in timed.ways),
+            was_periodic=timed.was_periodic or None,
         )
 
     @property
@@ -245,7 +253,7 @@ class RetimingSection(Section):
         return (
             f"The path takes {self.moving_s:.4g} s in place of {self.original_s:.4g} s,"
             f" {abs(change):.1f} % {word}; {self.rows} rows were held against the model, none is"
-            f" above a limit {kept}."
+            f" above a limit {kept}." + (PERIODIC if self.was_periodic else "")
         )
 
 

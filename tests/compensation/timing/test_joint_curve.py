@@ -80,3 +80,28 @@ def still(rows: np.ndarray) -> MotionSamples:
 def test_a_motion_that_goes_nowhere_is_refused() -> None:
     with pytest.raises(ConfigError, match="does not move"):
         curves_of(still(np.zeros((20, 3))), SPEEDS)
+
+
+def spiral(turns: float, rows: int) -> MotionSamples:
+    """Return turns of the first two joints while the third goes on, from rest to rest."""
+    share = np.linspace(0.0, 1.0, rows)
+    place = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    angle = 2.0 * np.pi * turns * place
+    position = np.stack([0.3 * np.sin(angle), 0.3 * np.cos(angle), place], axis=1)
+    velocity = np.gradient(position, 0.004, axis=0)
+    velocity[[0, -1]] = 0.0
+    phase = np.full(rows, Phase.MAIN, np.uint8)
+    return MotionSamples(("a", "b", "c"), 0.004, position, velocity, 0.0 * velocity, phase)
+
+
+def test_a_long_way_is_told_by_more_poses() -> None:
+    _, (way,) = curves_of(spiral(150.0, 20_000), SPEEDS)
+    assert 1000 < len(way.curve.curve.x) <= 8001
+    assert way.off < 2e-4
+
+
+def test_a_way_that_is_too_long_or_too_jagged_is_refused_for_what_it_is() -> None:
+    with pytest.raises(ConfigError, match=r"8,000 poses tell .* make it shorter \(fewer turns\)"):
+        curves_of(spiral(1500.0, 60_000), SPEEDS)
+    with pytest.raises(ConfigError, match="turns within a few cycles"):
+        curves_of(spiral(150.0, 900), SPEEDS)

@@ -16,6 +16,7 @@ from compensation.timing.timed_motion import retimed
 from config.arrays import FloatArray
 from config.load import load_cell
 from config.simulation.plant import PayloadBody as HungBody
+from dynamics.geometry.kinematics import Chain, forward
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
 from identification.payload.body import PayloadBody
@@ -157,10 +158,93 @@ def test_a_motion_is_timed_and_shown(folder: Path, capsys: pytest.CaptureFixture
     assert "path.yaml" in page
 
 
+CIRCLE = """
+kind: circle
+robot: ir361
+centre_m: [0.575, -0.078, -1.724]
+radius_m: 0.1
+speed_m_s: 0.3
+near: [0.1, -0.1, 0.4]
+periods: 1
+transient_periods: 1
+ramp_s: 0.5
+"""
+WAVES = """
+period_s: 6.0
+periods: 2
+joints:
+- {joint: axis1, sine: [0.3, 0.1], cosine: [0.2, 0.0]}
+- {joint: axis2, offset: -0.2, sine: [0.2, 0.1], cosine: [0.1, 0.05]}
+- {joint: axis3, offset: 0.3, sine: [0.2, 0.1], cosine: [0.1, 0.05]}
+"""
+MULTISINE = """
+period_s: 4.0
+lowest_hz: 1.0
+highest_hz: 10.0
+joints:
+- {joint: axis1, velocity: 0.05}
+"""
+CONSTANT = """
+pose: [0.0, 0.0, 0.3]
+joints:
+- {joint: axis1, low: -0.5, high: 0.5, speeds: [0.3, 0.6]}
+"""
+TABLE = """
+joints: [axis1, axis2, axis3]
+time_s: [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+position:
+- [0.0, 0.0, 0.0]
+- [0.1, 0.0, 0.0]
+- [0.2, 0.0, 0.0]
+- [0.3, 0.0, 0.0]
+- [0.4, 0.0, 0.0]
+- [0.5, 0.0, 0.0]
+"""
+
+
+def test_turns_of_a_circle_become_one_way(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "path.yaml").write_text(CIRCLE)
+    assert run(words(folder, "--report", folder / "fast.html")) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "all its turns, those to settle included, are one way from rest to rest now" in said
+    assert "The motion was periodic" in (folder / "fast.html").read_text()
+    samples = planned_in(folder / "fast.yaml")
+    assert samples.periods == 0
+    assert not samples.velocity[[0, -1]].any()
+    turned = np.unwrap(np.arctan2(*(tool_at(samples) - [0.575, -0.078]).T[::-1]))
+    assert abs(turned[-1] - turned[0]) > 2.0 * 2.0 * np.pi
+
+
+def tool_at(samples: MotionSamples) -> FloatArray:
+    """Return where the tool point is, x and y [m]."""
+    chain = Chain.from_description(load_cell("ir361").robot)
+    return np.asarray(forward(chain, samples.position)[:, :2])
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "told"),
+    [
+        ("fourier", WAVES, "kind fourier is there to measure by its periods"),
+        ("reversed", WAVES, "kind reversed is there to measure by its periods"),
+        ("multisine", MULTISINE, "kind multisine is there to measure by its periods and freq"),
+        ("constant_velocity", CONSTANT, "is there to measure by its speeds, which another timing"),
+        ("joint_table", TABLE, "the table must begin and end at rest"),
+    ],
+)
+def test_a_motion_that_is_no_way_from_rest_to_rest_is_refused(
+    kind: str, keys: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "path.yaml").write_text(f"kind: {kind}\nrobot: ir361{keys}")
+    assert run(words(folder)) == 2
+    assert told in " ".join(capsys.readouterr().err.split())
+    assert not (folder / "fast.yaml").exists()
+
+
 def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(words(folder, "--confidence", "0", "--margin", "0.1")) == 0
     said = capsys.readouterr().out
     assert "% shorter" in said
+    assert "periodic" not in said
     assert "rid-daq record ir361" in said
 
 
