@@ -72,11 +72,14 @@ class RestToRest:
         How long the motion rests at its end, or in its last row [s].
     off : float
         How far the motion's own rows are off the curve [rad or m].
+    place : ndarray, shape (rows,)
+        How far along the curve each of them is.
     """
 
     curve: JointCurve
     rest_s: float
     off: float
+    place: FloatArray
 
 
 def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, list[RestToRest]]:
@@ -144,7 +147,7 @@ def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
         curve = _curve(points, along, min(most, len(points)))
         off = float(np.abs(curve.curve(along) - points).max())
         if off <= FARTHEST_OFF:
-            return RestToRest(curve, rest_s, off)
+            return RestToRest(curve, rest_s, off, along)
         if most >= len(points):
             raise ConfigError(
                 f"between its rows the motion's path cannot be told to better than {off:.2g} rad or"

@@ -12,6 +12,7 @@ from compensation.timing.joint_curve import curves_of
 from compensation.timing.limits import TimingLimits
 from compensation.timing.timed_path import INTERVALS, PathTimer, TimedPath
 from compensation.timing.uncertainty import ModelMargin
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from dynamics.model.one_sample import SampleTorque
@@ -41,6 +42,8 @@ class TimedMotion:
         How far the original's rows are off the curve, at most [rad or m].
     was_periodic : bool
         Whether the original had periods: they are one way now.
+    places : tuple of ndarray
+        How far along each way the original is, cycle by cycle.
     """
 
     motion: TimedPathMotion
@@ -49,6 +52,7 @@ class TimedMotion:
     original_s: float
     off: float
     was_periodic: bool = False
+    places: tuple[FloatArray, ...] = ()
 
     @property
     def shorter(self) -> float:
@@ -182,4 +186,5 @@ def retimed(
         original_s=samples.whole().duration_s - rests_s,
         off=max(way.off for way in ways),
         was_periodic=samples.periods > 0,
+        places=tuple(way.place for way in ways),
     )

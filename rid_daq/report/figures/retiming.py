@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rid_daq.report.figures.curves import FAINT, MEASURED, STYLE, WRONG, as_label, as_svg
 from rid_daq.report.sections.retiming import CHANGES, RetimedWay
+from rid_daq.report.sections.section import Numbers
 
 COLOURS = ("#3b82f6", "#c2410c", "#15803d", "#7c3aed", "#b45309", "#0e7490")
 LIMIT_REACH = 1.6
+
+
+class _Line(NamedTuple):
+    """How far along a path a motion is over time."""
+
+    name: str
+    time_s: Numbers
+    done: Numbers
+    colour: str
+    style: str
 
 
 def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup:
@@ -30,10 +43,12 @@ def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup
     """
     limits = list(dict.fromkeys(part.limit for part in way.reached))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 5.6 + 0.2 * len(limits)), layout="constrained")
-        plane, torque, reached = figure.subplots(
-            3, 1, height_ratios=(2.0, 2.0, 0.3 + 0.2 * len(limits))
-        )
+        lines = _lines(way)
+        heights = [1.6] * bool(lines) + [2.0, 2.0, 0.3 + 0.2 * len(limits)]
+        figure = Figure(figsize=(9.6, 1.3 + sum(heights)), layout="constrained")
+        *before, plane, torque, reached = figure.subplots(len(heights), 1, height_ratios=heights)
+        for panel in before:
+            _against_the_original(panel, lines)
         place, speed = np.asarray(way.place), np.asarray(way.speed)
         plane.plot(place, np.asarray(way.limit), color=WRONG, label="limit curve")
         plane.plot(place, speed, color=MEASURED, linewidth=1.4, label="speed of the path")
@@ -70,3 +85,30 @@ def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup
         for panel in (torque, reached):
             panel.set_xlim(0.0, float(time_s[-1]))
         return as_svg(figure, name)
+
+
+def _lines(way: RetimedWay) -> list[_Line]:
+    """Return how far along its path the motion is over time, before and now."""
+    if way.done is None or way.original_s is None or way.original_done is None:
+        return []
+    return [
+        _Line("original", way.original_s, way.original_done, FAINT, "dashed"),
+        _Line("timed", way.time_s, way.done, MEASURED, "solid"),
+    ]
+
+
+def _against_the_original(panel: Axes, lines: Sequence[_Line]) -> None:
+    for line in lines:
+        panel.plot(
+            np.asarray(line.time_s),
+            100.0 * np.asarray(line.done),
+            color=line.colour,
+            linestyle=line.style,
+            linewidth=1.4,
+            label=f"{line.name}, {line.time_s[-1]:.4g} s",
+        )
+    panel.set_xlim(0.0, max(line.time_s[-1] for line in lines))
+    panel.set_ylim(0.0, 102.0)
+    panel.set_xlabel("time [s]")
+    panel.set_ylabel("of the path [%]")
+    panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)

@@ -84,6 +84,10 @@ class RetimedWay(Section):
         Of each joint, over its limit.
     reached : tuple of ReachedLimit
         Which limit when.
+    done : tuple of float, or None
+        Which share of the way is done, at `time_s`.
+    original_s, original_done : tuple of float, or None
+        The same of the motion that it was made of. None, all three, in older files.
     """
 
     place: Numbers
@@ -93,6 +97,9 @@ class RetimedWay(Section):
     torques: tuple[Numbers, ...]
     margins: tuple[Numbers, ...]
     reached: tuple[ReachedLimit, ...]
+    done: Numbers | None = None
+    original_s: Numbers | None = None
+    original_done: Numbers | None = None
 
 
 class RetimingSection(Section):
@@ -195,7 +202,10 @@ class RetimingSection(Section):
             averaged_s=max(way.window_s for way in timed.ways),
             joints=tuple(joints),
             base=base,
-            ways=tuple(_way(way, robot, limits, timed.motion.cycle_time_s) for way in timed.ways),
+            ways=tuple(
+                _way(way, place, robot, limits, timed.motion.cycle_time_s)
+                for way, place in zip(timed.ways, timed.places, strict=True)
+            ),
             was_periodic=timed.was_periodic or None,
         )
 
@@ -258,7 +268,11 @@ class RetimingSection(Section):
 
 
 def _way(
-    way: TimedPath, robot: RobotDescription, limits: TimingLimits, cycle_s: float
+    way: TimedPath,
+    original: FloatArray,
+    robot: RobotDescription,
+    limits: TimingLimits,
+    cycle_s: float,
 ) -> RetimedWay:
     from compensation.timing.profile import limit_curve
 
@@ -266,6 +280,8 @@ def _way(
     rows = thinned(len(way.torque))
     curve = np.sqrt(limit_curve(way.rows, way.rows.bounds))
     time_s: FloatArray = np.arange(len(way.torque), dtype=np.float64) * cycle_s
+    before = thinned(len(original))
+    original_s: FloatArray = np.arange(len(original), dtype=np.float64) * cycle_s
     shares, margins = way.torque / limits.torque, _margins(way)[0] / limits.torque
     return RetimedWay(
         place=rounded(way.profile.length[points]),
@@ -275,6 +291,9 @@ def _way(
         torques=tuple(rounded(column) for column in shares[rows].T),
         margins=tuple(rounded(column) for column in margins[rows].T),
         reached=_reached(way, robot, limits, time_s),
+        done=rounded(way.in_time.length[rows] / original[-1]),
+        original_s=rounded(original_s[before]),
+        original_done=rounded(original[before] / original[-1]),
     )
 
 

@@ -156,6 +156,9 @@ def test_a_motion_is_timed_and_shown(folder: Path, capsys: pytest.CaptureFixture
     assert "Timed to its limits" in page
     assert "limit curve" in page
     assert "path.yaml" in page
+    assert "of the path [%]" in page
+    assert f"original, {told['original_s']:.4g} s" in page
+    assert f"timed, {told['moving_s']:.4g} s" in page
 
 
 CIRCLE = """
