@@ -5,9 +5,14 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
+from config.arrays import FloatArray
+from config.load import load_cell
+from mock_hw.plant.rigid_bodies import BaseWrench
 from rid_daq.app import run
 from tests.builders.told import document
 
@@ -150,6 +155,39 @@ def test_limits_of_the_base_are_judged_before_a_motion_is_run(
     ):
         assert run(wrong) == 2
         assert message in " ".join(capsys.readouterr().err.split())
+
+
+def felt(cell: Path, motion: Path) -> FloatArray:
+    """Return the largest reaction of a motion on the base by the plant itself, (6,) [N, N m]."""
+    loaded = load_cell(str(cell))
+    assert loaded.plant is not None
+    samples = load_motion(motion).plan(loaded.robot, loaded.config.cycle_time_s)
+    exerted = BaseWrench(loaded.robot, loaded.plant)
+    rows = np.stack([samples.position, samples.velocity, samples.acceleration], axis=1)
+    return np.abs([exerted(row) for row in rows]).max(axis=0)
+
+
+def test_a_path_is_timed_to_what_the_base_may_feel(
+    workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell, motion = workshop / "cell.yaml", str(workshop / "validation.yaml")
+    plant = load_cell(str(cell)).plant
+    assert plant is not None
+    command = [motion, "--model", str(workshop / "combined.json"), "--margin", "0.1", "--json"]
+    free, held = tmp_path / "free.yaml", tmp_path / "held.yaml"
+    assert run(["retime", str(cell), *command, "-o", str(free)]) == 0
+    moving_s = document(capsys)["moving_s"]
+    limits = felt(cell, free) * np.array([0.8, 0.8, 1.1, 0.8, 0.8, 0.8])
+    forces, moments = limits.reshape(2, 3).round(3).tolist()
+    tight = workshop / "tight.yaml"
+    own = f"  limits: {{force_n: {forces}, moment_nm: {moments}}}\n"
+    tight.write_text(cell.read_text().replace(LIMITS, own))
+    mass = ["--mass", str(sum(link.mass_kg for link in plant.links))]
+    assert run(["retime", str(tight), *command, "--base-limits", *mass, "-o", str(held)]) == 0
+    told = document(capsys)
+    assert told["moving_s"] > moving_s
+    assert [base["component"] for base in told["base"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    assert (felt(tight, held) <= limits).all()
 
 
 def test_the_internal_model_cannot_judge_them(
