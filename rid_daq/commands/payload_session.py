@@ -198,3 +198,6 @@ def _print(console: Console, ended: PayloadSessionResult) -> None:
     console.say(result.verdict.sentence)
     console.say(f"Payload: {ended.file}")
     console.say(f"Report: {ended.report}")
+    if ended.judged.passed:
+        console.next_step("payload", "export", ended.file, "--to", "FORMAT", "-o", "FILE")
+        console.next_step("payload", "certificate", state.folder.path, "--by", "NAME")

@@ -289,7 +289,8 @@ def _distortion(axis: AxisLoop) -> str:
     parts = []
     for kind, found in (("even", axis.response.even), ("odd", axis.response.odd)):
         if found.level:
-            parts.append(f"{kind} {_rms(found.level):.2g} (noise {_rms(found.noise):.2g})")
+            level, noise = number(_rms(found.level), 2), number(_rms(found.noise), 2)
+            parts.append(f"{kind} {level} (noise {noise})")
     if not parts:
         return "no line was left empty, so distortion is not told"
     return f"distortion [{axis.unit} RMS]: {', '.join(parts)}"

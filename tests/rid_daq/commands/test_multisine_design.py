@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.report.figures.bode import cascade_figure, controller_figure
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
+from rid_daq.terminal.console import Console
 
 DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
 
@@ -80,7 +82,7 @@ def test_the_band_is_the_cells_or_as_high_as_torque_is_measured() -> None:
         multisine_motion(cell.robot, cell.config, MultisineOptions(band_hz=(1.0, 70.0)))
 
 
-def test_the_section_is_json_and_draws_both_figures() -> None:
+def test_the_section_is_json_and_draws_both_figures(capsys: pytest.CaptureFixture[str]) -> None:
     cell = load_cell("ir361")
     assert cell.plant is not None
     options = MultisineOptions(period_s=4.0, periods=2, realisations=2, seed=5)
@@ -110,3 +112,10 @@ def test_the_section_is_json_and_draws_both_figures() -> None:
         for words in ("odd distortion", "even distortion", "frequency [Hz]", "σ by noise"):
             assert words in controller
         assert "position loop, measured" in cascade
+    response = section.axes[0].response
+    loud = response.odd.model_copy(update={"level": tuple(120.0 for _ in response.odd.level)})
+    axis = section.axes[0].model_copy(
+        update={"response": response.model_copy(update={"odd": loud})}
+    )
+    section.model_copy(update={"axes": (axis,)}).print(Console(as_json=False))
+    assert ", odd 120 (noise " in capsys.readouterr().out
