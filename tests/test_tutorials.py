@@ -12,14 +12,17 @@ from pathlib import Path
 import pytest
 
 TUTORIALS = Path(__file__).resolve().parent.parent / "docs" / "tutorial"
+NAMES = ("accurate-path", "first-hour", "payload-day", "your-own-robot")
 
-_NUMBER = re.compile(r"[-−]?\d[\d.,]*(?:·10[⁻⁰¹²³⁴-⁹]+)?")
+_NUMBER = re.compile(r"[-−+]?\d[\d.,]*(?:·10[⁻⁰¹²³⁴-⁹]+)?")
+_RUN = re.compile(r"\b[0-9A-HJKMNP-TV-Z]{26}\b")
 _PATH = re.compile(r"/\S+")
 
 
 def told(line: str) -> str:
-    """Return a line without its numbers, paths and the widths of its columns."""
-    return re.sub(r"\s+", " ", _NUMBER.sub("#", _PATH.sub("PATH", line))).strip()
+    """Return a line without its numbers, paths, runs' ids and the widths of its columns."""
+    names = _RUN.sub("RUN", _PATH.sub("PATH", line))
+    return re.sub(r"\s+", " ", _NUMBER.sub("#", names)).strip()
 
 
 def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
@@ -28,6 +31,15 @@ def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
         for step in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
             command, *shown = step.splitlines()
             yield command, shown
+
+
+def files_of(page: Path) -> Iterator[tuple[str, str]]:
+    """Give each file that a page has its reader write: its first line is a comment with its name."""
+    text = page.read_text(encoding="utf-8")
+    for block in re.findall(r"```(?:yaml|xml)\n(.*?)```", text, re.DOTALL):
+        named = re.match(r"(?:# |<!-- )([\w.-]+)(?: -->)?\n", block)
+        assert named, block
+        yield named[1], block
 
 
 def require_shown(shown: list[str], said: list[str], command: str) -> None:
@@ -46,12 +58,15 @@ def require_shown(shown: list[str], said: list[str], command: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["first-hour"])
+@pytest.mark.parametrize("name", NAMES)
 def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> None:
     own = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}", "COLUMNS": "200"}
-    found = list(steps(TUTORIALS / f"{name}.md"))
-    assert len(found) > 4
+    page = TUTORIALS / f"{name}.md"
+    found = list(steps(page))
+    assert len(found) >= 4
+    for file, content in files_of(page):
+        (tmp_path / file).write_text(content, encoding="utf-8")
     for command, shown in found:
         done = subprocess.run(
             command,
@@ -68,4 +83,4 @@ def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> No
 
 
 def test_every_tutorial_is_tried() -> None:
-    assert {path.stem for path in TUTORIALS.glob("*.md")} == {"first-hour"}
+    assert {path.stem for path in TUTORIALS.glob("*.md")} == set(NAMES)
