@@ -34,7 +34,7 @@ def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 def files_of(page: Path) -> Iterator[tuple[str, str]]:
-    """Give each file that a page has its reader write: its first line is a comment with its name."""
+    """Give each file that a page has its reader write; a comment at its top is its name."""
     text = page.read_text(encoding="utf-8")
     for block in re.findall(r"```(?:yaml|xml)\n(.*?)```", text, re.DOTALL):
         named = re.match(r"(?:# |<!-- )([\w.-]+)(?: -->)?\n", block)
