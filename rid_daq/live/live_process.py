@@ -11,6 +11,7 @@ import socket
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from config.process.collection import keep_from_collections
 from config.process.termination import leave_terminal
 from rid_daq.live.access import Access
 from rid_daq.live.asgi_server import AsgiServer
@@ -54,6 +55,7 @@ def run_live_page(
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(MOST_DESCRIPTORS, most), most))
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # failed requests of others are no news
     picture = MotionPicture(motion, ring, control)
+    keep_from_collections()
     asyncio.run(_serve(access, listener, picture, control, parent))
 
 

@@ -12,6 +12,7 @@ from typing import Final
 from fastapi import APIRouter
 
 from config.errors import ConfigError, LockedError
+from config.process.collection import keep_from_collections
 from config.process.file_locks import held_file
 from config.process.termination import ending_signals
 from rid_daq.live.access import Access
@@ -111,6 +112,7 @@ def serve_cells(
                 await serving
             LOG.info("ended")
 
+        keep_from_collections()
         asyncio.run(serve())
 
 

@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+
+def test_what_is_there_already_is_not_gone_through_again() -> None:
+    code = (
+        "import gc\n"
+        "from config.process.collection import keep_from_collections\n"
+        "kept = [[number] for number in range(10_000)]\n"
+        "keep_from_collections()\n"
+        "assert gc.get_freeze_count() > 10_000\n"
+        "assert len(gc.get_objects()) < 1000\n"
+        "new = []\n"
+        "new.append(new)\n"
+        "del new\n"
+        "assert gc.collect() >= 1\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
