@@ -120,7 +120,11 @@ TABLE: list[tuple[str, int, str]] = [
     ("import text.csv --map ur10e_31", 6, "wrong map or broken file"),
     ("import empty.csv --map ur10e_31", 6, "sound"),
     ("import text.csv --map ur10e", 2, "ur10e_31"),
-    ("import text.csv --map good.yaml", 2, "good.yaml:1:1"),
+    (
+        "import text.csv --map good.yaml",
+        2,
+        "good.yaml: this is a motion file; an import map file is wanted here",
+    ),
     ("import text.csv --map mine.map.yaml", 2, "two.yaml"),
     ("import text.csv --map ur10e_31 --rows 9-3", 2, "FIRST-LAST"),
     ("import text.csv --map ur10e_31 --rows x", 2, "FIRST-LAST"),
