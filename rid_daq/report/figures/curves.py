@@ -15,8 +15,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
+from rid_daq.report.sections.estimate import TruthCase
 from rid_daq.report.sections.friction import JointFriction
-from rid_daq.report.sections.truth import TruthCase
 from rid_daq.terminal.console import printable
 
 MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
