@@ -22,6 +22,7 @@ from mock_hw.drive.objects import DriveIdentity, drive_entries
 from mock_hw.simulation import CellSimulation
 
 PATIENCE_S = 120.0
+RETRIED_S = 5.0
 TYPES = {"B": 5, "b": 2, "H": 6, "h": 3, "I": 7, "i": 4, "s": 9}
 
 
@@ -73,7 +74,8 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
 
 def reset(node: canopen.RemoteNode, command: str) -> None:
     """Send an NMT command that ends in a boot-up message, and wait for that."""
-    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
+    # The boot-up may be that of power-on, before the reset: a request that it drops is sent again.
+    node.sdo.RESPONSE_TIMEOUT, node.sdo.MAX_RETRIES = RETRIED_S, round(PATIENCE_S / RETRIED_S)
     booted = threading.Event()
     node.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
     node.nmt.state = command
