@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from acquisition.runs.catalogue import find_run
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.average import AverageSection
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, Unfinished, report_lacks, result_of
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console

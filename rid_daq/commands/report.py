@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from acquisition.runs.catalogue import find_run
-from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.result_file import read_result
+from rid_daq.report_page.write import write_result
 from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 

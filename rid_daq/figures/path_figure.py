@@ -22,8 +22,12 @@ from rid_daq.figures.panel import (
     panel_to_scale,
     source,
 )
-from rid_daq.report.figures.paths import magnification
-from rid_daq.report.sections.tracking import FollowedMotion, JointUnit, PathCurves
+from rid_daq.report.sections.tracking import (
+    FollowedMotion,
+    JointUnit,
+    PathCurves,
+    magnification,
+)
 
 AXES: Final = "xyz"
 TIME: Final = "time [s]"

@@ -16,8 +16,8 @@ from identification.friction.experiments import constant_velocity_curves, revers
 from identification.friction.fits import fit_friction
 from identification.validation.estimated_friction import estimated_friction
 from rid_daq.jobs.cell_files import estimate_for
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.friction import FrictionSection
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, lacks, result_of
 
 

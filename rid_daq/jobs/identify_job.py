@@ -30,13 +30,13 @@ from rid_daq.jobs.identification_job import (
 from rid_daq.jobs.wiring_job import diagnose_wiring
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result import NOTHING_JUDGED, Result
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.console import Console
 

@@ -18,8 +18,8 @@ from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
 from config.robot.robot import RobotDescription
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import MAP, ROBOT, SOURCES, RunData, result_of
 from rid_daq.session.session import as_label, unfinished
 from rid_daq.session.versions import software_versions

@@ -14,8 +14,8 @@ from compensation.loops.loop_measurement import measure_loops
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
 from rid_daq.terminal.output_file import refuse_output
 

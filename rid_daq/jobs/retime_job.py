@@ -25,10 +25,10 @@ from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload
 from rid_daq.jobs.cell_files import estimate_for, motion_for
-from rid_daq.report.render import render_report
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report_page.render import render_report
 from rid_daq.terminal.output_file import refuse_output
 
 DEFAULT_CONFIDENCE: Final = 0.95

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import followed
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.run_data import report_lacks, result_of

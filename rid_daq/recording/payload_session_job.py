@@ -23,10 +23,10 @@ from rid_daq.recording.payload_state import UNLOADED, SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
 from rid_daq.recording.run_session import open_session
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
 from rid_daq.session.cells import Simulation

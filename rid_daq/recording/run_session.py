@@ -27,10 +27,10 @@ from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.recording.recorded_run import RecordedRun, ending_said
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import LoopTiming, Timing
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import note_flange
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality

@@ -19,8 +19,8 @@ from identification.payload.verdict import PayloadLimits, PayloadResult, checks
 from rid_daq.jobs.payload.payload_job import PAYLOAD
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import CELL
 
 MEDIUM = PayloadBody.of_reported(

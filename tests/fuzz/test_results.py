@@ -14,7 +14,8 @@ from hypothesis import example, given, settings
 from acquisition.runs.folder import RunFolder
 from config.errors import RidDaqError
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.result_file import read_result
+from rid_daq.report_page.write import write_result
 from tests.builders.changed_json import changed
 from tests.builders.invented import whole_result
 

@@ -17,9 +17,9 @@ from identification.payload.known import Known
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
-from rid_daq.report.result_file import write_result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.console import Console

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from compensation.feedforward.tracking_error import TrackingError
 
 DRAWN_POINTS = 500
+DRAWN_SHARE = 0.12
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
 
 
@@ -208,3 +210,18 @@ class TrackingSection(Section):
             closer + (" at least" if len(ratios) > 1 else ""),
             "Before is velocity feedforward alone, after is with pre-compensation.",
         )
+
+
+def magnification(extent_m: float, deviation_m: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, so that a deviation is drawn as an eighth of a path.
+
+    Parameters
+    ----------
+    extent_m : float
+        Of the path.
+    deviation_m : float
+        The largest one.
+    """
+    wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
+    power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
+    return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0))

@@ -22,8 +22,8 @@ from compensation.loops.multisine_motion import (
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.report.figures.bode import cascade_figure, controller_figure
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
+from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
 from rid_daq.terminal.console import Console
 
 DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]

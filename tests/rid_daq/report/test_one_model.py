@@ -8,7 +8,8 @@ from pathlib import Path
 from acquisition.runs.folder import RunFolder
 from rid_daq.report.model_file import BY_MODEL, ModelFile
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.result_file import read_result
+from rid_daq.report_page.write import write_result
 from tests.builders.invented import whole_result
 
 

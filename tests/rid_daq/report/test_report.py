@@ -10,12 +10,13 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from config.errors import RecordingError
-from rid_daq.report.figures.paths import magnification
 from rid_daq.report.formats import duration, number
-from rid_daq.report.render import render_report
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.result_file import read_result
+from rid_daq.report.sections.tracking import magnification
 from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.report_page.render import render_report
+from rid_daq.report_page.write import write_result
 from tests.builders.invented import whole_result
 
 

@@ -15,9 +15,10 @@ from typing import Any
 import pytest
 
 from acquisition.runs.folder import RunFolder
-from rid_daq.report.render import render_report
 from rid_daq.report.result import Result
-from rid_daq.report.result_file import read_result, write_result
+from rid_daq.report.result_file import read_result
+from rid_daq.report_page.render import render_report
+from rid_daq.report_page.write import write_result
 
 pytestmark = pytest.mark.slow
 

@@ -12,9 +12,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from rid_daq.report.figures.curves import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 from rid_daq.report.sections.loop_curves import CascadeCurves, LoopMargins
 from rid_daq.report.sections.velocity_loops import AxisLoop
+from rid_daq.report_page.drawings.curves import (
+    FAINT,
+    MEASURED,
+    PREDICTED,
+    STYLE,
+    WRONG,
+    as_label,
+    as_svg,
+)
 
 EVEN, NOISE, LINE = "#7c3aed", "#8593a3", "#475569"
 SMALLEST_DB = 1e-9

@@ -11,10 +11,17 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.report.figures.curves import FAINT, MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
-from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves
+from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves, magnification
+from rid_daq.report_page.drawings.curves import (
+    FAINT,
+    MEASURED,
+    PREDICTED,
+    STYLE,
+    WRONG,
+    as_label,
+    as_svg,
+)
 
-DRAWN_SHARE = 0.12
 AXES = "xyz"
 
 
@@ -99,21 +106,6 @@ def error_figure(drawn: DrawnPaths, joints: Sequence[JointUnit], name: str) -> M
                 if part is bottom:
                     panel.set_xlabel("time [s]")
         return as_svg(figure, name)
-
-
-def magnification(extent_m: float, deviation_m: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, so that a deviation is drawn as an eighth of a path.
-
-    Parameters
-    ----------
-    extent_m : float
-        Of the path.
-    deviation_m : float
-        The largest one.
-    """
-    wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
-    power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
-    return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0))
 
 
 def _largest(curve: PathCurves, across: list[int]) -> float:

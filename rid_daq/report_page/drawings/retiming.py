@@ -11,9 +11,9 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.report.figures.curves import FAINT, MEASURED, STYLE, WRONG, as_label, as_svg
 from rid_daq.report.sections.retiming import CHANGES, RetimedWay
 from rid_daq.report.sections.section import Numbers
+from rid_daq.report_page.drawings.curves import FAINT, MEASURED, STYLE, WRONG, as_label, as_svg
 
 COLOURS = ("#3b82f6", "#c2410c", "#15803d", "#7c3aed", "#b45309", "#0e7490")
 LIMIT_REACH = 1.6

@@ -10,19 +10,19 @@ import jinja2
 from markupsafe import Markup
 
 from config.errors import RecordingError
-from rid_daq.report.figures.bode import cascade_figure, controller_figure
-from rid_daq.report.figures.curves import (
+from rid_daq.report.formats import duration, moment, number, unit
+from rid_daq.report.model_file import BY_MODEL
+from rid_daq.report.result import Result
+from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
+from rid_daq.report_page.drawings.curves import (
     friction_figure,
     histogram_figure,
     spectrum_figure,
     torque_figure,
     truth_figure,
 )
-from rid_daq.report.figures.paths import error_figure, path_figure
-from rid_daq.report.figures.retiming import retiming_figure
-from rid_daq.report.formats import duration, moment, number, unit
-from rid_daq.report.model_file import BY_MODEL
-from rid_daq.report.result import Result
+from rid_daq.report_page.drawings.paths import error_figure, path_figure
+from rid_daq.report_page.drawings.retiming import retiming_figure
 from rid_daq.terminal.console import printable
 
 
@@ -60,7 +60,7 @@ def _origin(result: Result, name: str) -> Markup:
 @functools.cache
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rid_daq.report"),
+        loader=jinja2.PackageLoader("rid_daq.report_page"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         finalize=_visible,
