@@ -39,6 +39,11 @@ class WhitenedEquations:
     sigma: FloatArray
     rows: int
 
+    @property
+    def noise_power(self) -> float:
+        """Mean square that noise alone leaves of the output."""
+        return float(np.sum(self.sigma**2) * self.rows / len(self.rhs))
+
     def reweighted(self, weights: FloatArray) -> WhitenedEquations:
         """Return the rows times the roots of some weights."""
         root = np.sqrt(weights)

@@ -84,10 +84,7 @@ class PeriodicFit:
     @property
     def noise_nm(self) -> FloatArray:
         """RMS that the noise alone would leave, shape (n,) [N m or N]."""
-        power = [
-            [np.sum(part.sigma**2) * part.rows / len(part.rhs) for part in parts]
-            for parts in self.joints
-        ]
+        power = [[part.noise_power for part in parts] for parts in self.joints]
         return np.asarray(np.sqrt(np.mean(power, axis=0)))
 
     def _rms(self, values: FloatArray) -> FloatArray:

@@ -184,6 +184,9 @@ class PayloadEquations:
     explained_nm : ndarray, shape (n,)
         RMS of each joint's torque that was explained before these equations were made [N m or N]:
         by `apart` by two robots, by `difference` by the run without payload; else zero.
+    noise_nm : ndarray, shape (n,), or None
+        RMS that the measured noise alone leaves of each joint's torque [N m or N]; None where it is
+        not measured, as of recordings that are not periodic.
     carried : tuple of ndarray, n of shape (any, 10), or none
         R of the payload's columns in each joint's torque over the loaded runs, sums of squares made
         mean squares [N m or N]; none where `joints` has them.
@@ -199,6 +202,7 @@ class PayloadEquations:
     known: FloatArray
     runs: tuple[int, ...]
     explained_nm: FloatArray
+    noise_nm: FloatArray | None
     carried: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:

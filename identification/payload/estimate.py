@@ -62,6 +62,9 @@ class PayloadEstimate:
         Where it was measured.
     torque_nm : ndarray, shape (n,), or None
         RMS of each joint's torque [N m or N]; None in files of version 0.1.
+    noise_nm : ndarray, shape (n,), or None
+        RMS that the measured noise alone leaves of each joint's torque [N m or N]; None where it is
+        not measured, and in files that do not tell it.
     contradictions : ndarray, shape (k,), or None
         How far each of `known` lies from what the recordings say without it [standard deviations];
         None in files of version 0.1.
@@ -86,6 +89,7 @@ class PayloadEstimate:
     torque_nm: FloatArray | None = None
     contradictions: FloatArray | None = None
     torque_constant_sigma: float = 0.0
+    noise_nm: FloatArray | None = None
 
     def __post_init__(self) -> None:
         ten, n = PARAMETERS_PER_LINK, len(self.robot.joints)
@@ -95,7 +99,7 @@ class PayloadEstimate:
         freeze(self, EstimationError, (ten, n), "gain_slopes", what="payload ")
         freeze(self, EstimationError, (ten, None), "unseen", what="payload ")
         freeze(self, EstimationError, (len(self.known),), "contradictions", what="payload ")
-        of_joints = ("torque_nm", "residual_nm", "payload_nm")
+        of_joints = ("torque_nm", "residual_nm", "payload_nm", "noise_nm")
         freeze(self, EstimationError, (n,), *of_joints, what="payload ")
 
     @property
@@ -165,7 +169,7 @@ class PayloadEstimate:
         """How well the payload and the robot explain each joint's torque, as `residual_share`."""
         n = len(self.robot.joints)
         work = np.full(n, np.nan) if self.torque_nm is None else self._work_nm(self.torque_nm)
-        return grade_fit(self.robot.joint_names, self.residual_nm, work)
+        return grade_fit(self.robot.joint_names, self.residual_nm, work, self.noise_nm)
 
     def _work_nm(self, torque_nm: FloatArray) -> FloatArray:
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
@@ -293,6 +297,7 @@ def of_solution(
         torque_constant_sigma=torque_constant_sigma,
         torque_nm=torque,
         residual_nm=residual,
+        noise_nm=equations.noise_nm,
         payload_nm=np.array(caused),
         equations=sum(equations.rows),
         cell_name=cell_name,

@@ -72,6 +72,7 @@ class PayloadDocument(ConfigModel):
     condition_number: float
     torque_nm: Row | None = None
     residual_nm: Row
+    noise_nm: Row | None = None
     payload_nm: Row
     equations: int
     passed: bool

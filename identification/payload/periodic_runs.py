@@ -157,6 +157,7 @@ def _condensed(
     factors: list[FloatArray] = []
     owners: list[int] = []
     triangles = [Triangle.empty(width) for _ in range(n)]
+    noise = np.zeros((len(binned), n))
     for run, (each, size) in enumerate(zip(binned, inertia, strict=True)):
         white = [_spread(layout, run, part) for part in whiten(each, size)]
         for j, part in enumerate(white):
@@ -164,6 +165,7 @@ def _condensed(
             triangles[j] = triangles[j].add(
                 part.matrix * sigma[:, np.newaxis], part.rhs * sigma, part.rows
             )
+            noise[run, j] = part.noise_power
         bins = both_parts(np.arange(each.harmonics + 1, dtype=np.float64))
         for number in range(each.harmonics + 1):
             rows = bins == number
@@ -182,6 +184,7 @@ def _condensed(
         known=known,
         runs=tuple(owners),
         explained_nm=np.zeros(n),
+        noise_nm=np.sqrt(np.mean(noise, axis=0)),
     )
 
 

@@ -250,7 +250,9 @@ def equations_of_two_robots(
     rhs: FloatArray = np.asarray(np.linalg.solve(lower, difference / scale), dtype=np.float64)
     n = len(with_payload.robot.joints)
     nothing = [np.zeros((0, ten))] * (n - 1)
-    residual = np.maximum(with_payload.residual_nm, alone.residual_nm)
+    worse = with_payload.residual_nm >= alone.residual_nm
+    residual = np.where(worse, with_payload.residual_nm, alone.residual_nm)
+    noises = (with_payload.noise_nm, alone.noise_nm)
     factors = tuple(
         condense([matrix[[i]], *nothing], [rhs[[i]], *[np.zeros(0)] * (n - 1)], ten)
         for i in range(len(rhs))
@@ -266,4 +268,5 @@ def equations_of_two_robots(
         known=np.zeros((0, ten + 1)),
         runs=(0,) * len(factors),
         explained_nm=np.sqrt(np.maximum(torque_nm**2 - residual**2, 0.0)),
+        noise_nm=None if noises[0] is None or noises[1] is None else np.where(worse, *noises),
     )

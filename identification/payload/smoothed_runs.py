@@ -149,6 +149,7 @@ class SmoothedRuns:
             known=known,
             runs=tuple(owners),
             explained_nm=np.zeros(n),
+            noise_nm=None,
         )
 
 

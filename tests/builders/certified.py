@@ -103,6 +103,7 @@ def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate
         cell_name=loaded.config.name,
         run_ids=run_ids,
         torque_nm=np.full(joints, 100.0),
+        noise_nm=np.full(joints, 0.1),
         contradictions=np.zeros(0),
     )
 

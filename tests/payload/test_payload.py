@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +21,7 @@ from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS, REPORTED, PayloadBody
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
+from identification.payload.file import read_payload, write_payload
 from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
@@ -243,6 +246,30 @@ def test_every_axis_of_a_sound_pair_keeps_its_residual_limit(
         found = identify_payload(robot, both, PayloadOptions(procedure, OPTIONS))
         assert found.residual_share is not None
         assert np.max(found.residual_share) < 0.1
+
+
+def test_residuals_of_a_model_that_is_right_are_about_the_measured_noise(
+    robot: RobotDescription, both: PeriodicRuns, alone: Estimate
+) -> None:
+    for procedure in ("together", "apart", "difference", "model"):
+        known = alone if procedure == "model" else None
+        found = identify_payload(robot, both, PayloadOptions(procedure, OPTIONS, known))
+        over = [each.over_noise for each in found.fit]
+        assert over == [pytest.approx(1.0, abs=0.6)] * len(over), (procedure, over)
+
+
+def test_payloads_of_files_that_do_not_tell_the_noise_stay_readable(
+    robot: RobotDescription, both: PeriodicRuns, tmp_path: Path
+) -> None:
+    found = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
+    write_payload(tmp_path / "new.json", PayloadResult(found, checks(found, PayloadLimits())))
+    document = json.loads((tmp_path / "new.json").read_text(encoding="utf-8"))
+    kept = read_payload(tmp_path / "new.json").estimate
+    assert found.noise_nm is not None
+    assert kept.noise_nm is not None
+    assert kept.noise_nm.tolist() == found.noise_nm.tolist() == document.pop("noise_nm")
+    (tmp_path / "old.json").write_text(json.dumps(document), encoding="utf-8")
+    assert read_payload(tmp_path / "old.json").estimate.noise_nm is None
 
 
 def test_what_contradicts_itself_is_not_a_payload(

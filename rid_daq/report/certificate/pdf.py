@@ -20,6 +20,7 @@ from rid_daq.report.certificate.page import (
     CertificatePage,
 )
 from rid_daq.report.formats import number, unit
+from rid_daq.report.sections.section import units
 
 NOT_RECORDED: Final = "not recorded"
 
@@ -56,6 +57,7 @@ def certificate_pdf(certificate: Certificate) -> bytes:
     _values(page, certificate)
     _picture(page, certificate)
     _limits(page, certificate)
+    _fit(page, certificate)
     _load_data(page, certificate)
     _findings(page, certificate)
     _origin(page, certificate)
@@ -158,6 +160,31 @@ def _limits(page: CertificatePage, certificate: Certificate) -> None:
         ],
         head=("what", "reached", "limit", ""),
         aligned="LRRL",
+        size_pt=8.0,
+    )
+
+
+def _fit(page: CertificatePage, certificate: Certificate) -> None:
+    """Write how well payload and robot explain each axis' torque."""
+    estimate = certificate.payload.estimate
+    if estimate.torque_nm is None:
+        return
+    page.heading("How well the recordings are explained", 30.0)
+    page.rows(
+        (20, 17, 17, 17, 12, 47),
+        [
+            (
+                fit.joint,
+                f"{number(fit.residual_nm, 3)} {units(joint)[1]}",
+                f"{number(fit.percent, 3)} %",
+                "–" if fit.over_noise is None else f"{number(fit.over_noise, 2)} times",
+                fit.grade or "–",
+                fit.reason,
+            )
+            for joint, fit in zip(estimate.robot.joints, estimate.fit, strict=True)
+        ],
+        head=("axis", "residual (RMS)", "of its torque", "over the noise", "fit", "what decides"),
+        aligned="LRRRLL",
         size_pt=8.0,
     )
 

@@ -104,6 +104,9 @@ class PayloadAxis(Section):
         Torque of the payload, and the residual (RMS), in `unit`.
     residual_percent : float
         The residual, of the axis' torque [%]; left out by versions that did not judge it.
+    noise, over_noise : float or None
+        What the measured noise alone leaves, in `unit`, and the residual over it; None where it is
+        not measured, left out by versions that did not tell it.
     grade, reason : str or None
         "good", "doubtful" or "bad", and what decides it; left out by versions that did not grade.
     mass_per_percent : float or None
@@ -117,6 +120,8 @@ class PayloadAxis(Section):
     residual: float
     mass_per_percent: float | None
     residual_percent: float | None = None
+    noise: float | None = None
+    over_noise: float | None = None
     grade: Grade | None = None
     reason: str | None = None
 
@@ -199,6 +204,8 @@ class PayloadSection(Section):
                 residual_percent=[None] * len(estimate.robot.joints)
                 if estimate.residual_share is None
                 else 100.0 * estimate.residual_share,
+                noise=[fit.noise_nm for fit in estimate.fit],
+                over_noise=[fit.over_noise for fit in estimate.fit],
                 grade=[fit.grade for fit in estimate.fit],
                 reason=[fit.reason for fit in estimate.fit],
             ),
@@ -240,13 +247,22 @@ class PayloadSection(Section):
         for finding in self.findings:
             console.say(finding)
         console.table(
-            ("axis", "payload (RMS)", "residual (RMS)", "fit", "mass per 1 % of torque"),
+            (
+                "axis",
+                "payload (RMS)",
+                "residual (RMS)",
+                "of torque",
+                "over noise",
+                "fit",
+                "mass per 1 % of torque",
+            ),
             [
                 (
                     axis.joint,
                     f"{number(axis.payload, 3)} {axis.unit}",
-                    f"{number(axis.residual, 3)} {axis.unit}"
-                    f" ({number(axis.residual_percent, 2)} % of its torque)",
+                    f"{number(axis.residual, 3)} {axis.unit}",
+                    f"{number(axis.residual_percent, 2)} %",
+                    "–" if axis.over_noise is None else f"{number(axis.over_noise, 2)} times",
                     axis.grade or "–",
                     "–"
                     if axis.mass_per_percent is None
@@ -254,6 +270,7 @@ class PayloadSection(Section):
                 )
                 for axis in self.axes
             ],
+            red=[axis.grade is Grade.BAD for axis in self.axes],
         )
 
 

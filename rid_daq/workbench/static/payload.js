@@ -163,9 +163,13 @@ function axes(payload) {
   const rows = payload.axes.map((axis) => [
     axis.joint, gradeOf(axis.grade), axis.reason ?? "–", `${number(axis.payload, 3)} ${axis.unit}`,
     `${number(axis.residual, 3)} ${axis.unit}`,
+    axis.residual_percent == null ? "–" : `${number(axis.residual_percent, 3)} %`,
+    axis.over_noise == null ? "–" : `${number(axis.over_noise, 2)} times`,
     axis.mass_per_percent == null ? "–" : `${number(axis.mass_per_percent, 2)} kg`,
   ]);
-  const columns = ["axis", "fit", "why", "payload (RMS)", "residual (RMS)", "mass per 1 % of torque"];
+  const columns = [
+    "axis", "fit", "why", "payload (RMS)", "residual (RMS)", "of torque", "over noise", "mass per 1 % of torque",
+  ];
   return element("details", {}, element("summary", {}, "What each axis sees"), table(columns, rows, null, "axes"));
 }
 

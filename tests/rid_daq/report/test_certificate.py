@@ -66,6 +66,12 @@ def row_of(text: str, quantity: str) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
+def test_the_residual_of_every_axis_stands_with_its_noise_and_grade(pages: list[str]) -> None:
+    text = words_of(pages)
+    for joint in ("axis1", "axis6"):
+        assert f"{joint} 0.5 N m 0.5 % 5 times good" in text
+
+
 def test_the_numbers_are_those_of_the_payload_file(kept: Session, pages: list[str]) -> None:
     document = json.loads(kept.folder.read("payload.json"))
     text = words_of(pages)
