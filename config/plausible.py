@@ -6,6 +6,7 @@ file is loaded. What lies outside is most often right in another unit: the messa
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import math
 import types
@@ -79,6 +80,11 @@ class Plausible:
         """Return the range in words, for the reference."""
         words = f"plausible {self.low:g} to {self.high:g} {self.unit}".rstrip()
         return f"{words}, prismatic {str(self.prismatic)[10:]}" if self.prismatic else words
+
+    @property
+    def in_percent(self) -> Plausible:
+        """The same range of what is a share here, in percent."""
+        return Plausible(100.0 * self.low, 100.0 * self.high, "%")
 
     def holds(self, size: float) -> bool:
         """Return whether a size lies within the range."""
@@ -175,6 +181,22 @@ def implausible(file: object) -> Iterator[tuple[Path, str]]:
             yield values[name][0], words
 
 
+def implausible_fields(request: object) -> Iterator[tuple[Path, str]]:
+    """Yield which fields of a dataclass, and of those in it, are implausible, and why.
+
+    Nothing overrules them: they are what a person has just asked for.
+    """
+    for path, value, found in _within(request, type(request), (), False):
+        refusal = found.refusal(value)
+        if refusal is not None:
+            yield path, refusal
+
+
+def range_of(annotated: Any) -> Plausible:
+    """Return the range of `Annotated[..., Plausible(...)]`."""
+    return next(each for each in annotated.__metadata__ if isinstance(each, Plausible))
+
+
 def key_name(path: Path) -> str:
     """Return a key as messages and `implausible_on_purpose` have it."""
     return ".".join(map(str, path))
@@ -201,6 +223,12 @@ def _within(
         return
     if isinstance(value, BaseModel):
         yield from _ranges(value, path, prismatic)
+        return
+    if dataclasses.is_dataclass(value):
+        hints = typing.get_type_hints(type(value), include_extras=True)
+        for field in dataclasses.fields(value):
+            inner = getattr(value, field.name)
+            yield from _within(inner, hints[field.name], (*path, field.name), prismatic)
         return
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:

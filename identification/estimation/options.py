@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from pydantic import ConfigDict
 
 from config.arrays import FloatArray
+from config.plausible import Plausible
+from config.robot.robot import NonNegative
 from identification.model.options import ModelOptions
 
 BAND_HZ: Final = 10.0
 STANDSTILL_RAD_S: Final = 0.02
+
+BandHz = Annotated[NonNegative, Plausible(0.1, 1e3, "Hz")]
+"""A highest frequency [Hz]."""
+
+StandstillRadS = Annotated[NonNegative, Plausible(1e-4, 1.0, "rad/s")]
+"""A lowest speed of friction that is used [rad/s or m/s]."""
 
 Weighting = Literal["ml", "ls", "huber"]
 """Rows weighted by one over their noise, all alike, or by noise with outliers held down."""
@@ -44,5 +52,5 @@ class EstimationOptions:
     model: ModelOptions = field(default_factory=ModelOptions)
     weighting: Weighting = "ml"
     prior: Prior | None = None
-    band_hz: float = BAND_HZ
-    standstill_rad_s: float = STANDSTILL_RAD_S
+    band_hz: BandHz = BAND_HZ
+    standstill_rad_s: StandstillRadS = STANDSTILL_RAD_S

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from config.robot.robot import RobotDescription
+from config.plausible import Plausible
+from config.robot.robot import NonNegative, RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import SMALLEST_P
 from identification.payload.body import REPORTED, REPORTED_UNITS
@@ -38,6 +39,13 @@ NO_BODY: Final = (
 )
 
 
+Share = Annotated[NonNegative, Plausible(0.1, 1e3, "%")]
+"""A largest share [%]."""
+
+Millimetres = Annotated[NonNegative, Plausible(0.05, 500.0, "mm")]
+"""A largest length [mm]."""
+
+
 @dataclass(frozen=True)
 class PayloadLimits:
     """How sure a payload must be: 2 sigma at most.
@@ -54,10 +62,10 @@ class PayloadLimits:
         What the fit may leave of each axis' torque (RMS).
     """
 
-    mass_percent: float = 5.0
-    centre_mm: float = 10.0
-    inertia_percent: float = 100.0
-    residual_percent: float = 20.0
+    mass_percent: Share = 5.0
+    centre_mm: Millimetres = 10.0
+    inertia_percent: Share = 100.0
+    residual_percent: Share = 20.0
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,23 @@ import typer
 
 from config.errors import ConfigError
 from config.robot.robot import FrictionTerm
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, EstimationOptions
+from identification.estimation.options import (
+    BAND_HZ,
+    STANDSTILL_RAD_S,
+    BandHz,
+    EstimationOptions,
+    StandstillRadS,
+)
 from identification.model.options import ModelOptions
 from rid_daq.jobs.identification_job import EstimationRequest, friction_terms_of
-from rid_daq.jobs.identify_job import MODEL, IdentifiedRuns, IdentifyRequest, identify_runs
+from rid_daq.jobs.identify_job import (
+    MODEL,
+    IdentifiedRuns,
+    IdentifyRequest,
+    LoadMassKg,
+    LoadMassSigmaKg,
+    identify_runs,
+)
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
@@ -21,7 +34,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-from rid_daq.terminal.plausible_option import BAND, STANDSTILL, plausible
+from rid_daq.terminal.plausible_option import plausible_as
 
 
 class Estimator(StrEnum):
@@ -77,7 +90,7 @@ def identify(
         typer.Option(
             "--load-mass",
             min=0.001,
-            callback=plausible(1e-3, 2.5e3, "kg"),
+            callback=plausible_as(LoadMassKg),
             help="Weighed mass of that payload [kg]: tells drive gains.",
         ),
     ] = None,
@@ -86,7 +99,7 @@ def identify(
         typer.Option(
             "--load-mass-sigma",
             min=1e-6,
-            callback=plausible(1e-6, 20.0, "kg"),
+            callback=plausible_as(LoadMassSigmaKg),
             help="The scales' error (1 σ) [kg].",
         ),
     ] = 0.01,
@@ -101,14 +114,17 @@ def identify(
         ),
     ] = True,
     band_hz: Annotated[
-        float, typer.Option("--band", min=0.01, callback=BAND, help="Highest frequency used [Hz].")
+        float,
+        typer.Option(
+            "--band", min=0.01, callback=plausible_as(BandHz), help="Highest frequency used [Hz]."
+        ),
     ] = BAND_HZ,
     standstill_rad_s: Annotated[
         float,
         typer.Option(
             "--standstill",
             min=0.0,
-            callback=STANDSTILL,
+            callback=plausible_as(StandstillRadS),
             help="Lowest speed used for friction [rad/s].",
         ),
     ] = STANDSTILL_RAD_S,

@@ -9,12 +9,16 @@ from typing import Annotated, get_args
 import typer
 
 from config.robot.robot import FrictionTerm
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.model.options import ModelOptions
 from identification.payload.body import REPORTED
-from identification.payload.verdict import PayloadLimits
+from identification.payload.verdict import Millimetres, PayloadLimits, Share
 from rid_daq.jobs.identification_job import friction_terms_of
-from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
+from rid_daq.jobs.payload.identify_job import (
+    PayloadIdentifyRequest,
+    TorqueConstantSigma,
+    identify_payload_runs,
+)
 from rid_daq.jobs.payload.payload_job import PAYLOAD, known_quantity
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
@@ -23,7 +27,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.output_file import Overwrite, refuse_output
-from rid_daq.terminal.plausible_option import BAND, MILLIMETRES, SHARE, STANDSTILL, plausible
+from rid_daq.terminal.plausible_option import plausible_as
 
 
 class How(StrEnum):
@@ -74,7 +78,7 @@ def identify(
             "--torque-constant-sigma",
             min=0.0,
             max=50.0,
-            callback=plausible(0.05, 50.0, "%"),
+            callback=plausible_as(TorqueConstantSigma, percent=True),
             metavar="PERCENT",
             help="What is not known of each torque constant (1 σ): widens the intervals. 1 % if"
             " not given; `apart` counts them as right.",
@@ -82,12 +86,20 @@ def identify(
     ] = None,
     mass_limit_percent: Annotated[
         float,
-        typer.Option("--mass-limit", min=0.0, callback=SHARE, help="2σ of the mass at most [%]."),
+        typer.Option(
+            "--mass-limit",
+            min=0.0,
+            callback=plausible_as(Share),
+            help="2σ of the mass at most [%].",
+        ),
     ] = PayloadLimits.mass_percent,
     centre_limit_mm: Annotated[
         float,
         typer.Option(
-            "--centre-limit", min=0.0, callback=MILLIMETRES, help="2σ of the centre at most [mm]."
+            "--centre-limit",
+            min=0.0,
+            callback=plausible_as(Millimetres),
+            help="2σ of the centre at most [mm].",
         ),
     ] = PayloadLimits.centre_mm,
     inertia_limit_percent: Annotated[
@@ -95,7 +107,7 @@ def identify(
         typer.Option(
             "--inertia-limit",
             min=0.0,
-            callback=SHARE,
+            callback=plausible_as(Share),
             help="2σ of inertia at most, of that about the flange [%].",
         ),
     ] = PayloadLimits.inertia_percent,
@@ -104,7 +116,7 @@ def identify(
         typer.Option(
             "--residual-limit",
             min=0.0,
-            callback=SHARE,
+            callback=plausible_as(Share),
             help="Residual of an axis' torque at most [%].",
         ),
     ] = PayloadLimits.residual_percent,
@@ -115,14 +127,17 @@ def identify(
         ),
     ] = None,
     band_hz: Annotated[
-        float, typer.Option("--band", min=0.01, callback=BAND, help="Highest frequency used [Hz].")
+        float,
+        typer.Option(
+            "--band", min=0.01, callback=plausible_as(BandHz), help="Highest frequency used [Hz]."
+        ),
     ] = BAND_HZ,
     standstill_rad_s: Annotated[
         float,
         typer.Option(
             "--standstill",
             min=0.0,
-            callback=STANDSTILL,
+            callback=plausible_as(StandstillRadS),
             help="Lowest speed used for friction [rad/s].",
         ),
     ] = STANDSTILL_RAD_S,

@@ -7,13 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
-from identification.payload.verdict import PayloadLimits
+from identification.payload.verdict import Millimetres, PayloadLimits, Share
 from rid_daq.jobs.payload.payload_job import known_quantity
 from rid_daq.live.access import DEFAULT_LISTEN
 from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
-from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
+from rid_daq.recording.payload_steps import (
+    PayloadSessionRequest,
+    RehearsalPercent,
+    StepFailed,
+    UntilMassKg,
+    WarmUpPercent,
+)
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
@@ -22,7 +28,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.clearance import WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.plausible_option import MILLIMETRES, SHARE, plausible
+from rid_daq.terminal.plausible_option import plausible_as
 
 
 def session(
@@ -50,7 +56,7 @@ def session(
         typer.Option(
             "--until-mass",
             min=1e-4,
-            callback=plausible(1e-4, 20.0, "kg"),
+            callback=plausible_as(UntilMassKg),
             help="End the loaded run at this 2σ of the mass.",
         ),
     ] = None,
@@ -60,7 +66,7 @@ def session(
             "--rehearsal",
             min=0.0,
             max=100.0,
-            callback=plausible(1.0, 100.0, "%"),
+            callback=plausible_as(RehearsalPercent),
             help="Its speed [%]; 0 skips it.",
         ),
     ] = 25.0,
@@ -69,7 +75,7 @@ def session(
         typer.Option(
             "--warm-up",
             min=0.0,
-            callback=plausible(0.02, 500.0, "%"),
+            callback=plausible_as(WarmUpPercent),
             help="Warm at this change a period [%]; 0 skips it.",
         ),
     ] = 1.0,
@@ -78,24 +84,37 @@ def session(
     ] = 30,
     mass_limit_percent: Annotated[
         float,
-        typer.Option("--mass-limit", min=0.0, callback=SHARE, help="2σ of the mass at most [%]."),
+        typer.Option(
+            "--mass-limit",
+            min=0.0,
+            callback=plausible_as(Share),
+            help="2σ of the mass at most [%].",
+        ),
     ] = PayloadLimits.mass_percent,
     centre_limit_mm: Annotated[
         float,
         typer.Option(
-            "--centre-limit", min=0.0, callback=MILLIMETRES, help="2σ of the centre at most [mm]."
+            "--centre-limit",
+            min=0.0,
+            callback=plausible_as(Millimetres),
+            help="2σ of the centre at most [mm].",
         ),
     ] = PayloadLimits.centre_mm,
     inertia_limit_percent: Annotated[
         float,
-        typer.Option("--inertia-limit", min=0.0, callback=SHARE, help="2σ of inertia at most [%]."),
+        typer.Option(
+            "--inertia-limit",
+            min=0.0,
+            callback=plausible_as(Share),
+            help="2σ of inertia at most [%].",
+        ),
     ] = PayloadLimits.inertia_percent,
     residual_limit_percent: Annotated[
         float,
         typer.Option(
             "--residual-limit",
             min=0.0,
-            callback=SHARE,
+            callback=plausible_as(Share),
             help="Residual of an axis' torque at most [%].",
         ),
     ] = PayloadLimits.residual_percent,

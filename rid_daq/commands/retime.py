@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from identification.calibration.base_reaction import BaseMassKg
 from rid_daq.jobs.retime_job import DEFAULT_CONFIDENCE, RetimeRequest, retime_motion
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
@@ -14,7 +15,7 @@ from rid_daq.session.cells import CellName
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.output_file import Overwrite
-from rid_daq.terminal.plausible_option import plausible
+from rid_daq.terminal.plausible_option import plausible_as
 
 
 def retime(
@@ -73,7 +74,7 @@ def retime(
         typer.Option(
             "--mass",
             min=0.0,
-            callback=plausible(0.1, 1e5, "kg"),
+            callback=plausible_as(BaseMassKg),
             help="Mass of all that the base carries [kg].",
         ),
     ] = None,

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.calibration.base_reaction import BaseMassKg
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
 from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
@@ -16,7 +17,7 @@ from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.plausible_option import BAND, STANDSTILL, plausible
+from rid_daq.terminal.plausible_option import plausible_as
 
 
 def validate(
@@ -40,13 +41,19 @@ def validate(
     band_hz: Annotated[
         float,
         typer.Option(
-            "--band", min=0.01, callback=BAND, help="Signals are compared up to here [Hz]."
+            "--band",
+            min=0.01,
+            callback=plausible_as(BandHz),
+            help="Signals are compared up to here [Hz].",
         ),
     ] = BAND_HZ,
     standstill_rad_s: Annotated[
         float,
         typer.Option(
-            "--standstill", min=0.0, callback=STANDSTILL, help="Lowest speed that counts [rad/s]."
+            "--standstill",
+            min=0.0,
+            callback=plausible_as(StandstillRadS),
+            help="Lowest speed that counts [rad/s].",
         ),
     ] = STANDSTILL_RAD_S,
     base: Annotated[
@@ -58,7 +65,7 @@ def validate(
         typer.Option(
             "--mass",
             min=0.0,
-            callback=plausible(0.1, 1e5, "kg"),
+            callback=plausible_as(BaseMassKg),
             help="Mass of all that the base carries [kg].",
         ),
     ] = None,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
+from config.plausible import Plausible
+from config.robot.robot import NonNegative
 from identification.accuracy.identifiability import bound_findings, few_findings, weak_parameters
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
@@ -45,6 +48,13 @@ BAD_FIT = "Failed: the model does not explain this run"
 MISTAKEN = "Failed: a file of this run is probably wrong"
 
 
+LoadMassKg = Annotated[NonNegative, Plausible(1e-3, 2.5e3, "kg")]
+"""A weighed mass [kg]."""
+
+LoadMassSigmaKg = Annotated[NonNegative, Plausible(1e-6, 20.0, "kg")]
+"""What scales leave open (1 σ) [kg]."""
+
+
 @dataclass(frozen=True)
 class IdentifyRequest:
     """What `rid-daq identify` was asked for.
@@ -77,7 +87,7 @@ class IdentifyRequest:
     unfinished: bool = False
     how: EstimationRequest = field(default_factory=EstimationRequest)
     loaded: tuple[str, ...] = ()
-    load_mass_kg: tuple[float, float] | None = None
+    load_mass_kg: tuple[LoadMassKg, LoadMassSigmaKg] | None = None
     choose: bool = False
     cross_check: bool = False
     diagnose: bool = True

@@ -19,7 +19,7 @@ from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
-from identification.calibration.base_reaction import base_limits
+from identification.calibration.base_reaction import BaseMassKg, base_limits
 from identification.estimation.estimate import Estimate, predict
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
@@ -80,7 +80,7 @@ class RetimeRequest:
     jerk: tuple[float, ...] = ()
     torque_rms: tuple[float, ...] = ()
     base: bool = False
-    mass_kg: float | None = None
+    mass_kg: BaseMassKg | None = None
     report: Path | None = None
     overwrite: bool = False
 

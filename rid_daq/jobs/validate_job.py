@@ -14,9 +14,9 @@ from config.cell.cell import CellConfig
 from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.load import load_cell
-from identification.calibration.base_reaction import base_load
+from identification.calibration.base_reaction import BaseMassKg, base_load
 from identification.estimation.file import read_estimate
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
@@ -68,10 +68,10 @@ class ValidateRequest:
     run: str
     runs: Path
     limits: str | None = None
-    band_hz: float = BAND_HZ
-    standstill_rad_s: float = STANDSTILL_RAD_S
+    band_hz: BandHz = BAND_HZ
+    standstill_rad_s: StandstillRadS = STANDSTILL_RAD_S
     base: bool = False
-    mass_kg: float | None = None
+    mass_kg: BaseMassKg | None = None
     cell: str | None = None
     unfinished: bool = False
 

@@ -6,13 +6,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 from pydantic import JsonValue
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
+from config.plausible import Plausible
+from config.robot.robot import NonNegative
 from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.verdict import PayloadLimits
@@ -38,6 +40,16 @@ from rid_daq.terminal.console import Console
 PREFLIGHT_S: Final = 0.5
 REHEARSAL: Final = "rehearsal"
 WARM_UP: Final = "warm-up"
+
+
+UntilMassKg = Annotated[NonNegative, Plausible(1e-4, 20.0, "kg")]
+"""2 σ of a mass that end a run [kg]."""
+
+RehearsalPercent = Annotated[NonNegative, Plausible(1.0, 100.0, "%")]
+"""Speed of a rehearsal [%]."""
+
+WarmUpPercent = Annotated[NonNegative, Plausible(0.02, 500.0, "%")]
+"""Change of friction in a period that is warm [%]."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +104,9 @@ class PayloadSessionRequest:
     model: Path | None = None
     payload: str | None = None
     known: tuple[Known, ...] = ()
-    until_mass_kg: float | None = None
-    rehearsal_percent: float = 25.0
-    warm_up_percent: float = 1.0
+    until_mass_kg: UntilMassKg | None = None
+    rehearsal_percent: RehearsalPercent = 25.0
+    warm_up_percent: WarmUpPercent = 1.0
     warm_up_periods: int = 30
     limits: PayloadLimits = field(default_factory=PayloadLimits)
     label: str = "payload"

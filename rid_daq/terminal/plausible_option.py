@@ -1,17 +1,18 @@
 """`plausible`: a command's number in the unit that its help says, refused where it is implausible.
 
-It is the callback of an option: what a file's key says by `Annotated[float, Plausible(...)]`.
+It is the callback of an option. What becomes a field of a request that services take has its range
+in the field's type, `Annotated[float, Plausible(...)]`: `plausible_as` takes it from there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import typer
 
 from config.errors import ConfigError
-from config.plausible import Plausible
+from config.plausible import Plausible, range_of
 
 Callback = Callable[[typer.CallbackParam, float | None], float | None]
 
@@ -21,7 +22,16 @@ def plausible(low: float, high: float, unit: str) -> Callback:
 
     It raises a ConfigError that names the option, the unit, and the one that was probably meant.
     """
-    found = Plausible(low, high, unit)
+    return _looking(Plausible(low, high, unit))
+
+
+def plausible_as(annotated: Any, *, percent: bool = False) -> Callback:
+    """Return the same by the type of a request's field; in percent of what is a share there."""
+    found = range_of(annotated)
+    return _looking(found.in_percent if percent else found)
+
+
+def _looking(found: Plausible) -> Callback:
 
     def look(param: typer.CallbackParam, value: float | None) -> float | None:
         refusal = None if value is None else found.refusal(value)
@@ -32,7 +42,4 @@ def plausible(low: float, high: float, unit: str) -> Callback:
     return look
 
 
-BAND: Final = plausible(0.1, 1e3, "Hz")
-STANDSTILL: Final = plausible(1e-4, 1.0, "rad/s")
 SHARE: Final = plausible(0.1, 1e3, "%")
-MILLIMETRES: Final = plausible(0.05, 500.0, "mm")

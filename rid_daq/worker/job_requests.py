@@ -12,6 +12,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit
 
 from config.errors import ConfigError
+from config.plausible import implausible_fields, key_name
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import Console
 
@@ -56,18 +57,21 @@ def request_of(kind: JobKind, told: dict[str, Any], cell: str, runs: Path, *, cl
     Raises
     ------
     ConfigError
-        It is not a request of this kind.
+        It is not a request of this kind, or a number in it is implausible.
     """
     request = request_type(kind)
     fields = request.__dataclass_fields__
     owned = {"cell": cell, "runs": runs, "cleared": cleared}
     filled = {**told, **{name: value for name, value in owned.items() if name in fields}}
     try:
-        return TypeAdapter(request).validate_python(filled)
+        asked = TypeAdapter(request).validate_python(filled)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise ConfigError(f"{kind.value}: {where}: {first['msg']}") from None
+    for path, refusal in implausible_fields(asked):
+        raise ConfigError(f"{kind.value}: {key_name(path)}: {refusal}")
+    return asked
 
 
 def request_schema(kind: JobKind) -> dict[str, Any]:

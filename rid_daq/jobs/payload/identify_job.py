@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
+from config.plausible import Plausible
+from config.robot.robot import NonNegative
 from identification.estimation.file import read_estimate
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
+from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
@@ -23,6 +26,9 @@ from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.console import Console
+
+TorqueConstantSigma = Annotated[NonNegative, Plausible(5e-4, 0.5, "")]
+"""What is not known of a torque constant (1 σ), as a share."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +69,10 @@ class PayloadIdentifyRequest:
     model: Path | None = None
     procedure: Procedure | None = None
     known: tuple[Known, ...] = ()
-    torque_constant_sigma: float | None = None
+    torque_constant_sigma: TorqueConstantSigma | None = None
     limits: PayloadLimits = field(default_factory=PayloadLimits)
-    band_hz: float = BAND_HZ
-    standstill_rad_s: float = STANDSTILL_RAD_S
+    band_hz: BandHz = BAND_HZ
+    standstill_rad_s: StandstillRadS = STANDSTILL_RAD_S
     options: ModelOptions = field(default_factory=ModelOptions)
     unfinished: bool = False
     output: Path | None = None

@@ -51,6 +51,53 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
     assert type(request) is request_type(kind)
 
 
+@pytest.mark.parametrize(
+    ("kind", "told", "why"),
+    [
+        (
+            JobKind.PAYLOAD_IDENTIFY,
+            {"loaded": ["b"], "unloaded": ["a"], "limits": {"centre_mm": 1e4}},
+            r"payload_identify: limits\.centre_mm: 10000 mm is implausible, expected is 0\.05",
+        ),
+        (
+            JobKind.PAYLOAD_IDENTIFY,
+            {"loaded": ["b"], "unloaded": ["a"], "torque_constant_sigma": 1.0},
+            r"torque_constant_sigma: 1 is implausible",
+        ),
+        (
+            JobKind.IDENTIFY,
+            {"names": ["latest"], "load_mass_kg": [2805.0, 0.01]},
+            r"identify: load_mass_kg\.0: 2805 kg is implausible.*2805 g would be 2\.805 kg",
+        ),
+        (
+            JobKind.IDENTIFY,
+            {"names": ["latest"], "how": {"options": {"band_hz": 1e4}}},
+            r"how\.options\.band_hz: 10000 Hz is implausible",
+        ),
+        (
+            JobKind.VALIDATE,
+            {"model": "m.json", "run": "latest", "mass_kg": 2e5},
+            r"mass_kg: 200000 kg is implausible",
+        ),
+        (JobKind.PAYLOAD, {"until_mass_kg": 50.0}, "until_mass_kg: 50 kg is implausible"),
+        (JobKind.PAYLOAD, {"warm_up_percent": 1e-3}, "warm_up_percent: 0.001 % is implausible"),
+    ],
+)
+def test_what_a_command_refuses_as_implausible_a_service_refuses_too(
+    kind: JobKind, told: dict[str, Any], why: str, tmp_path: Path
+) -> None:
+    check_request(kind, told, tmp_path)
+    with pytest.raises(ConfigError, match=why):
+        request_of(kind, told, "ir361", tmp_path, cleared=False)
+
+
+@pytest.mark.parametrize("name", ["mass_percent", "centre_mm", "residual_percent"])
+def test_a_limit_below_zero_is_refused_at_once(name: str, tmp_path: Path) -> None:
+    told = {"loaded": ["b"], "unloaded": ["a"], "limits": {name: -5.0}}
+    with pytest.raises(ConfigError, match=f"payload_identify: limits.{name}: -5.0 is less than"):
+        check_request(JobKind.PAYLOAD_IDENTIFY, told, tmp_path)
+
+
 @given(told=st.dictionaries(st.sampled_from(["motion", "until", "label", "x"]), JSON, max_size=3))
 def test_whatever_a_client_says_is_a_request_or_refused(told: dict[str, Any]) -> None:
     try:
