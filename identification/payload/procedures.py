@@ -252,7 +252,9 @@ def equations_of_two_robots(
     nothing = [np.zeros((0, ten))] * (n - 1)
     worse = with_payload.residual_nm >= alone.residual_nm
     residual = np.where(worse, with_payload.residual_nm, alone.residual_nm)
-    noises = (with_payload.noise_nm, alone.noise_nm)
+    noise = None
+    if with_payload.noise_nm is not None and alone.noise_nm is not None:
+        noise = np.where(worse, with_payload.noise_nm, alone.noise_nm)
     factors = tuple(
         condense([matrix[[i]], *nothing], [rhs[[i]], *[np.zeros(0)] * (n - 1)], ten)
         for i in range(len(rhs))
@@ -268,5 +270,5 @@ def equations_of_two_robots(
         known=np.zeros((0, ten + 1)),
         runs=(0,) * len(factors),
         explained_nm=np.sqrt(np.maximum(torque_nm**2 - residual**2, 0.0)),
-        noise_nm=None if noises[0] is None or noises[1] is None else np.where(worse, *noises),
+        noise_nm=noise,
     )
