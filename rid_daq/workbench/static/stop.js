@@ -55,4 +55,5 @@ export function watchStop() {
     }
   };
   window.addEventListener("keydown", key, { capture: true });
+  button.disabled = false;
 }

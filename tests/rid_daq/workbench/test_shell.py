@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from acquisition.runs.folder import RunFolder
 from tests.rid_daq.service.conftest import ServedProcess
@@ -105,6 +105,24 @@ def test_a_button_moves_a_joint_while_it_is_held(open_page: OpenPage) -> None:
 
 def degrees(text: str) -> float:
     return float(text.split()[0])
+
+
+def test_nothing_is_pressed_before_the_page_listens(open_page: OpenPage) -> None:
+    page = open_page()
+    held: list[Route] = []
+    page.route("**/stop.js", lambda route: held.append(route))
+    with page.expect_request("**/stop.js"):
+        page.get_by_role("link", name="Settings").click()
+    name, stop = page.locator("#pairing-name"), page.locator("#stop")
+    expect(name).to_be_visible()
+    expect(stop).to_be_disabled()
+    assert name.evaluate("field => field.closest('[inert]')?.id") == "main"
+    assert held
+    for route in held:
+        route.continue_()
+    expect(stop).to_be_enabled()
+    name.click()
+    expect(name).to_be_focused()
 
 
 def test_a_second_browser_is_paired_and_takes_the_cell_over(
