@@ -110,7 +110,11 @@ def degrees(text: str) -> float:
 def test_nothing_is_pressed_before_the_page_listens(open_page: OpenPage) -> None:
     page = open_page()
     held: list[Route] = []
-    page.route("**/stop.js", lambda route: held.append(route))
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/stop.js", hold)
     with page.expect_request("**/stop.js"):
         page.get_by_role("link", name="Settings").click()
     name, stop = page.locator("#pairing-name"), page.locator("#stop")
