@@ -128,7 +128,13 @@ class SimulatedPlate(ConfigModel):
 
 
 class UnmodelledAxis(ConfigModel):
-    """Effects of one axis that no model of the estimators has."""
+    """Effects of one axis that no model of the estimators has.
+
+    `presliding_rad` is what the motor moves, at the link side, before its friction gives way: up to
+    it friction is a spring with memory. Between motor and link, `joint_stiffness_nm_rad` is a
+    spring, with `joint_damping_nm_s` beside it and a `play_rad` within which neither acts; without
+    a stiffness the gear is rigid.
+    """
 
     stribeck_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
     stribeck_velocity_rad_s: Annotated[Positive, Plausible(1e-5, 10.0, "rad/s or m/s")] = 0.05
@@ -138,6 +144,20 @@ class UnmodelledAxis(ConfigModel):
     tachometer_ripple: NonNegative = 0.0
     friction_drift_per_s: float = 0.0
     thermal: SimulatedThermal | None = None
+    presliding_rad: Annotated[NonNegative, Plausible(0.0, 0.1, "rad or m")] = 0.0
+    joint_stiffness_nm_rad: Annotated[Positive, Plausible(10.0, 1e9, "N m/rad or N/m")] | None = (
+        None
+    )
+    joint_damping_nm_s: Annotated[NonNegative, Plausible(0.0, 1e6, "N m s/rad")] = 0.0
+    play_rad: Annotated[NonNegative, Plausible(0.0, 0.1, "rad or m")] = 0.0
+
+    @model_validator(mode="after")
+    def _gear(self) -> Self:
+        if self.joint_stiffness_nm_rad is None and (self.joint_damping_nm_s or self.play_rad):
+            raise ValueError(
+                "joint_damping_nm_s and play_rad need a gear that gives: add joint_stiffness_nm_rad"
+            )
+        return self
 
 
 class Unmodelled(ConfigModel):
@@ -196,6 +216,15 @@ class PlantConfig(PhysicalFile):
             except ValueError as error:
                 raise ConfigError(f"plant {self.name!r}: {error}") from None
         return self.model_copy(update={"attached": name})
+
+    @property
+    def extras(self) -> tuple[UnmodelledAxis, ...]:
+        """The effects of every axis that the models do not have; none where switched off."""
+        return (
+            (UnmodelledAxis(),) * len(self.axes)
+            if self.unmodelled is None
+            else self.unmodelled.axes
+        )
 
     def without_unmodelled(self) -> PlantConfig:
         """Return the same plant with every effect switched off that the models do not have."""

@@ -15,11 +15,11 @@ import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from numpy.typing import ArrayLike, NDArray
 
 from config.cell.cell import ButterworthFilter
-from config.errors import ConfigError
 from config.robot.robot import RobotDescription
-from config.simulation.plant import PlantConfig, UnmodelledAxis
+from config.simulation.plant import PlantConfig
 from mock_hw.plant import servo_loops as rows
-from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies
+from mock_hw.plant.axis_rows import axis_rows, spring_entries
+from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies, output_columns
 from mock_hw.plant.thermal import MotorTemperatures
 from mock_hw.plant.torque_filter import discretise, filter_poles
 
@@ -27,7 +27,6 @@ Vector = NDArray[np.float64]
 
 OUTER_STEP_S = 0.002
 INNER_STEP_S = 0.0001
-TACHOMETER_PERIODS_PER_MOTOR_REV = 11
 _INT16_MAX = 32767
 
 
@@ -36,9 +35,9 @@ class Plant:
 
     Positions are rad or m and torques N m or N, at the link side; everything is in the order of
     the robot's joints. All that belongs to a motor (commands, encoders, torques, friction, brakes)
-    is counted on its motor; with a coupled wrist that is another coordinate than the joints', in
-    which `position` and `velocity` are. The same seed and the same calls give the same numbers, bit
-    for bit.
+    is counted on its motor; with a coupled wrist, or a gear that gives, that is another coordinate
+    than the joints', in which `position` and `velocity` are. The same seed and the same calls give
+    the same numbers, bit for bit.
 
     Parameters
     ----------
@@ -74,16 +73,18 @@ class Plant:
         self._torque_per_permille = 0.001 * rated * ratio
         self._peak_torque: Vector = peak * ratio
         self._noise_nm = np.array([axis.torque_noise_nm for axis in plant.axes])
-        self._axes = _axis_rows(plant, ratio)
+        self._axes = axis_rows(robot, plant)
         self._cold_axes = self._axes.copy()
         self._heat = MotorTemperatures(robot, plant)
-        self._spring = _spring_entries(robot, plant)
+        self._spring = spring_entries(robot, plant)
 
         self.attach(plant.attached)
         self._joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
         self._coupled = robot.coupling is not None
-        self._mass = np.zeros((count, count))
-        self._bias = np.zeros(count)
+        self._outputs = output_columns(plant)
+        columns = self._gearing.shape[1]
+        self._mass = np.zeros((columns, columns))
+        self._bias = np.zeros(columns)
 
         self._watched: list[tuple[float, Vector]] | None = None
 
@@ -91,11 +92,13 @@ class Plant:
         self._filter_gains: dict[float, NDArray[np.complex128]] = {}
         self._filter_state = np.zeros((len(self._poles), count), dtype=np.complex128)
 
-        self._state: Vector = np.zeros((rows.STATE_ROWS, count))
+        self._state: Vector = np.zeros((rows.STATE_ROWS, columns))
         initial = np.array([axis.initial_position for axis in plant.axes])
         if self._coupled:
             initial = np.linalg.solve(self._joint_of, initial)
-        self._state[rows.POSITION] = initial
+        self._state[rows.POSITION, :count] = initial
+        self._state[rows.POSITION, self._outputs] = initial
+        self._motors: Vector = self._state[:, :count]
         self._command = np.zeros((rows.COMMAND_ROWS, count))
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros(count)
@@ -119,12 +122,12 @@ class Plant:
     @property
     def actuator_velocity(self) -> Vector:
         """The motors' true velocities at the link side, (n,), a copy."""
-        return np.array(self._state[rows.VELOCITY])
+        return np.array(self._motors[rows.VELOCITY])
 
     @property
     def torque(self) -> Vector:
         """True motor torques at the link side, (n,), a copy."""
-        return np.array(self._state[rows.TORQUE])
+        return np.array(self._motors[rows.TORQUE])
 
     @property
     def base_wrench(self) -> Vector:
@@ -253,13 +256,13 @@ class Plant:
                 self._watched.append((end_s, wrench))
         self._time_s += duration_s
         if self._heat.any:
-            self._heat.advance(duration_s, self._state[rows.TORQUE], self._state[rows.VELOCITY])
+            self._heat.advance(duration_s, self._motors[rows.TORQUE], self._motors[rows.VELOCITY])
         self._random.standard_normal(out=self._noise)
 
     def position_counts(self) -> NDArray[np.int64]:
         """Return what the encoders count, (n,): 0 at joint position zero, upwards with it."""
         counts: NDArray[np.int64] = np.floor(
-            self._state[rows.POSITION] * self._counts_per_position
+            self._motors[rows.POSITION] * self._counts_per_position
         ).astype(np.int64)
         return counts
 
@@ -269,7 +272,7 @@ class Plant:
         What is measured is current; the drives take the torque constant for what it is at the
         reference temperature. The noise changes when time passes, not with every call.
         """
-        torque: Vector = self._state[rows.TORQUE]
+        torque: Vector = self._motors[rows.TORQUE]
         if len(self._poles):
             torque = (self._weights @ self._filter_state).real
         if self._heat.any:
@@ -290,11 +293,12 @@ class Plant:
         np.multiply(self._cold_axes[rows.GAIN], constant, out=self._axes[rows.GAIN])
         command[rows.TORQUE_LIMIT] *= constant
 
-    def _of_joints(self, of_actuators: Vector) -> Vector:
-        """Turn the actuators' positions or velocities into the joints' (5.18)."""
+    def _of_joints(self, of_columns: Vector) -> Vector:
+        """Turn positions or velocities of motors and outputs into the joints' (5.18)."""
+        of_outputs: Vector = of_columns[self._outputs]
         if not self._coupled:
-            return np.array(of_actuators)
-        return np.asarray(self._joint_of @ of_actuators)
+            return of_outputs
+        return np.asarray(self._joint_of @ of_outputs)
 
     def _renew_rigid_bodies(self, ahead_s: float) -> None:
         """Evaluate mass matrix and bias at the state predicted `ahead_s` from now."""
@@ -321,61 +325,3 @@ class Plant:
                 self._filter_gains.clear()
             self._filter_gains[step_s] = gains
         return gains
-
-
-def _axis_rows(plant: PlantConfig, ratio: Vector) -> Vector:
-    """Return the kernel's table of what the axes are, (AXES_ROWS, n)."""
-    table = np.zeros((rows.AXES_ROWS, len(plant.axes)))
-    extras = (UnmodelledAxis(),) * len(plant.axes)
-    if plant.unmodelled is not None:
-        extras = plant.unmodelled.axes
-    for i, (axis, extra) in enumerate(zip(plant.axes, extras, strict=True)):
-        table[rows.COULOMB, i] = axis.coulomb_nm
-        table[rows.VISCOUS, i] = axis.viscous_nm_s
-        table[rows.GAIN, i] = axis.velocity_gain_nm_s
-        table[rows.INTEGRAL_TIME, i] = axis.velocity_integral_time_s
-        table[rows.CURRENT_BANDWIDTH, i] = 2.0 * math.pi * axis.current_loop_bandwidth_hz
-        table[rows.BRAKE, i] = axis.brake_torque_nm
-        table[rows.STRIBECK, i] = extra.stribeck_nm
-        table[rows.STRIBECK_VELOCITY, i] = extra.stribeck_velocity_rad_s
-        table[rows.LOAD_FRICTION, i] = extra.load_friction
-        table[rows.COGGING, i] = extra.cogging_nm
-        table[rows.COGGING_WAVES, i] = extra.cogging_periods_per_motor_rev * ratio[i]
-        table[rows.RIPPLE, i] = extra.tachometer_ripple
-        table[rows.RIPPLE_WAVES, i] = TACHOMETER_PERIODS_PER_MOTOR_REV * ratio[i]
-        table[rows.FRICTION_DRIFT, i] = extra.friction_drift_per_s
-    return table
-
-
-def _spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
-    """Return the kernel's spring: its joint, -1 for none, then k, free length, l and r."""
-    if robot.spring is None or plant.spring is None:
-        return np.array([-1.0, 0.0, 0.0, 1.0, 0.5])
-    joint = robot.joint_names.index(robot.spring.joint)
-    if robot.coupling is not None and robot.coupling[joint] != tuple(
-        float(j == joint) for j in range(len(robot.joints))
-    ):
-        raise ConfigError(
-            f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; a spring is"
-            " simulated only across a joint that its own motor moves alone"
-        )
-    l_m, r_m = robot.spring.l_m, robot.spring.r_m
-    if l_m is None or r_m is None:
-        raise ConfigError(
-            f"robot {robot.name!r}: a simulated spring needs its distances: state spring.l_m and"
-            " spring.r_m"
-        )
-    if plant.spring.free_length_m > l_m + r_m:
-        raise ConfigError(
-            f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} is longer"
-            f" than the spring ever gets, {l_m + r_m} m"
-        )
-    return np.array(
-        [
-            joint,
-            plant.spring.stiffness_n_per_m,
-            plant.spring.free_length_m,
-            l_m,
-            r_m,
-        ]
-    )

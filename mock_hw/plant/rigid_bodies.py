@@ -6,6 +6,10 @@ actuators' angles into the joints' (5.18), 1 without a coupled wrist. The reduce
 Gᵀ M G and Gᵀ b: the rotors' coupling (theory: section 3) and the wrist's (5.19) follow without a
 formula for them. A plain armature is a rotor that nothing carries: it turns in the world.
 
+Where a gear gives (`joint_stiffness_nm_rad`), its motor and its output are two coordinates: the
+motor's stays its axis' column of G, which then moves the rotor alone, and the output's is a column
+after all axes, which moves the links.
+
 What holds the base still is the generalised force of a free joint under it that does not move.
 """
 
@@ -34,9 +38,9 @@ class GearedModel:
     ----------
     model : pinocchio.Model
         One coordinate a joint and one a rotor, m in all.
-    gearing : ndarray of float64, shape (m, n)
-        G: coordinate velocities are G times the actuators' velocities, which are the joints' where
-        the robot has no coupling.
+    gearing : ndarray of float64, shape (m, n + f)
+        G: coordinate velocities are G times the velocities of the n motors, then of the f outputs
+        of gears that give; the joints' where the robot has neither those nor a coupling.
     """
 
     model: Any
@@ -46,6 +50,14 @@ class GearedModel:
         """Return coordinate, actuator and value of every entry of G that is not 0."""
         coordinate, actuator = np.nonzero(self.gearing)
         return coordinate, actuator, self.gearing[coordinate, actuator]
+
+
+def output_columns(plant: PlantConfig) -> Indices:
+    """Return every gear output's column of G, (n,): its motor's own where the gear is rigid."""
+    columns = np.arange(len(plant.axes))
+    giving = [extra.joint_stiffness_nm_rad is not None for extra in plant.extras]
+    columns[giving] = len(columns) + np.arange(sum(giving))
+    return columns
 
 
 def build_rigid_bodies(
@@ -72,7 +84,11 @@ def build_rigid_bodies(
     parent = 0
     if floating:
         parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
+    outputs = output_columns(plant)
+    width = max(count, *(outputs + 1))
+    motors = np.eye(count, width)
+    joint_of = np.zeros((count, width))
+    joint_of[:, outputs] = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
     gearing: list[Vector] = []
     # Pinocchio wants every subtree in one piece: a link, then its rotors, then the next link.
     for number in range(count + 1):
@@ -89,12 +105,12 @@ def build_rigid_bodies(
             if joint.rotor is not None and joint.rotor.link == number:
                 inertia = plant.axes[index].rotor_inertia_kg_m2
                 _add_rotor(model, parent, joint.rotor.axis, inertia, f"{joint.name}-rotor")
-                gearing.append(joint.gear_ratio * np.eye(count)[index])
+                gearing.append(joint.gear_ratio * motors[index])
     for index, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True)):
         if joint.armature:
             name = f"{joint.name}-armature"
             _add_rotor(model, 0, (0.0, 0.0, 1.0), axis.rotor_inertia_kg_m2, name)
-            gearing.append(joint.gear_ratio * np.eye(count)[index])
+            gearing.append(joint.gear_ratio * motors[index])
     return GearedModel(model, np.array(gearing))
 
 
@@ -130,8 +146,8 @@ class BaseWrench:
 
         Parameters
         ----------
-        motion : ndarray, shape (3, n)
-            The actuators' positions, velocities and accelerations.
+        motion : ndarray, shape (3, n + f)
+            Positions, velocities and accelerations of what G is multiplied by.
         """
         for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
             own[:] = full
@@ -145,8 +161,8 @@ class BaseWrench:
 
         Parameters
         ----------
-        before, after : ndarray, shape (2, n)
-            The actuators' positions and velocities at both ends.
+        before, after : ndarray, shape (2, n + f)
+            Positions and velocities of what G is multiplied by, at both ends.
         step_s : float
             How long it takes [s].
         """

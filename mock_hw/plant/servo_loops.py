@@ -1,13 +1,21 @@
 """What happens in every axis within a fraction of a millisecond, as one compiled kernel.
 
-An axis is an actuator at its gear's output: the joint itself, but for coupled wrists.
+An axis is a motor, counted at its gear's output: the joint itself, but for coupled wrists.
 Velocity PI loop with a first-order current loop, Coulomb friction that sticks, viscous friction,
 gravity spring, brakes, cogging, tachometer ripple, and the anti-alias filter behind the torque
 converter. The rigid bodies' mass matrix and bias are constants here: the caller renews them.
+Outputs of gears that give are coordinates of their own, after all axes; a gear's spring, damper and
+play are between them and their motors.
 
 A step is an implicit midpoint step in everything but Coulomb friction, which takes part as the set
 [-f_C, f_C]: v⁺ minimises ½ v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has one solution for any step. An axis
 whose friction holds it has v⁺ = 0 exactly.
+
+Friction with presliding is the elasto-plastic bristle of Dupont, Hayward, Armstrong and Altpeter
+(IEEE Transactions on Automatic Control 47(5), 2002) in place of the set: sigma_0 z + sigma_1 dz/dt
+with dz/dt = v (1 - alpha z sign(v) / z_ss); alpha rises from 0 at 0.7 z_ss to 1 at z_ss while the
+bristle is stretched further, and is 0 while it relaxes. Coulomb, Stribeck and load friction are
+sigma_0 z_ss. The brake stays a set.
 """
 
 from __future__ import annotations
@@ -30,7 +38,8 @@ VELOCITY = 1
 ACCELERATION = 2
 INTEGRAL = 3  # of the velocity error [rad]
 TORQUE = 4  # of the motor, link side
-STATE_ROWS = 5
+BRISTLE = 5  # z, what presliding friction is stretched by [rad]
+STATE_ROWS = 6
 
 # Rows of `axes`: what an axis is.
 COULOMB = 0
@@ -47,7 +56,12 @@ COGGING_WAVES = 10  # periods per joint turn
 RIPPLE = 11
 RIPPLE_WAVES = 12
 FRICTION_DRIFT = 13  # [1/s]
-AXES_ROWS = 14
+BRISTLE_STIFFNESS = 14  # sigma_0, 0 for friction without presliding
+OUTPUT = 15  # column of the gear's output; its motor's own where the gear is rigid
+GEAR_STIFFNESS = 16
+GEAR_DAMPING = 17
+PLAY = 18  # from one flank to the other
+AXES_ROWS = 19
 
 # Rows of `command`: what an axis is told for the time of one call.
 COMMAND_START = 0
@@ -60,6 +74,10 @@ COMMAND_ROWS = 5
 # Entries of `spring`: joint (-1: none), stiffness k, free length, lever arms l and r.
 
 _SWEEPS = 60
+_ELASTIC_SHARE = 0.7
+"""Of z_ss: below it a bristle springs back whole."""
+_BRISTLE_DAMPING_S = 0.0002
+"""sigma_1 over sigma_0: so a bristle that holds an axis does not ring."""
 _NEGLIGIBLE_TORQUE = 1e-12
 
 
@@ -102,9 +120,9 @@ class Inertia(NamedTuple):
 
     Attributes
     ----------
-    mass : ndarray, shape (n, n)
-        Mass matrix.
-    bias : ndarray, shape (n,)
+    mass : ndarray, shape (m, m)
+        Mass matrix of the n motors, then of the outputs of gears that give.
+    bias : ndarray, shape (m,)
         Coriolis, centrifugal and gravity torques.
     """
 
@@ -166,22 +184,24 @@ def advance_servo_loops(
         Held for all steps.
     actuators : Actuators
         What the axes are and what they are told.
-    state : ndarray, shape (STATE_ROWS, n)
-        Rows as named above.
+    state : ndarray, shape (STATE_ROWS, m)
+        Rows as named above; only motion for outputs of gears that give.
     torque_filter : TorqueFilter
         What the torques are measured through.
     """
     mass, bias = inertia
     axes, command, spring = actuators
     filter_gains, filter_state = torque_filter
-    count = state.shape[1]
-    system = np.empty((count, count))
-    momentum = np.empty(count)
-    held = np.empty(count)
-    solved = np.empty(count)
+    count = axes.shape[1]
+    coordinates = state.shape[1]
+    system = np.empty((coordinates, coordinates))
+    momentum = np.empty(coordinates)
+    held = np.zeros(coordinates)
+    solved = np.empty(coordinates)
     before = np.empty(count)
     ripple = np.empty(count)
     saturated = np.empty(count)
+    yielding = np.zeros(count)
     half = 0.5 * step_s
     for step in range(steps):
         middle_s = since_command_s + (step + 0.5) * step_s
@@ -225,25 +245,53 @@ def advance_servo_loops(
                 )
             friction += axes[LOAD_FRICTION, i] * abs(mean_torque)
             friction *= warmth
+            viscous = warmth * axes[VISCOUS, i]
+            if axes[BRISTLE_STIFFNESS, i] > 0.0:
+                stretch = state[BRISTLE, i]
+                yielding[i] = bristle_yield(
+                    velocity, stretch, friction / axes[BRISTLE_STIFFNESS, i], step_s
+                )
+                resting, dragged = bristle_force(axes[BRISTLE_STIFFNESS, i], yielding[i], step_s)
+                load -= resting * stretch
+                viscous += dragged
+                friction = 0.0
             if command[BRAKED, i] > 0.0:
                 friction += axes[BRAKE, i]
-            viscous = warmth * axes[VISCOUS, i]
 
             held[i] = step_s * friction
             momentum[i] = step_s * (load - 0.5 * viscous * state[VELOCITY, i])
-            for j in range(count):
+            for j in range(coordinates):
                 momentum[i] += mass[i, j] * state[VELOCITY, j]
                 system[i, j] = mass[i, j]
             system[i, i] += half * viscous
             solved[i] = state[VELOCITY, i] + step_s * state[ACCELERATION, i]
 
+        for i in range(count, coordinates):
+            load = -bias[i]
+            if spring[0] == i:
+                load -= spring_torque(spring, state[POSITION, i] + half * state[VELOCITY, i])
+            momentum[i] = step_s * load
+            for j in range(coordinates):
+                momentum[i] += mass[i, j] * state[VELOCITY, j]
+                system[i, j] = mass[i, j]
+            solved[i] = state[VELOCITY, i] + step_s * state[ACCELERATION, i]
+        if coordinates > count:
+            join_gears(axes, state, step_s, system, momentum)
+
         solve_with_friction(system, momentum, held, solved)
 
-        for i in range(count):
+        for i in range(coordinates):
             mean_velocity = 0.5 * (state[VELOCITY, i] + solved[i])
             state[ACCELERATION, i] = (solved[i] - state[VELOCITY, i]) / step_s
             state[VELOCITY, i] = solved[i]
             state[POSITION, i] += step_s * mean_velocity
+            if i >= count:
+                continue
+            if axes[BRISTLE_STIFFNESS, i] > 0.0:
+                lost = half * yielding[i]
+                state[BRISTLE, i] = (state[BRISTLE, i] * (1.0 - lost) + step_s * mean_velocity) / (
+                    1.0 + lost
+                )
             if command[POWERED, i] > 0.0:
                 wanted = command[COMMAND_START, i] + command[COMMAND_SLOPE, i] * middle_s
                 error = wanted - mean_velocity * ripple[i]
@@ -257,6 +305,70 @@ def advance_servo_loops(
                     + filter_gains[1, pole] * before[i]
                     + filter_gains[2, pole] * state[TORQUE, i]
                 )
+
+
+@njit(cache=True)
+def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) -> float:
+    """Rate at which a bristle gives way: dz/dt = v - rate z [1/s].
+
+    Parameters
+    ----------
+    velocity, stretch : float
+        v and z now.
+    limit : float
+        z_ss, more than which nothing stretches it.
+    step_s : float
+        A bristle beyond a limit that has fallen comes down to it within some steps.
+    """
+    if velocity * stretch <= 0.0:
+        return 0.0
+    if limit <= 0.0:
+        return 1.0 / step_s
+    share = abs(stretch) / limit
+    if share <= _ELASTIC_SHARE:
+        return 0.0
+    alpha = 1.0
+    if share < 1.0:
+        middle = 0.5 * (1.0 + _ELASTIC_SHARE)
+        alpha = 0.5 + 0.5 * math.sin(math.pi * (share - middle) / (1.0 - _ELASTIC_SHARE))
+    return alpha * abs(velocity) / limit
+
+
+@njit(cache=True)
+def bristle_force(stiffness: float, rate: float, step_s: float) -> tuple[float, float]:
+    """Mean force of a bristle over a step: (of its stretch before, of the mean velocity).
+
+    With dz/dt = v - rate z at the step's middle, z⁺ = (z (1 - h rate/2) + h v) / (1 + h rate/2).
+    """
+    gone = 1.0 + 0.5 * step_s * rate
+    damping = _BRISTLE_DAMPING_S * stiffness
+    return (stiffness - damping * rate) / gone, (0.5 * step_s * stiffness + damping) / gone
+
+
+@njit(cache=True)
+def join_gears(axes: Array, state: Array, step_s: float, system: Array, momentum: Array) -> None:
+    """Add what gears that give put between motors and outputs to both sides, in place."""
+    for i in range(axes.shape[1]):
+        out = int(axes[OUTPUT, i])
+        if out == i:
+            continue
+        turned = state[POSITION, i] - state[POSITION, out]
+        turning = state[VELOCITY, i] - state[VELOCITY, out]
+        speeding = state[ACCELERATION, i] - state[ACCELERATION, out]
+        ahead = turned + 0.5 * step_s * (turning + 0.5 * step_s * speeding)
+        free = 0.5 * axes[PLAY, i]
+        if abs(ahead) <= free and free > 0.0:
+            continue
+        flank = math.copysign(free, ahead)
+        stiffness, damping = axes[GEAR_STIFFNESS, i], axes[GEAR_DAMPING, i]
+        known = stiffness * (turned - flank + 0.25 * step_s * turning) + 0.5 * damping * turning
+        per_turning = step_s * (0.25 * step_s * stiffness + 0.5 * damping)
+        momentum[i] -= step_s * known
+        momentum[out] += step_s * known
+        system[i, i] += per_turning
+        system[out, out] += per_turning
+        system[i, out] -= per_turning
+        system[out, i] -= per_turning
 
 
 @njit(cache=True)

@@ -142,6 +142,19 @@ def test_a_rotor_pushes_the_plate_once_and_its_motor_by_the_gear_ratio(
     np.testing.assert_allclose(extra, [0, 0, 0, 0, 0, -0.0005 * 121.0 * 2.0], atol=1e-10)
 
 
+def giving(truth: PlantConfig) -> PlantConfig:
+    """The same arm with presliding, and two gears with springs, dampers and play."""
+    assert truth.unmodelled is not None
+    first, second, third = (
+        extra.model_copy(update={"presliding_rad": 0.001}) for extra in truth.unmodelled.axes
+    )
+    gear = {"joint_stiffness_nm_rad": 4e4, "joint_damping_nm_s": 30.0, "play_rad": 0.0005}
+    axes = (first, second.model_copy(update=gear), third.model_copy(update=gear))
+    return truth.model_copy(
+        update={"unmodelled": truth.unmodelled.model_copy(update={"axes": axes})}
+    )
+
+
 def driven(robot: RobotDescription, plant: PlantConfig, brake_at_s: float = 9.0) -> None:
     """Run a second in odd steps; the base's impulse must be what the momentum has gained."""
     simulated = Plant(robot, plant, seed=2)
@@ -177,6 +190,12 @@ def test_friction_spring_and_cogging_never_reach_the_plate(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
     driven(robot, truth)
+
+
+def test_presliding_and_gears_that_give_never_reach_the_plate(
+    robot: RobotDescription, truth: PlantConfig
+) -> None:
+    driven(robot, giving(truth))
 
 
 def test_brakes_that_slam_give_the_plate_their_whole_blow(

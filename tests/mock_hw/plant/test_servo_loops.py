@@ -30,7 +30,11 @@ CYCLE = 0.008
 
 
 def one_axis(
-    *, coulomb: float = 0.0, viscous: float = 0.0, unmodelled: UnmodelledAxis | None = None
+    *,
+    coulomb: float = 0.0,
+    viscous: float = 0.0,
+    rotor: float = 0.0,
+    unmodelled: UnmodelledAxis | None = None,
 ) -> Plant:
     limits = JointLimits(
         position_min=-9.0, position_max=9.0, velocity=9.0, acceleration=99.0, torque=999.0
@@ -38,10 +42,10 @@ def one_axis(
     robot = RobotDescription(
         name="turntable",
         kinematics=Kinematics(convention="modified_dh", rows=(KinematicRow(),)),
-        joints=(Joint(name="axis1", limits=limits, gear_ratio=100.0),),
+        joints=(Joint(name="axis1", limits=limits, gear_ratio=100.0, armature=rotor > 0.0),),
     )
     axis = SimulatedAxis(
-        rotor_inertia_kg_m2=0.0,
+        rotor_inertia_kg_m2=rotor,
         coulomb_nm=coulomb,
         viscous_nm_s=viscous,
         velocity_gain_nm_s=GAIN,

@@ -1,0 +1,81 @@
+"""Gears that give, between a motor and a load about the vertical: spring, damper and play."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from config.simulation.plant import UnmodelledAxis
+from mock_hw.plant.plant import Plant
+from tests.mock_hw.plant.test_servo_loops import INERTIA, OFF, ON, one_axis
+
+STIFFNESS = 2e4
+STEP = 0.0005
+
+
+def geared(damping: float = 0.0, play: float = 0.0) -> Plant:
+    gear = UnmodelledAxis(
+        joint_stiffness_nm_rad=STIFFNESS, joint_damping_nm_s=damping, play_rad=play
+    )
+    return one_axis(unmodelled=gear, rotor=0.0004)
+
+
+def motor_angle(plant: Plant) -> float:
+    """By the encoder, on the motor."""
+    return float(plant.position_counts()[0]) * 2.0 * math.pi / (10_000 * 100.0)
+
+
+def ringing(plant: Plant, seconds: float = 1.0) -> list[float]:
+    """Bring it to a speed, slam the motor's brake, and watch the load."""
+    for _ in range(200):
+        plant.advance(0.005, [0.5], [0.5], ON, OFF)
+    places = []
+    for _ in range(round(seconds / STEP)):
+        plant.advance(STEP, [0.0], [0.0], OFF, ON)
+        places.append(plant.position[0] - motor_angle(plant))
+    return places
+
+
+def test_a_load_rings_on_its_gear_at_its_own_frequency_with_its_own_damping() -> None:
+    damping = 12.0
+    places = np.array(ringing(geared(damping)))[100:]
+    rate = math.sqrt(STIFFNESS / INERTIA)
+    share = damping / (2.0 * math.sqrt(STIFFNESS * INERTIA))
+    tops = np.flatnonzero((places[1:-1] > places[:-2]) & (places[1:-1] >= places[2:])) + 1
+    period = np.diff(tops).mean() * STEP
+    assert period == pytest.approx(2 * math.pi / (rate * math.sqrt(1 - share**2)), rel=0.01)
+    falling = np.log(places[tops[:-1]] / places[tops[1:]]).mean()
+    assert falling == pytest.approx(2 * math.pi * share / math.sqrt(1 - share**2), rel=0.05)
+
+
+def test_without_damping_the_load_keeps_its_energy() -> None:
+    places = np.array(ringing(geared(), 4.0))
+    early, late = abs(places[200:1200]).max(), abs(places[-1000:]).max()
+    assert late == pytest.approx(early, rel=0.01)
+
+
+def test_the_load_lags_its_motor_by_torque_over_stiffness_and_half_the_play() -> None:
+    for play in (0.0, 0.003):
+        plant = geared(damping=100.0, play=play)
+        for k in range(400):
+            plant.advance(0.005, [0.01 * k], [0.01 * (k + 1)], ON, OFF)
+        lag = motor_angle(plant) - plant.position[0]
+        assert lag == pytest.approx(INERTIA * 2.0 / STIFFNESS + 0.5 * play, rel=0.02)
+
+
+def test_within_its_play_a_load_flies_freely() -> None:
+    plant = geared(damping=50.0, play=0.05)
+    for k in range(200):  # gaining speed, the motor pushes from behind
+        plant.advance(0.005, [0.0025 * k], [0.0025 * (k + 1)], ON, OFF)
+    speeds = []
+    for _ in range(60):
+        plant.advance(0.001, [0.0], [0.0], OFF, ON)
+        speeds.append(plant.velocity[0])
+    assert max(speeds[10:]) - min(speeds[10:]) < 1e-9
+
+
+def test_a_gear_that_gives_needs_a_stiffness() -> None:
+    with pytest.raises(ValueError, match="add joint_stiffness_nm_rad"):
+        UnmodelledAxis(play_rad=0.001)
