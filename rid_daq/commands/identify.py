@@ -222,6 +222,8 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
     for mistake in estimate.mistakes or ():
         console.verdict(False, mistake.sentence)
         console.say(f"  Change {' or '.join(mistake.change)}; read the run again.")
+        for place in mistake.places or ():
+            console.say(f"    {place.words}")
         if mistake.alternatives:
             as_good = "; ".join(other.words for other in mistake.alternatives)
             console.say(f"  As good an explanation: {as_good}.")

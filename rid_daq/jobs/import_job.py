@@ -20,6 +20,7 @@ from config.load import to_yaml
 from config.robot.robot import RobotDescription
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
+from rid_daq.runs.origins import note_map
 from rid_daq.runs.run_data import MAP, ROBOT, SOURCES, RunData, result_of
 from rid_daq.session.session import as_label, unfinished
 from rid_daq.session.versions import software_versions
@@ -107,6 +108,7 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
                 robot,
                 recording,
                 replace(report, file=request.file.name),
+                request.import_map,
             )
             for label, layout, (recording, report) in zip(labels, maps, read, strict=True)
         ]
@@ -119,6 +121,7 @@ def _keep(
     robot: RobotDescription,
     recording: Recording,
     report: ImportReport,
+    reference: str,
 ) -> ImportedRun:
     """Write the files as they came (of a bag its table), how they were read, and the report."""
     with unfinished(folder):
@@ -128,6 +131,7 @@ def _keep(
         told = f"How {' and '.join(names)} was read."
         folder.write(MAP, to_yaml(import_map, told).encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
+        note_map(folder, reference)
         data = RunData.of(folder, recording, robot, report)
         headline = "Imported without loss"
         if report.rows_damaged:

@@ -6,13 +6,15 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import DEGREES, Kind, Mistake
 from identification.wiring.search import Found, find_mistakes
 from identification.wiring.signals import WiredSignals
 from rid_daq.jobs.identification_job import EstimationRequest, signals_of
 from rid_daq.report.formats import number
-from rid_daq.report.sections.estimate import Explanation, MistakeEntry
+from rid_daq.report.sections.estimate import Explanation, MistakeEntry, PlaceToChange
+from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
 
 _IN_MAP: Final[dict[Kind, str]] = {
@@ -30,6 +32,41 @@ _IN_MAP: Final[dict[Kind, str]] = {
     Kind.COUPLING: "robot file: `coupling`",
     Kind.MOUNTING: "robot file: `gravity_m_s2`",
 }
+_LINES_OF_MAP: Final[dict[Kind, tuple[str, ...]]] = {
+    Kind.POSITION_SIGN: ("map.yaml joints.*.position_sign",),
+    Kind.TORQUE_SIGN: ("map.yaml joints.*.torque_sign",),
+    Kind.DIRECTION: ("map.yaml joints.*.position_sign", "map.yaml joints.*.torque_sign"),
+    Kind.POSITION_FACTOR: ("map.yaml units.position", "map.yaml joints.*.gear_ratio"),
+    Kind.POSITION_OFFSET: ("map.yaml joints.*.zero_offset",),
+    Kind.POSITION_ORDER: ("map.yaml joints.*.position",),
+    Kind.TORQUE_FACTOR: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
+    Kind.TORQUE_ORDER: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
+    Kind.AXIS_ORDER: ("map.yaml joints.*.position",),
+    Kind.CLOCK: ("map.yaml time.unit", "map.yaml rate_hz"),
+}
+_LINES_OF_ROBOT: Final[dict[Kind, tuple[str, ...]]] = {
+    Kind.CONVENTION: ("robot.yaml kinematics.convention",),
+    Kind.COUPLING: ("robot.yaml coupling",),
+    Kind.MOUNTING: ("robot.yaml gravity_m_s2",),
+}
+_LINES_OF_CELL: Final[dict[Kind, tuple[str, ...]]] = {
+    Kind.POSITION_SIGN: ("robot.yaml kinematics.rows.*.alpha_rad", "cell.yaml axes.*.direction"),
+    Kind.TORQUE_SIGN: ("cell.yaml axes.*.direction",),
+    Kind.DIRECTION: ("cell.yaml axes.*.direction",),
+    Kind.POSITION_FACTOR: ("robot.yaml joints.*.gear_ratio",),
+    Kind.POSITION_OFFSET: (
+        "cell.yaml axes.*.position_zero_counts",
+        "robot.yaml kinematics.rows.*.theta_rad",
+    ),
+    Kind.POSITION_ORDER: ("cell.yaml axes.*.node_id",),
+    Kind.TORQUE_FACTOR: ("robot.yaml joints.*.gear_ratio",),
+    Kind.TORQUE_ORDER: ("cell.yaml axes.*.node_id",),
+    Kind.AXIS_ORDER: ("cell.yaml axes.*.node_id",),
+    Kind.CLOCK: ("cell.yaml cycle_time_ms",),
+}
+_NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
+"""Keys of a map of which it states this or another: where they are not stated, none is to add."""
+
 _IN_CELL: Final[dict[Kind, str]] = {
     Kind.POSITION_SIGN: "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in"
     " {axes}",
@@ -73,11 +110,16 @@ def diagnose_wiring(
     """
     empty = [item for item in data if item.folder.run_id not in how.loaded]
     signals = WiredSignals.of(robot, signals_of(empty, how))
-    imported = data[0].import_report is not None
-    return tuple(mistake_entry(each, robot, imported=imported) for each in find_mistakes(signals))
+    imported, folder = data[0].import_report is not None, data[0].folder
+    return tuple(
+        mistake_entry(each, robot, imported=imported, folder=folder)
+        for each in find_mistakes(signals)
+    )
 
 
-def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> MistakeEntry:
+def mistake_entry(
+    found: Found, robot: RobotDescription, *, imported: bool, folder: RunFolder | None = None
+) -> MistakeEntry:
     """Return a mistake in words, with the keys to change.
 
     Parameters
@@ -88,6 +130,8 @@ def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> M
         The robot, for its joints' names.
     imported : bool
         Whether a map said how the recording was read; else a cell file did.
+    folder : RunFolder, optional
+        The run, which knows the files and so the lines to change.
     """
     best, *others = (
         Explanation(
@@ -96,6 +140,7 @@ def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> M
             factor=each.factor,
             words=_words(each, robot),
             change=_changes(each, robot, imported),
+            places=None if folder is None else _places(each, robot, imported, folder),
         )
         for each in (found.mistake, *found.alternatives)
     )
@@ -120,6 +165,26 @@ def mistake_entry(found: Found, robot: RobotDescription, *, imported: bool) -> M
 
 def _finite(value: float) -> float:
     return value if math.isfinite(value) else 0.0
+
+
+def _places(
+    mistake: Mistake, robot: RobotDescription, imported: bool, folder: RunFolder
+) -> tuple[PlaceToChange, ...]:
+    """Return the lines of a run's files that a mistake is in."""
+    told = {**(_LINES_OF_MAP if imported else _LINES_OF_CELL), **_LINES_OF_ROBOT}
+    patterns = told[mistake.kind]
+    joints = mistake.joints or range(len(robot.joints))
+    wanted = [
+        pattern.replace("*", str(j))
+        for pattern in patterns
+        for j in (joints if "*" in pattern else (0,))
+    ]
+    lines = key_lines(folder, wanted, robot.joint_names)
+    return tuple(
+        PlaceToChange.taken(each, words=str(each))
+        for each in lines
+        if each.stated or each.key not in _NEVER_ADDED
+    )
 
 
 def _changes(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple[str, ...]:

@@ -32,6 +32,7 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import LoopTiming, Timing
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import note_flange
+from rid_daq.runs.origins import note_cell
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
 from rid_daq.session.cells import Simulation, mountable_cell
@@ -184,6 +185,7 @@ class RunSession:
                 facts["axis_test"] = self.axis_test
             for name, content in self.loaded.files.items():
                 folder.write(name, content)
+            note_cell(folder, self.loaded)
             if self.simulated is not None:
                 facts |= note_flange(folder, self.loaded, self.simulated.attached)
             for name, content in request.files.items():

@@ -51,11 +51,12 @@ MAP = "map.yaml"
 ROBOT = "robot.yaml"
 CELL = "cell.yaml"
 MOTION = "motion.yaml"
+ORIGINS = "origins.json"
 FEEDFORWARD = "feedforward.json"
 PLANT = "plant.yaml"
 READ = (
     *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP),
-    *(ROBOT, CELL, MOTION, FEEDFORWARD, PLANT),
+    *(ROBOT, CELL, MOTION, FEEDFORWARD, PLANT, ORIGINS),
 )
 """What commands read of a run: it must be what the run was made with."""
 

@@ -82,6 +82,34 @@ class AxisResidual(Section):
     reason: str | None = None
 
 
+class PlaceToChange(Section):
+    """A line of a file that says what does not hold.
+
+    Attributes
+    ----------
+    file, line : str, int
+        Where the key stands, or where what it belongs to begins.
+    key : str
+        The key.
+    stated : bool
+        Whether it stands there; else it is to be added.
+    text : str or None
+        What the line says; left out where it is to be added, or the file has changed since the run.
+    remark : str
+        What a person should know of the file, such as that it has changed since the run.
+    words : str
+        All that as one line.
+    """
+
+    file: str
+    line: int
+    key: str
+    stated: bool
+    remark: str
+    words: str
+    text: str | None = None
+
+
 class Explanation(Section):
     """What may be wrong, and what to change then.
 
@@ -98,6 +126,8 @@ class Explanation(Section):
         What is wrong, in words.
     change : tuple of str
         The keys to change, file by file.
+    places : tuple of PlaceToChange
+        The lines that they stand in; left out by versions that did not look for them.
     """
 
     kind: Kind
@@ -105,6 +135,7 @@ class Explanation(Section):
     factor: float
     words: str
     change: Texts
+    places: tuple[PlaceToChange, ...] | None = None
 
 
 class MistakeEntry(Explanation):

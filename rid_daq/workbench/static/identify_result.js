@@ -42,6 +42,7 @@ function mistakePart(mistake) {
   return element("div", { class: "verdict bad" },
     element("p", {}, element("b", {}, mistake.sentence)),
     element("p", {}, `Change ${mistake.change.join(" or ")}, then record the run again.`),
+    mistake.places?.length ? element("ul", {}, ...mistake.places.map((each) => element("li", {}, element("code", {}, each.words)))) : null,
     others.length ? element("p", {}, `As good an explanation: ${others.join("; ")}.`) : null);
 }
 

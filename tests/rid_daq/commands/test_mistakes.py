@@ -73,7 +73,9 @@ def test_a_few_seconds_give_wide_intervals_and_it_is_said(identify: Identify, so
     ]
 
 
-def test_swapped_columns_are_told_with_the_keys_to_change(identify: Identify) -> None:
+def test_swapped_columns_are_told_with_keys_and_lines_to_change(
+    identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     code, document = identify((1, 2, 3, 4, 6, 5))
     assert code == 6
     (mistake,) = document["estimate"]["mistakes"]
@@ -83,6 +85,17 @@ def test_swapped_columns_are_told_with_the_keys_to_change(identify: Identify) ->
         "map: `torque` or `current` of joints[1] (axis2), joints[2] (axis3)"
     ]
     assert "axis2 and axis3 are swapped" in mistake["sentence"]
+    lines = (tmp_path / "map.yaml").read_text().splitlines()
+    assert [(each["file"], each["line"]) for each in mistake["places"]] == [
+        (str(tmp_path / "map.yaml"), number)
+        for number, line in enumerate(lines, 1)
+        if "axis2" in line or "axis3" in line
+    ]
+    assert mistake["places"][0]["text"] == "- {joint: axis2, position: 2, torque: 6}"
+    runs = ["--runs", str(tmp_path / "runs")]
+    assert run(["identify", str(Path(document["model"]).parent), *runs, "--overwrite"]) == 6
+    said = "".join(capsys.readouterr().out.split())
+    assert all("".join(each["words"].split()) in said for each in mistake["places"])
     page = Path(document["report"]).read_text(encoding="utf-8")
     assert mistake["sentence"] in page
     assert "Failed: a file of this run is probably wrong" in page

@@ -1,0 +1,130 @@
+"""A key to change is shown in the file that a run's copy was made from, line by line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from config.load import load_cell
+from rid_daq.runs.origins import FileLine, key_lines, note_cell, note_map
+from rid_daq.runs.run_data import ORIGINS
+
+JOINTS = ("axis1", "axis2", "axis3")
+DIRECTION = "cell.yaml axes.1.direction"
+
+
+@pytest.fixture
+def cell_file(tmp_path: Path) -> Path:
+    for name, content in load_cell("ir361").files.items():
+        (tmp_path / name).write_bytes(content)
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(f"# mine\n{cell.read_text()}".replace("robot: ir361", "robot: robot.yaml"))
+    return cell
+
+
+def recorded(tmp_path: Path, reference: str) -> RunFolder:
+    """Return a run folder as `record` begins it."""
+    folder = RunFolder.create(tmp_path / "runs", "a run")
+    loaded = load_cell(reference)
+    for name, content in loaded.files.items():
+        folder.write(name, content)
+    note_cell(folder, loaded)
+    return folder
+
+
+def lines_of(folder: RunFolder, *places: str) -> tuple[FileLine, ...]:
+    return key_lines(folder, places, JOINTS)
+
+
+def number_of(file: Path, text: str, which: int = 0) -> int:
+    found = [n for n, line in enumerate(file.read_text().splitlines(), 1) if text in line]
+    return found[which]
+
+
+def test_a_key_is_shown_where_it_stands_in_the_users_own_files(
+    tmp_path: Path, cell_file: Path
+) -> None:
+    folder = recorded(tmp_path, str(cell_file))
+    node, row = lines_of(folder, "cell.yaml axes.1.node_id", "robot.yaml kinematics.rows.2.a_m")
+    assert node.file == str(cell_file)
+    assert node.line == number_of(cell_file, "node_id", 1)
+    assert "node_id: 2" in str(node)
+    robot = cell_file.with_name("robot.yaml")
+    assert (row.file, row.line) == (str(robot), number_of(robot, "a_m: 0.480"))
+    assert (node.remark, row.remark) == ("", "")
+
+
+def test_a_key_that_is_not_stated_is_added_where_its_axis_begins(
+    tmp_path: Path, cell_file: Path
+) -> None:
+    (line,) = lines_of(recorded(tmp_path, str(cell_file)), DIRECTION)
+    assert not line.stated
+    assert line.line == number_of(cell_file, "axis2")
+    assert str(line) == f"{cell_file}:{line.line}: add direction"
+
+
+def test_a_file_that_has_changed_since_shows_the_key_where_it_is_now(
+    tmp_path: Path, cell_file: Path
+) -> None:
+    folder = recorded(tmp_path, str(cell_file))
+    cell_file.write_text("\n\n\n" + cell_file.read_text())
+    (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
+    assert line.line == number_of(cell_file, "cycle_time_ms")
+    assert line.text is None  # another file by now: none of the run's business
+    assert str(line) == f"{cell_file}:{line.line}: cycle_time_ms (changed since the run)"
+
+
+def test_a_file_that_is_gone_leaves_the_runs_copy(tmp_path: Path, cell_file: Path) -> None:
+    folder = recorded(tmp_path, str(cell_file))
+    cell_file.unlink()
+    (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
+    assert line.file == str(folder.file("cell.yaml"))
+    assert line.remark == f"the run's copy; {cell_file} cannot be read any more"
+
+
+def test_a_run_that_does_not_tell_its_origins_shows_its_copies(
+    tmp_path: Path, cell_file: Path
+) -> None:
+    folder = recorded(tmp_path, str(cell_file))
+    folder.file(ORIGINS).unlink()
+    (line,) = lines_of(folder, "cell.yaml cycle_time_ms")
+    assert (line.file, line.remark) == (str(folder.file("cell.yaml")), "the run's copy")
+
+
+def test_a_bundled_file_is_said_to_be_one(tmp_path: Path) -> None:
+    cell, robot = lines_of(
+        recorded(tmp_path, "ir361"), "cell.yaml cycle_time_ms", "robot.yaml gravity_m_s2"
+    )
+    assert (cell.file, robot.file) == ("ir361.yaml (bundled)", "ir361.yaml (bundled)")
+    assert cell.remark == "comes with rid-daq: use a copy of your own"
+    assert cell.text is not None
+    assert cell.text.startswith("cycle_time_ms: ")
+
+
+MESSAGES = """\
+name: bag
+robot: ir361
+joint_states:
+  effort: torque
+  joints:
+    - {joint: axis3, torque_sign: -1}
+"""
+
+
+def test_a_map_of_messages_names_only_the_joints_that_differ(tmp_path: Path) -> None:
+    file = tmp_path / "bag.yaml"
+    file.write_text(MESSAGES)
+    folder = RunFolder.create(tmp_path / "runs", "a run", kind="import")
+    folder.write("map.yaml", b"name: as read\n")
+    note_map(folder, str(file))
+    third, second, order = lines_of(
+        folder,
+        "map.yaml joints.2.torque_sign",
+        "map.yaml joints.1.position_sign",
+        "map.yaml joints.0.position",
+    )
+    assert str(third) == f"{file}:6: - {{joint: axis3, torque_sign: -1}}"
+    assert str(second) == f"{file}:5: add axis2.position_sign"
+    assert str(order) == f"{file}:3: add names"
