@@ -27,11 +27,12 @@ from config.load import load_robot
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.model.standstill import moving as moves
+from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
 from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
-from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
+from identification.estimation.options import EstimationOptions
 from identification.validation.friction_selection import (
     CLASSICAL,
     FOLDS,

@@ -35,7 +35,7 @@ from benchmarks.sound_robots import sound_run, sound_runs
 from config.errors import RidDaqError
 from config.load import load_robot, to_yaml
 from config.robot.robot import RobotDescription
-from identification.estimation.options import BAND_HZ
+from identification.choices import BAND_HZ
 from identification.wiring.search import find_mistakes
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, Trial

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 if TYPE_CHECKING:
@@ -46,6 +45,8 @@ class ConfigModel(BaseModel):
 
 def _plain(value: Any) -> Any:
     """Return arrays, and what they hold, as tuples of numbers."""
+    import numpy as np  # models are also read where nobody computes
+
     if isinstance(value, np.ndarray):
         value = value.tolist()
     return tuple(map(_plain, value)) if isinstance(value, list) else value

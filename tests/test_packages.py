@@ -120,14 +120,38 @@ def test_no_command_imports_another() -> None:
 
 
 def test_a_command_computes_nothing() -> None:
-    """It makes a request of its options, calls the job and prints: of science it takes types."""
+    """Its options become a request, its performer calls the job and prints: of science types."""
     science = ("compensation", "dynamics", "identification", "mock_hw")
     found = {
         f"{path.name}: {node.module}.{alias.name}"
-        for path in (ROOT / "rid_daq" / "commands").glob("*.py")
+        for room in ("commands", "performers")
+        for path in (ROOT / "rid_daq" / room).glob("*.py")
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in science
         for alias in node.names
         if not alias.name[0].isupper()
     }
     assert found == set()
+
+
+def test_the_help_of_no_command_waits_for_numerics() -> None:
+    """A command's module has its options; what it does is imported when it is called."""
+    program = (
+        "import io, sys, contextlib\n"
+        "from rid_daq.app import COMMANDS, run\n"
+        "groups = [('payload', 'session'), ('payload', 'identify'), ('plate', 'zero'),\n"
+        "          ('drives', 'restore')]\n"
+        "for words in [*((name,) for name in COMMANDS), *groups]:\n"
+        "    with contextlib.redirect_stdout(io.StringIO()) as shown:\n"
+        "        assert run([*words, '--help']) == 0, words\n"
+        "    assert 'Usage: rid-daq ' + ' '.join(words) in shown.getvalue(), words\n"
+        "print(sorted({name.split('.')[0] for name in sys.modules}))\n"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    imported = set(ast.literal_eval(shown.stdout.splitlines()[-1]))
+    numerics = {"numpy", "scipy", "numba", "casadi", "pinocchio", "coal", "clarabel", "control"}
+    others = {"can", "fastapi", "httpx", "jinja2", "matplotlib", "mcap", "pymodbus", "serial"}
+    own = {"drivers", "dynamics", "mock_hw"}
+    assert not imported & (numerics | others | own | {"starlette", "uvicorn", "yaml"})

@@ -15,11 +15,11 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from compensation.online import online_kernel as stage
 from compensation.online import path_kernels as path
 from compensation.online.online import OnlineFeedforward
+from compensation.online.patience import BUFFER_S
 from compensation.online.point_ring import READ, PointRing, PointsFailed
 from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError, DriverError
 
-BUFFER_S: Final = 1.0
 FEWEST_NODES: Final = 64
 MOST_NODES: Final = 2048
 FADE_S: Final = 0.1

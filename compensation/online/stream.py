@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.session.outcome import RecordOutcome
 from acquisition.task.set_points import SetPointSource
 from compensation.online.online import OnlineFeedforward
+from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
 from compensation.online.point_feed import PointFeed, PointGate, wait_for_points
 from compensation.online.point_ring import PointRing
 from compensation.online.point_server import PointServer, PointService
-from compensation.online.point_source import BUFFER_S, PointSource, buffer_points, compile_stage
+from compensation.online.point_source import PointSource, buffer_points, compile_stage
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, DeviceTimeoutError, PreflightError, TransportError
 
-CLIENT_PATIENCE_S: Final = 60.0
 Record = Callable[[SetPointSource], RecordOutcome]
 
 

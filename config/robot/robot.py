@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
 from config.robot.bodies import Body, refuse_unknown_pairs
+from config.robot.friction_terms import FrictionTerm
 
 Vector3 = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -41,17 +42,6 @@ _JOINT_IDENTITY: Final = (
 )
 
 JointType = Literal["revolute", "prismatic"]
-FrictionTerm = Literal[
-    "coulomb",
-    "viscous",
-    "offset",
-    "asymmetric",
-    "cubic",
-    "cube_root",
-    "stribeck",
-    "temperature",
-    "load",
-]
 
 
 class KinematicRow(ConfigModel):

@@ -10,7 +10,8 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from config.robot.robot import FrictionTerm, Joint, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import Joint, RobotDescription
 from dynamics.terms.complex_step import Values, slopes
 from dynamics.terms.motion import Motion
 from dynamics.terms.term import NonlinearParameter

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
@@ -11,16 +10,12 @@ from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from config.arrays import FloatArray, IntArray, freeze
 from config.cell.plate import PlateLimits
 from config.errors import EstimationError
-from config.plausible import Plausible
-from config.robot.robot import NonNegative
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import base_wrench_regressor
 from identification.estimation.estimate import Estimate
 
 SIGMAS = 2.0
 
-BaseMassKg = Annotated[NonNegative, Plausible(0.1, 1e5, "kg")]
-"""Mass of all that a base carries [kg]."""
 
 BLOCK_ROWS = 4096
 

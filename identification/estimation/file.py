@@ -16,7 +16,8 @@ from config.errors import ConfigError, EstimationError
 from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from identification.equations.plate_fit import PlateFit
 from identification.estimation.estimate import Estimate
 from identification.estimation.options import Weighting

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final, Literal
+from typing import ClassVar, Literal
 
 from pydantic import ConfigDict
 
 from config.arrays import FloatArray
-from config.plausible import Plausible
-from config.robot.robot import NonNegative
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.model.options import ModelOptions
-
-BAND_HZ: Final = 10.0
-STANDSTILL_RAD_S: Final = 0.02
-
-BandHz = Annotated[NonNegative, Plausible(0.1, 1e3, "Hz")]
-"""A highest frequency [Hz]."""
-
-StandstillRadS = Annotated[NonNegative, Plausible(1e-4, 1.0, "rad/s")]
-"""A lowest speed of friction that is used [rad/s or m/s]."""
 
 Weighting = Literal["ml", "ls", "huber"]
 """Rows weighted by one over their noise, all alike, or by noise with outliers held down."""

@@ -10,7 +10,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize_scalar
 
 from config.arrays import FloatArray
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.friction import FASTEST_STRIBECK, SLOWEST_STRIBECK, Friction
 from identification.friction.curve import FrictionCurve, friction_columns

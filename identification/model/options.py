@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pydantic import ValidationError
 
 from config.errors import EstimationError
-from config.robot.robot import FrictionTerm, Joint, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.model.base_parameters import ModelKind
 

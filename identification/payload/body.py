@@ -14,12 +14,11 @@ from config.formats.urdf import rotation_of_rpy
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.choices import REPORTED
 from identification.consistency.pseudo_inertia import BASIS
 
 PARAMETERS: Final = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """The ten parameters that the torque is linear in (5.6), inertia about the flange's origin."""
-REPORTED: Final = ("m", "cx", "cy", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-"""What people and controllers want: inertia about the centre of gravity."""
 REPORTED_UNITS: Final = ("kg", "m", "m", "m", *("kg m^2",) * 6)
 
 _ELEMENTS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

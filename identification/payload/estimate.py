@@ -14,10 +14,11 @@ from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.choices import REPORTED
 from identification.consistency.closest_robot import SMALLEST_BODY, SMALLEST_P
 from identification.consistency.programme import ConsistencyProgramme
 from identification.consistency.pseudo_inertia import pseudo_inertia
-from identification.payload.body import PARAMETERS, REPORTED, PayloadBody, reported, reported_slopes
+from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
 from identification.payload.equations import PayloadEquations, Procedure
 from identification.payload.known import Known, with_held
 from identification.payload.solution import SEEN, PayloadSolution, solve_payload

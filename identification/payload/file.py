@@ -13,7 +13,8 @@ from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import RobotDescription
-from identification.payload.body import PARAMETERS, REPORTED, REPORTED_UNITS
+from identification.choices import REPORTED
+from identification.payload.body import PARAMETERS, REPORTED_UNITS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known

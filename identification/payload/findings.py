@@ -11,9 +11,10 @@ from config.arrays import FloatArray
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.accuracy.identifiability import joint_motions
+from identification.choices import REPORTED
 from identification.model.options import ModelOptions
 from identification.model.torque_columns import torque_columns
-from identification.payload.body import PARAMETERS, REPORTED, REPORTED_UNITS, reported_slopes
+from identification.payload.body import PARAMETERS, REPORTED_UNITS, reported_slopes
 from identification.payload.equations import PayloadModel
 from identification.payload.estimate import PayloadEstimate
 

@@ -12,7 +12,8 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.plausible import Plausible
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.payload.body import REPORTED, PayloadBody, reported, reported_slopes
+from identification.choices import REPORTED
+from identification.payload.body import PayloadBody, reported, reported_slopes
 
 MASS: Final = Plausible(1e-3, 2.5e3, "kg")
 CENTRE: Final = Plausible(0.0, 5.0, "m")

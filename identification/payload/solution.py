@@ -12,7 +12,8 @@ from scipy.linalg import null_space
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.payload.body import REPORTED, reported, reported_slopes
+from identification.choices import REPORTED
+from identification.payload.body import reported, reported_slopes
 from identification.payload.equations import Layout, PayloadEquations, independent
 from identification.payload.known import Known, require_once, rows_of, started, with_held
 from identification.regression.intervals import Cluster, jackknife

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from config.plausible import Plausible
-from config.robot.robot import NonNegative, RobotDescription
+from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
+from identification.choices import REPORTED, PayloadLimits
 from identification.consistency.closest_robot import SMALLEST_P
-from identification.payload.body import REPORTED, REPORTED_UNITS
+from identification.payload.body import REPORTED_UNITS
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size
 from identification.payload.measured_runs import MeasuredRuns
@@ -37,35 +37,6 @@ NO_BODY: Final = (
     "What hung on the flange in the unloaded runs is subtracted from the payload, and leaves a body"
     " that cannot exist where it was heavy: look there first, then for a wrong torque constant."
 )
-
-
-Share = Annotated[NonNegative, Plausible(0.1, 1e3, "%")]
-"""A largest share [%]."""
-
-Millimetres = Annotated[NonNegative, Plausible(0.05, 500.0, "mm")]
-"""A largest length [mm]."""
-
-
-@dataclass(frozen=True)
-class PayloadLimits:
-    """How sure a payload must be: 2 sigma at most.
-
-    Attributes
-    ----------
-    mass_percent : float
-        Of the mass.
-    centre_mm : float
-        Of each coordinate of the centre of gravity.
-    inertia_percent : float
-        Of each moment and product of inertia, of the largest moment about the flange.
-    residual_percent : float
-        What the fit may leave of each axis' torque (RMS).
-    """
-
-    mass_percent: Share = 5.0
-    centre_mm: Millimetres = 10.0
-    inertia_percent: Share = 100.0
-    residual_percent: Share = 20.0
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
+from identification.choices import BAND_HZ
 from identification.equations.deconvolution import without_filter
 from identification.estimation.estimate import Estimate, predict_base_wrench
-from identification.estimation.options import BAND_HZ
 
 STEPS = 4
 MOTION_CUTOFFS = 1.5

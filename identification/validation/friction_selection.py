@@ -23,9 +23,11 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
+from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
-from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.friction_trials import (
     CondensedTrials,

@@ -15,7 +15,8 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from identification.estimation.condensed import CondensedRecordings
 from identification.estimation.options import EstimationOptions
 

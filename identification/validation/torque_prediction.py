@@ -12,9 +12,9 @@ from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.deconvolution import without_torque_filter
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
 

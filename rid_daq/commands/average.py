@@ -6,12 +6,8 @@ from typing import Annotated
 
 import typer
 
-from acquisition.runs.catalogue import find_run
-from rid_daq.report.sections.average import AverageSection
-from rid_daq.report_page.write import write_result
-from rid_daq.runs.run_data import RunData, Unfinished, report_lacks, result_of
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
 
 
 def average(
@@ -26,6 +22,11 @@ def average(
 
     The scatter between periods is the measurement noise. Exit code 6 where too little is left.
     """
+    from acquisition.runs.catalogue import find_run
+    from rid_daq.report.sections.average import AverageSection
+    from rid_daq.report_page.write import write_result
+    from rid_daq.runs.run_data import RunData, report_lacks, result_of
+
     console = Console(as_json)
     data = RunData.load(find_run(runs, run), unfinished=unfinished)
     notes = report_lacks(console, [data])

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Annotated
 
 import typer
 
-from config.errors import PreflightError, RidDaqError
-from config.load import load_cell
-from rid_daq.preflight.check_words import say_all, say_devices
-from rid_daq.preflight.preflight import CheckRequest, preflight
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.cells import CellName, mountable_cell
-from rid_daq.session.drive_writes import new_write_log
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared, require_cleared
-from rid_daq.terminal.console import AsJson, Console, as_command
+from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Cleared, RunsFolder
 
 
 def check(
@@ -45,60 +37,8 @@ def check(
     nothing is written to a drive that is another than its EDS says. Exit code 3 where a line is
     red.
     """
+    from rid_daq.performers.check import perform
+    from rid_daq.preflight.preflight import CheckRequest
+
     request = CheckRequest(cell, runs, seconds, cleared, all_lines)
     here_or_there(service, JobKind.CHECK, request, Console(as_json), perform)
-
-
-def perform(request: CheckRequest, console: Console) -> None:
-    """Check a cell, and say every line.
-
-    Raises
-    ------
-    RidDaqError
-        The cell is not ready.
-    """
-    loaded = load_cell(request.cell)
-    if loaded.config.drive_safety.trip_watchdog_with_power:
-        require_cleared(loaded.config, request.cleared, console)
-    with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
-        write_log = (
-            new_write_log(request.runs) if simulated is None else None
-        )  # these drives outlive it
-        lines, problem = preflight(
-            loaded,
-            reachable,
-            request.runs,
-            request.seconds,
-            write_log,
-            tell=lambda found: say_devices(console, found),
-        )
-    red = [line for line in lines if line.verdict == "red"]
-    passed = not red and problem is None
-    console.document(
-        {
-            "cell": loaded.config.name,
-            "passed": passed,
-            "problem": None if problem is None else str(problem),
-            "drive_writes": None if write_log is None else str(write_log.path),
-            "lines": [asdict(line) for line in lines],
-        }
-    )
-    if request.all_lines:
-        say_all(console, lines)
-    else:
-        console.say("Every line: --all.")
-    if write_log is not None and write_log.path.exists():
-        undo = as_command("drives", "rollback", request.cell, write_log.path)
-        console.say(f"To undo what was written to the drives: {undo}")
-    if passed:
-        console.verdict(True, f"Cell {loaded.config.name} is ready. Nothing was moved.")
-        console.say("This is no check of the emergency stop: press it once yourself, and release.")
-        return
-    console.verdict(False, f"Cell {loaded.config.name} is not ready: no motion.")
-    failure: RidDaqError = PreflightError(
-        f"cell {loaded.config.name}: red lines in the preflight: {len(red)}; the actions are named"
-        " above"
-    )
-    if problem is not None and not (red and isinstance(problem, PreflightError)):
-        failure = problem
-    raise failure

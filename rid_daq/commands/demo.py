@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rid_daq.demo.demo import PERIOD_S, DemoRequest, run_demo
-from rid_daq.report.result import Result
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.choices import DEMO_PERIOD_S
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+
+if TYPE_CHECKING:
+    from rid_daq.report.result import Result
 
 
 def demo(
@@ -18,7 +20,7 @@ def demo(
         int, typer.Option(min=0, help="Of motions and noise; the same seed, the same numbers.")
     ] = 1,
     periods: Annotated[
-        int, typer.Option(min=2, help=f"Periods of {PERIOD_S:g} s to measure.")
+        int, typer.Option(min=2, help=f"Periods of {DEMO_PERIOD_S:g} s to measure.")
     ] = 16,
     points: Annotated[
         int, typer.Option(min=2, help="Random points of the validation motion.")
@@ -39,6 +41,8 @@ def demo(
     without, where the true parameters must lie inside their intervals. The first then measures its
     velocity loops and drives a circle and a path, before and after pre-compensation.
     """
+    from rid_daq.demo.demo import DemoRequest, run_demo
+
     console = Console(as_json)
     done = run_demo(DemoRequest(runs, seed, periods, points, paths), console)
     judged = done.result.verdict

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from config.errors import PreflightError
-from drivers.device_text import printable
-from drivers.servo.drive_settings import RestoredSetting
-from rid_daq.jobs.drives.drives_job import (
-    DrivesRestored,
-    RestoreRequest,
-    backup_drives,
-    restore_backup,
-    roll_back,
-)
-from rid_daq.session.cells import CellName
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, CellName, RunsFolder
 from rid_daq.terminal.output_file import Overwrite
+
+if TYPE_CHECKING:
+    from drivers.servo.drive_settings import RestoredSetting
+    from rid_daq.jobs.drives.drives_job import DrivesRestored, RestoreRequest
 
 drives = typer.Typer(
     add_completion=False,
@@ -48,6 +42,8 @@ def backup(
     Of a drive whose axis names a data sheet (EDS) all objects that may be written, of others those
     that CiA 301 and 402 know.
     """
+    from rid_daq.jobs.drives.drives_job import backup_drives
+
     console = Console(as_json)
     kept = backup_drives(cell, output, overwrite=overwrite)
     counts = {drive.node_id: len(drive.values) for drive in kept.drives}
@@ -74,6 +70,8 @@ def restore(
     Refused while a session runs, where a drive is powered, and where one is another drive than the
     backup's (1018h). Exit code 3 where one does not hold afterwards what it held.
     """
+    from rid_daq.jobs.drives.drives_job import RestoreRequest, restore_backup
+
     console = Console(as_json)
     request = RestoreRequest(cell, runs, dry_run, store)
     _print(console, restore_backup(file, request), request)
@@ -94,6 +92,8 @@ def rollback(
 
     Also of a run whose program was killed. Refusals and exit codes as of `restore`.
     """
+    from rid_daq.jobs.drives.drives_job import RestoreRequest, roll_back
+
     console = Console(as_json)
     request = RestoreRequest(cell, runs, dry_run, store)
     _print(console, roll_back(run, request), request)
@@ -158,6 +158,8 @@ def _sentence(done: DrivesRestored, each: RestoredSetting) -> str:
 
 def _shown(value: bytes | str | None) -> str:
     """Return what an object holds: a number as hexadecimal digits, a text as one."""
+    from drivers.device_text import printable
+
     if value is None:
         return "not known"
     if isinstance(value, str):

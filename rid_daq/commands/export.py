@@ -7,21 +7,13 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.jobs.export_job import (
-    ExportedModel,
-    ExportedRecording,
-    ExportRequest,
-    Format,
-    export_model,
-    export_recording,
-)
-from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.choices import Format
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
+from rid_daq.terminal.output_file import Overwrite
 
 
 def export(
@@ -74,6 +66,9 @@ def export(
     say stands at its top. Tables hold both, with the identified parameters' intervals. Of a run
     every row is written as it was recorded.
     """
+    from rid_daq.jobs.export_job import ExportRequest
+    from rid_daq.performers.export import perform
+
     request = ExportRequest(
         what, to, output, runs, as_identified, despite_misfit, unfinished, overwrite
     )
@@ -84,42 +79,3 @@ def export(
     else:
         refuse_inapplicable(context, {"as_identified", "despite_misfit"}, "with a recording")
     here_or_there(service, JobKind.EXPORT, request, Console(as_json), perform)
-
-
-def perform(request: ExportRequest, console: Console) -> None:
-    """Export, and say what was written."""
-    refuse_output(request.output, request.overwrite)
-    if request.is_model:
-        _print_model(console, request, export_model(request))
-    else:
-        _print_recording(console, request, export_recording(request, console))
-
-
-def _print_model(console: Console, request: ExportRequest, exported: ExportedModel) -> None:
-    console.document(
-        {
-            "file": str(request.output),
-            "format": request.to.value,
-            "robot": exported.robot,
-            "parameters": "identified" if request.as_identified else "consistent",
-            "sentence": exported.sentence,
-        }
-    )
-    console.say(exported.sentence)
-    console.verdict(True, f"Wrote {request.output}")
-
-
-def _print_recording(console: Console, request: ExportRequest, exported: ExportedRecording) -> None:
-    rows, columns = len(exported.data.recording), exported.table.columns
-    console.document(
-        {
-            "file": str(request.output),
-            "format": request.to.value,
-            "run": exported.data.folder.run_id,
-            "rows": rows,
-            "columns": [{"name": each.name, "unit": each.unit} for each in columns],
-            "damage": list(exported.data.damage),
-            "notes": exported.notes,
-        }
-    )
-    console.verdict(True, f"Wrote {request.output}: {rows} rows, {len(columns)} columns")

@@ -7,13 +7,10 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.jobs.friction_job import FrictionRequest, measure_friction
-from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.options import DEFAULT_RUNS, RunNames, RunsFolder, Unfinished
 
 
 def friction(
@@ -33,24 +30,8 @@ def friction(
     design --kind constant-velocity` or `--kind reversed` makes the motion. Several runs of the same
     robot are taken together.
     """
+    from rid_daq.jobs.friction_job import FrictionRequest
+    from rid_daq.performers.friction import perform
+
     request = FrictionRequest(run, runs, model, unfinished)
     here_or_there(service, JobKind.FRICTION, request, Console(as_json), perform)
-
-
-def perform(request: FrictionRequest, console: Console) -> None:
-    """Measure the friction, and say what it is; exit codes as the command has them."""
-    found = measure_friction(request)
-    for note in found.notes:
-        console.say(f"note: {note}")
-    console.document(
-        {
-            "run": found.run_id,
-            "friction": found.section,
-            "notes": found.notes,
-            "report": str(found.report),
-        }
-    )
-    found.section.print(console)
-    console.say(f"Report: {found.report}")
-    if found.section.bad_joints:
-        raise typer.Exit(ExitCode.DATA_QUALITY)

@@ -2,55 +2,28 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, get_args
 
 import typer
 
 from config.errors import ConfigError
-from config.robot.robot import FrictionTerm
-from identification.estimation.options import (
+from config.robot.friction_terms import FrictionTerm
+from identification.choices import (
     BAND_HZ,
     STANDSTILL_RAD_S,
     BandHz,
-    EstimationOptions,
-    StandstillRadS,
-)
-from identification.model.options import ModelOptions
-from rid_daq.jobs.identification_job import EstimationRequest, friction_terms_of
-from rid_daq.jobs.identify_job import (
-    MODEL,
-    IdentifiedRuns,
-    IdentifyRequest,
     LoadMassKg,
     LoadMassSigmaKg,
-    identify_runs,
+    StandstillRadS,
 )
-from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.session import DEFAULT_RUNS, RunNames, RunsFolder
+from rid_daq.terminal.choices import MODEL, Estimator, Model
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.options import DEFAULT_RUNS, RunNames, RunsFolder, Unfinished
+from rid_daq.terminal.output_file import Overwrite
 from rid_daq.terminal.plausible_option import plausible_as
-
-
-class Estimator(StrEnum):
-    """How rows are weighted."""
-
-    ML = "ml"
-    LS = "ls"
-    HUBER = "huber"
-
-
-class Model(StrEnum):
-    """What is measured of the robot."""
-
-    INTERNAL = "internal"
-    EXTERNAL = "external"
-    COMBINED = "combined"
 
 
 def identify(
@@ -145,6 +118,12 @@ def identify(
     Exit code 6 where the model does not explain a joint's torque, or a common mistake of wiring,
     units or files explains it far better.
     """
+    from identification.estimation.options import EstimationOptions
+    from identification.model.options import ModelOptions
+    from rid_daq.jobs.identification_job import EstimationRequest, friction_terms_of
+    from rid_daq.jobs.identify_job import IdentifyRequest
+    from rid_daq.performers.identify import perform
+
     if choose and (friction_terms is not None or not friction):
         raise ConfigError("--choose chooses the friction terms: leave the other option out")
     request = IdentifyRequest(
@@ -176,68 +155,3 @@ def identify(
         overwrite=overwrite,
     )
     here_or_there(service, JobKind.IDENTIFY, request, Console(as_json), perform)
-
-
-def perform(request: IdentifyRequest, console: Console) -> None:
-    """Identify, and say what was found; exit codes as the command has them."""
-    refuse_output(request.output, request.overwrite)
-    identified = identify_runs(request, console)
-    _print(console, identified)
-    if identified.bad_joints or identified.has_mistakes:
-        raise typer.Exit(ExitCode.DATA_QUALITY)
-
-
-def _print(console: Console, identified: IdentifiedRuns) -> None:
-    result, gains = identified.result, identified.gains
-    estimate = result.estimate
-    assert estimate is not None
-    told = {
-        "drive_gains": None
-        if gains is None
-        else {
-            name: {"value": float(value), "std": float(sigma)}
-            for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)
-        },
-        "plate": result.plate,
-        "comparison": result.comparison,
-    }
-    console.document(
-        {
-            "model": str(identified.model),
-            "estimate": estimate,
-            **{name: part for name, part in told.items() if part is not None},
-            "notes": identified.notes,
-            "report": str(identified.report),
-        }
-    )
-    if result.comparison is not None:
-        result.comparison.print(console)
-    estimate.print(console)
-    if result.plate is not None:
-        result.plate.print(console)
-    if identified.plate_unused:
-        console.say("The runs have a force plate's reaction too: --model combined uses it")
-    for finding in estimate.findings or ():
-        console.say(finding)
-    for mistake in estimate.mistakes or ():
-        console.verdict(False, mistake.sentence)
-        console.say(f"  Change {' or '.join(mistake.change)}; read the run again.")
-        for place in mistake.places or ():
-            console.say(f"    {place.words}")
-        if mistake.alternatives:
-            as_good = "; ".join(other.words for other in mistake.alternatives)
-            console.say(f"  As good an explanation: {as_good}.")
-    if estimate.mistakes == ():
-        console.say("No common mistake of wiring, units or files explains the data far better.")
-    bad = identified.bad_joints
-    console.verdict(not bad, f"Model: {identified.model}")
-    console.say(f"Report: {identified.report}")
-    if bad:
-        console.verdict(
-            False,
-            f"The model does not explain the torque of {', '.join(bad)}: it is not exported without"
-            " --despite-misfit. Correct the files, then identify again.",
-        )
-        return
-    unused = ", with a run that was not used here"
-    console.next_step("validate", identified.model, "RUN", then=unused)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquisition.imports.import_map import RowRange
 from config.errors import ConfigError
-from rid_daq.jobs.import_job import ImportedRun, ImportRequest, import_files
-from rid_daq.report.sections.runs import BadRows
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+
+if TYPE_CHECKING:
+    from acquisition.imports.import_map import RowRange
+    from rid_daq.jobs.import_job import ImportedRun
 
 
 def import_(
@@ -46,6 +47,8 @@ def import_(
     Damaged rows are named, counted and left out. Time stamps need not be uniform. A recording of
     which too much is damaged, or that its robot cannot have made, is refused with exit code 6.
     """
+    from rid_daq.jobs.import_job import ImportRequest, import_files
+
     console = Console(as_json)
     request = ImportRequest(
         file=file[0],
@@ -68,6 +71,8 @@ def import_(
 
 
 def _document(run: ImportedRun) -> dict[str, object]:
+    from rid_daq.report.sections.runs import BadRows
+
     report = run.report
     return {
         "run": run.folder.run_id,
@@ -85,6 +90,8 @@ def _document(run: ImportedRun) -> dict[str, object]:
 
 
 def _row_range(text: str) -> RowRange:
+    from acquisition.imports.import_map import RowRange
+
     found = re.fullmatch(r"(\d{1,9})-(\d{1,9})?", text)
     first = int(found[1]) if found else 0
     last = int(found[2]) if found and found[2] else None

@@ -6,14 +6,11 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.commissioning.jog_job import FASTEST_PERCENT, JOG_PERCENT, JogRequest
-from rid_daq.commissioning.jog_job import jog as jog_by_hand
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.cells import CellName, Realtime, Seed, Simulation
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared
+from rid_daq.terminal.choices import FASTEST_PERCENT, JOG_PERCENT
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Cleared, Realtime, RunsFolder, Seed
 
 
 def jog(
@@ -47,6 +44,10 @@ def jog(
     program is suspended, and is switched off where it is killed. After a minute without a key the
     power is taken away. Ctrl-C is a quick stop. It is not an enabling device.
     """
+    from rid_daq.commissioning.jog_job import JogRequest
+    from rid_daq.performers.jog import perform
+    from rid_daq.session.cells import Simulation
+
     request = JogRequest(
         cell=cell,
         runs=runs,
@@ -57,12 +58,3 @@ def jog(
         cleared=cleared,
     )
     here_or_there(service, JobKind.JOG, request, Console(as_json), perform)
-
-
-def perform(request: JogRequest, console: Console) -> None:
-    """Jog, and say how it ended; exit codes as the command has them."""
-    run = jog_by_hand(request, console)
-    console.document(run.document())
-    run.print_verdict(console)
-    if run.exit_code:
-        raise typer.Exit(run.exit_code)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rid_daq.jobs.mock_job import MockRequest, ServedCell, serve_cell, write_eds_files
-from rid_daq.session.cells import Pace
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import Pace
+
+if TYPE_CHECKING:
+    from rid_daq.jobs.mock_job import MockRequest, ServedCell
 
 
 def mock(
@@ -58,6 +60,8 @@ def mock(
     nothing else is done: one file a drive, for the axes' eds in the cell file and for other
     CANopen tools.
     """
+    from rid_daq.jobs.mock_job import MockRequest, serve_cell, write_eds_files
+
     console = Console(as_json)
     if eds is not None:
         name, files = write_eds_files(devices or cell, eds)

@@ -7,16 +7,12 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.recording.certificate_job import (
-    CERTIFICATE,
-    PayloadCertificateRequest,
-    write_certificate,
-)
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.choices import CERTIFICATE
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.output_file import Overwrite
 
 
 def certificate(
@@ -46,24 +42,8 @@ def certificate(
     Every file that it lists is compared with its SHA-256 first. A failed verdict is certified as
     failed; a session that is not finished is refused. The same session gives the same bytes.
     """
+    from rid_daq.performers.payload_certificate import perform
+    from rid_daq.recording.certificate_job import PayloadCertificateRequest
+
     request = PayloadCertificateRequest(session, runs, output, by, overwrite)
     here_or_there(service, JobKind.PAYLOAD_CERTIFICATE, request, Console(as_json), perform)
-
-
-def perform(request: PayloadCertificateRequest, console: Console) -> None:
-    """Write a certificate, and say where it is."""
-    refuse_output(request.output, request.overwrite)
-    certified, file = write_certificate(request)
-    verdict = certified.verdict
-    console.document(
-        {
-            "file": str(file),
-            "run": certified.run_id,
-            "simulated": certified.simulated,
-            "verdict": verdict,
-        }
-    )
-    if certified.simulated:
-        console.say("The cell is simulated; every page says so.")
-    console.say(f"Verdict on it: {verdict.headline}")
-    console.verdict(True, f"Wrote {file}")

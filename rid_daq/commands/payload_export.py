@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from identification.payload.controllers.formats import LoadFormat
-from rid_daq.jobs.payload.load_data_job import PayloadExportRequest, export_payload
+from identification.choices import LoadFormat
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.output_file import Overwrite
 
 
 def export(
@@ -32,27 +31,8 @@ def export(
     The flange's frame is the robot file's tool frame. The values are those of a body that can
     exist. Nothing is written without a passed verdict; what was written is read back and compared.
     """
+    from rid_daq.jobs.payload.load_data_job import PayloadExportRequest
+    from rid_daq.performers.payload_export import perform
+
     request = PayloadExportRequest(payload, to, output, overwrite)
     here_or_there(service, JobKind.PAYLOAD_EXPORT, request, Console(as_json), perform)
-
-
-def perform(request: PayloadExportRequest, console: Console) -> None:
-    """Write the load data, and show them."""
-    refuse_output(request.output, request.overwrite)
-    exported = export_payload(request)
-    output, to = request.output, request.to.value
-    console.document(
-        {
-            "file": str(output),
-            "format": to,
-            "robot": exported.estimate.robot.name,
-            "mass_kg": exported.estimate.body.mass_kg,
-            "text": exported.text,
-        }
-    )
-    console.say(exported.text.rstrip("\n"))
-    console.verdict(True, f"Wrote {output}, and read it back the same")
-    console.say(
-        f"Next: enter it, save what the controller then holds, and compare: rid-daq payload"
-        f" read-back {request.payload} SAVED --from {to}"
-    )

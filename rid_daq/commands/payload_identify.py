@@ -2,41 +2,30 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, get_args
 
 import typer
 
-from config.robot.robot import FrictionTerm
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
-from identification.model.options import ModelOptions
-from identification.payload.body import REPORTED
-from identification.payload.verdict import Millimetres, PayloadLimits, Share
-from rid_daq.jobs.identification_job import friction_terms_of
-from rid_daq.jobs.payload.identify_job import (
-    PayloadIdentifyRequest,
+from config.robot.friction_terms import FrictionTerm
+from identification.choices import (
+    BAND_HZ,
+    REPORTED,
+    STANDSTILL_RAD_S,
+    BandHz,
+    Millimetres,
+    PayloadLimits,
+    Share,
+    StandstillRadS,
     TorqueConstantSigma,
-    identify_payload_runs,
 )
-from rid_daq.jobs.payload.payload_job import PAYLOAD, known_quantity
-from rid_daq.runs.run_data import Unfinished
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.choices import PAYLOAD, How
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
+from rid_daq.terminal.output_file import Overwrite
 from rid_daq.terminal.plausible_option import plausible_as
-
-
-class How(StrEnum):
-    """How the robot is told from what it carries."""
-
-    TOGETHER = "together"
-    DIFFERENCE = "difference"
-    MODEL = "model"
-    APART = "apart"
 
 
 def identify(
@@ -162,6 +151,12 @@ def identify(
     for, 6 where the torque of an axis is not explained; what the motion does not show is named,
     with the motion that would.
     """
+    from identification.model.options import ModelOptions
+    from rid_daq.jobs.identification_job import friction_terms_of
+    from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest
+    from rid_daq.jobs.payload.payload_job import known_quantity
+    from rid_daq.performers.payload_identify import perform
+
     request = PayloadIdentifyRequest(
         loaded=loaded,
         unloaded=unloaded or (),
@@ -183,27 +178,3 @@ def identify(
         overwrite=overwrite,
     )
     here_or_there(service, JobKind.PAYLOAD_IDENTIFY, request, Console(as_json), perform)
-
-
-def perform(request: PayloadIdentifyRequest, console: Console) -> None:
-    """Identify a payload, and say the verdict; exit codes as the command has them."""
-    refuse_output(request.output, request.overwrite)
-    identified = identify_payload_runs(request, console)
-    section, verdict, file = identified.section, identified.verdict, identified.file
-    console.document(
-        {
-            "file": str(file),
-            "payload": section,
-            "verdict": verdict,
-            "notes": identified.notes,
-            "report": str(identified.report),
-        }
-    )
-    section.print(console)
-    console.verdict(verdict.passed, verdict.headline)
-    console.say(verdict.sentence)
-    console.say(f"Payload: {file}")
-    console.say(f"Report: {identified.report}")
-    if not verdict.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED if identified.fits else ExitCode.DATA_QUALITY)
-    console.next_step("payload", "export", file, "--to", "FORMAT", "-o", "FILE")

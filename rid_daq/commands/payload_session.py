@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from identification.payload.verdict import Millimetres, PayloadLimits, Share
-from rid_daq.jobs.payload.payload_job import known_quantity
-from rid_daq.live.access import DEFAULT_LISTEN
-from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
-from rid_daq.preflight.axis_test import AxisTestRule
-from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
-from rid_daq.recording.payload_steps import (
-    PayloadSessionRequest,
+from identification.choices import (
+    Millimetres,
+    PayloadLimits,
     RehearsalPercent,
-    StepFailed,
+    Share,
     UntilMassKg,
     WarmUpPercent,
 )
-from rid_daq.recording.recorded_run import stop_document
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.cells import CellName, Pace
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.options import (
+    DEFAULT_LISTEN,
+    DEFAULT_RUNS,
+    CellName,
+    Certificate,
+    Listen,
+    Live,
+    Pace,
+    RunsFolder,
+    Token,
+    WithoutAxisTest,
+)
 from rid_daq.terminal.plausible_option import plausible_as
 
 
@@ -145,6 +147,12 @@ def session(
 
     An interrupted session goes on with --resume: what was recorded counts.
     """
+    from rid_daq.jobs.payload.payload_job import known_quantity
+    from rid_daq.live.live_page import LiveOptions
+    from rid_daq.performers.payload_session import perform
+    from rid_daq.preflight.axis_test import AxisTestRule
+    from rid_daq.recording.payload_steps import PayloadSessionRequest
+
     request = PayloadSessionRequest(
         cell=cell,
         runs=runs,
@@ -170,53 +178,3 @@ def session(
         live=LiveOptions(live, listen, token, certificate),
     )
     here_or_there(service, JobKind.PAYLOAD, request, Console(as_json), perform)
-
-
-def perform(request: PayloadSessionRequest, console: Console) -> None:
-    """Lead through a session, and say its verdict; exit codes as the command has them."""
-    ended = run_payload_session(request, console)
-    if isinstance(ended, StepFailed):
-        _print_failed(console, ended)
-        raise typer.Exit(ended.run.exit_code)
-    _print(console, ended)
-    if not ended.judged.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED if ended.judged.fits else ExitCode.DATA_QUALITY)
-
-
-def _print_failed(console: Console, failed: StepFailed) -> None:
-    run, name = failed.run, failed.name
-    told: dict[str, Any] = {"step": name, "folder": str(run.folder.path)}
-    resume = f"rid-daq payload CELL --resume {failed.session_id}"
-    if run.outcome.stop is not None:
-        console.document(told | stop_document(run.outcome))
-        console.verdict(False, f"Stopped in step {name}: {run.outcome.stop.text}")
-        console.say(f"Go on with: {resume}")
-    elif run.quality is not None:
-        console.document(told | {"quality": run.quality.to_dict()})
-        trouble = run.quality.trouble
-        console.verdict(False, f"Step {name} is not good enough to identify the payload: {trouble}")
-        console.say(f"Drive it again with: {resume}")
-
-
-def _print(console: Console, ended: PayloadSessionResult) -> None:
-    state, result = ended.state, ended.result
-    console.document(
-        {
-            "session": state.folder.run_id,
-            "file": str(ended.file),
-            "payload": result.payload,
-            "verdict": result.verdict,
-            "done": state.done,
-            "facts": state.facts,
-            "report": str(ended.report),
-        }
-    )
-    if result.payload is not None:
-        result.payload.print(console)
-    console.verdict(ended.judged.passed, result.verdict.headline)
-    console.say(result.verdict.sentence)
-    console.say(f"Payload: {ended.file}")
-    console.say(f"Report: {ended.report}")
-    if ended.judged.passed:
-        console.next_step("payload", "export", ended.file, "--to", "FORMAT", "-o", "FILE")
-        console.next_step("payload", "certificate", state.folder.path, "--by", "NAME")

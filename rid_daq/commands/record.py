@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rid_daq.live.access import DEFAULT_LISTEN
-from rid_daq.live.live_page import Certificate, Listen, Live, LiveOptions, Token
-from rid_daq.preflight.axis_test import AxisTestRule
-from rid_daq.recording.accuracy_watch import AccuracyWatch
-from rid_daq.recording.record_job import (
-    REHEARSAL_ALONE,
-    MotionRecorded,
-    RecordRequest,
-    record_motion_file,
-)
-from rid_daq.recording.recorded_run import stop_document
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import (
+    DEFAULT_LISTEN,
+    DEFAULT_RUNS,
+    CellName,
+    Certificate,
+    Cleared,
+    Listen,
+    Live,
+    Pace,
+    Realtime,
+    RunsFolder,
+    Seed,
+    Token,
+    WithoutAxisTest,
+)
 
 
 def record(
@@ -96,6 +97,12 @@ def record(
     Where a goal of --until is not reached by the last period, the exit code is 1. Where more than
     2 % of a drive's answers were lost, or more than 5 periods are bad, it is 6.
     """
+    from rid_daq.live.live_page import LiveOptions
+    from rid_daq.performers.record import perform
+    from rid_daq.preflight.axis_test import AxisTestRule
+    from rid_daq.recording.record_job import RecordRequest
+    from rid_daq.session.cells import Simulation
+
     request = RecordRequest(
         cell=cell,
         motion=motion,
@@ -113,38 +120,3 @@ def record(
         live=LiveOptions(live, listen, token, certificate),
     )
     here_or_there(service, JobKind.RECORD, request, Console(as_json), perform)
-
-
-def perform(request: RecordRequest, console: Console) -> None:
-    """Record, and say what became of it; exit codes as the command has them."""
-    recorded = record_motion_file(request, console)
-    _print(console, recorded)
-    if recorded.exit_code:
-        raise typer.Exit(recorded.exit_code)
-
-
-def _print(console: Console, recorded: MotionRecorded) -> None:
-    run, accuracy = recorded.run, recorded.accuracy
-    if recorded.rehearsal_only:
-        console.document({"rehearsal": str(run.folder.path), **stop_document(run.outcome)})
-        console.verdict(False, f"{run.stop_sentence} {REHEARSAL_ALONE}")
-        return
-    told = None if accuracy is None else _accuracy_document(accuracy)
-    console.document(run.document() | {"accuracy": told})
-    console.say(run.timing_sentence)
-    if accuracy is not None and accuracy.running is not None:
-        console.say(f"Running estimate: {accuracy.running_sentence()}")
-    for sentence in [] if accuracy is None else accuracy.sentences():
-        console.say(sentence)
-    if run.print_verdict(console):
-        console.next_step(*recorded.motion.next_command(run.folder.path))
-
-
-def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, Any]:
-    running = accuracy.running
-    return {
-        "relative_percent": None if running is None else running.relative_percent.tolist(),
-        "reached": accuracy.reached if accuracy.goals else None,
-        "periods": accuracy.periods,
-        "goals": accuracy.sentences(),
-    }

@@ -6,11 +6,8 @@ from typing import Annotated
 
 import typer
 
-from acquisition.runs.catalogue import find_run
-from rid_daq.report.result_file import read_result
-from rid_daq.report_page.write import write_result
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
 
 
 def report(
@@ -21,6 +18,10 @@ def report(
     as_json: AsJson = False,
 ) -> None:
     """Write a run's report again from its result.json, and say where it is."""
+    from acquisition.runs.catalogue import find_run
+    from rid_daq.report.result_file import read_result
+    from rid_daq.report_page.write import write_result
+
     console = Console(as_json)
     folder = find_run(runs, run)
     result = read_result(folder)

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from identification.calibration.base_reaction import BaseMassKg
-from rid_daq.jobs.retime_job import DEFAULT_CONFIDENCE, RetimeRequest, retime_motion
+from identification.choices import BaseMassKg
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.cells import CellName
+from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
+from rid_daq.terminal.options import CellName
 from rid_daq.terminal.output_file import Overwrite
 from rid_daq.terminal.plausible_option import plausible_as
 
@@ -92,6 +92,9 @@ def retime(
     moves: the result is a motion file for this cell's cycle time. Limits that cannot be kept to are
     named with joint and pose (exit code 3).
     """
+    from rid_daq.jobs.retime_job import RetimeRequest
+    from rid_daq.performers.retime import perform
+
     if not base:
         refuse_inapplicable(context, {"mass_kg"}, "without --base-limits")
     request = RetimeRequest(
@@ -111,25 +114,3 @@ def retime(
         overwrite=overwrite,
     )
     here_or_there(service, JobKind.RETIME, request, Console(as_json), perform)
-
-
-def perform(request: RetimeRequest, console: Console) -> None:
-    """Time the path, and say what it takes."""
-    made = retime_motion(request)
-    section = made.section
-    console.document(
-        {
-            "motion": str(request.output),
-            "report": None if request.report is None else str(request.report),
-            "moving_s": section.moving_s,
-            "original_s": section.original_s,
-            "shorter_percent": section.shorter_percent,
-            "rows": section.rows,
-            "scans": section.scans,
-            "off_the_path": made.timed.off,
-            "joints": [joint.model_dump(mode="json") for joint in section.joints],
-            "base": [base.model_dump(mode="json") for base in section.base or ()],
-        }
-    )
-    section.print(console)
-    console.next_step("record", request.cell, request.output)

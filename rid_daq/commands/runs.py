@@ -6,10 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition.runs.catalogue import damaged_runs, list_runs
 from config.errors import ConfigError, RecordingError
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
 
 
 def runs(
@@ -23,6 +22,8 @@ def runs(
 
     Files that do not belong to a run are named, and are no problem.
     """
+    from acquisition.runs.catalogue import damaged_runs, list_runs
+
     console = Console(as_json)
     found: list[dict[str, Any]] = []
     for run, manifest in list_runs(folder):

@@ -7,12 +7,8 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.live.access import DEFAULT_LISTEN, Access
-from rid_daq.service.hosting import ServeRequest, serve_cells
-from rid_daq.service.logs import LOG, log_to_stderr
-from rid_daq.service.systemd_unit import SystemdUnit
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.workbench.pages import PAGES
+from rid_daq.terminal.options import DEFAULT_LISTEN
 
 
 def serve(
@@ -64,6 +60,12 @@ def serve(
     --listen and --certificate say otherwise; new devices are let in by a code that somebody
     confirms.
     """
+    from rid_daq.live.access import Access
+    from rid_daq.service.hosting import ServeRequest, serve_cells
+    from rid_daq.service.logs import LOG, log_to_stderr
+    from rid_daq.service.systemd_unit import SystemdUnit
+    from rid_daq.workbench.pages import PAGES
+
     console = Console(as_json)
     request = ServeRequest(tuple(cells), folder, Access.of_service(listen, certificate), pace)
     paths = [str(Path(cell).resolve()) if Path(cell).is_file() else cell for cell in cells]

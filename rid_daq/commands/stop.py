@@ -9,9 +9,6 @@ from typing import Annotated
 import typer
 
 from config.formats.bounded_file import read_file
-from config.formats.yaml_tree import MAX_BYTES
-from rid_daq.session.running_sessions import running_sessions
-from rid_daq.session.stopping import stop_sessions
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -35,6 +32,9 @@ def stop(
     and the session keeps what it has recorded. Exit code 0 says that the stop was seen; 1 that no
     session runs, 4 that one did not answer. It is not an emergency stop.
     """
+    from rid_daq.session.running_sessions import running_sessions
+    from rid_daq.session.stopping import stop_sessions
+
     console = Console(as_json)
     name = None if cell is None else _cell_name(cell)
     results = stop_sessions(name)
@@ -68,6 +68,8 @@ def stop(
 
 def _cell_name(cell: str) -> str:
     """Return the name in a cell file, whatever else is wrong there, or what was given."""
+    from config.formats.yaml_tree import MAX_BYTES
+
     try:
         text = read_file(Path(cell), MAX_BYTES).decode("utf-8", errors="replace")
     except OSError:

@@ -7,17 +7,21 @@ from typing import Annotated
 
 import typer
 
-from compensation.online.point_source import BUFFER_S
-from compensation.online.stream import CLIENT_PATIENCE_S, StreamOptions
-from rid_daq.preflight.axis_test import AxisTestRule
-from rid_daq.recording.stream_job import StreamRequest, stream_path
+from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.cells import CellName, Pace, Realtime, Seed, Simulation
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.clearance import Cleared, WithoutAxisTest
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
+from rid_daq.terminal.options import (
+    DEFAULT_RUNS,
+    CellName,
+    Cleared,
+    Pace,
+    Realtime,
+    RunsFolder,
+    Seed,
+    WithoutAxisTest,
+)
 
 
 def stream(
@@ -71,6 +75,12 @@ def stream(
     Every point is checked before it is driven. When points stop coming, or a bad one comes, the
     robot is slowed down along the points that it has until it rests (exit code 4 or 5).
     """
+    from compensation.online.stream import StreamOptions
+    from rid_daq.performers.stream import perform
+    from rid_daq.preflight.axis_test import AxisTestRule
+    from rid_daq.recording.stream_job import StreamRequest
+    from rid_daq.session.cells import Simulation
+
     if motion is not None:
         refuse_inapplicable(context, {"wait"}, "with a motion file")
     request = StreamRequest(
@@ -87,14 +97,3 @@ def stream(
         axis_test=AxisTestRule.unless(without_axis_test),
     )
     here_or_there(service, JobKind.STREAM, request, Console(as_json), perform)
-
-
-def perform(request: StreamRequest, console: Console) -> None:
-    """Stream, and say what became of it; exit codes as the command has them."""
-    run = stream_path(request, console)
-    console.document(run.document() | {"compensated": request.options.compensated})
-    console.say(run.timing_sentence)
-    if run.print_verdict(console) and request.motion is not None:
-        console.next_step("tracking", run.folder.path)
-    if run.exit_code:
-        raise typer.Exit(run.exit_code)

@@ -7,16 +7,12 @@ from typing import Annotated
 
 import typer
 
-from identification.calibration.base_reaction import BaseMassKg
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
-from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
-from rid_daq.runs.run_data import Unfinished
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.session.session import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
 from rid_daq.terminal.plausible_option import plausible_as
 
 
@@ -83,6 +79,9 @@ def validate(
     Exit code 1 where an axis, or the reaction on the base, exceeds its limit; 6 where the run
     allows no verdict: the model was identified from it, or it moves for less than 5 s.
     """
+    from rid_daq.jobs.validate_job import ValidateRequest
+    from rid_daq.performers.validate import perform
+
     request = ValidateRequest(
         model=model,
         run=run,
@@ -103,36 +102,3 @@ def validate(
         if not base:
             refuse_inapplicable(context, {"mass_kg"}, "without --base-limits")
     here_or_there(service, JobKind.VALIDATE, request, Console(as_json), perform)
-
-
-def perform(request: ValidateRequest, console: Console) -> None:
-    """Validate, and say the verdict; exit codes as the command has them."""
-    if request.is_motion_file:
-        validated = predict_motion(request)
-    else:
-        validated = validate_run(request, console)
-    _print(console, validated)
-    if validated.verdict.passed is False:
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
-
-
-def _print(console: Console, validated: Validated) -> None:
-    report = validated.report
-    told = {
-        "validation": validated.validation,
-        "reaction": validated.reaction,
-        "base_load": validated.base_load,
-        "verdict": validated.verdict,
-        "notes": validated.notes,
-        "report": None if report is None else str(report),
-    }
-    console.document({name: part for name, part in told.items() if part is not None})
-    if validated.validation is not None:
-        validated.validation.print(console)
-    for part in (validated.reaction, validated.base_load):
-        if part is not None:
-            part.print(console)
-            console.say(part.sentence)
-    console.verdict(validated.verdict.passed, validated.verdict.headline)
-    if report is not None:
-        console.say(f"Report: {report}")

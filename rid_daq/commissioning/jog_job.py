@@ -19,10 +19,9 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import open_session, require_ready
 from rid_daq.session.cells import Simulation
+from rid_daq.terminal.choices import JOG_PERCENT
 from rid_daq.terminal.console import Console
 
-JOG_PERCENT: Final = 5.0
-FASTEST_PERCENT: Final = 10.0
 READY: Final = "Ready: hold the key."
 FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 

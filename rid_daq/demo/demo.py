@@ -24,9 +24,9 @@ from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
+from rid_daq.terminal.choices import DEMO_PERIOD_S
 from rid_daq.terminal.console import Console
 
-PERIOD_S = 10.0
 FLOOR_RATIO_LIMIT = 1.3
 INSIDE_SHARE_LIMIT = 0.9
 # By how many times the distance from the path must shrink, in the mean and at its worst.
@@ -80,7 +80,7 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
     with unfinished(folder):
         excitation = design_two_harmonic(
             loaded.robot,
-            TwoHarmonicOptions(PERIOD_S, seed=request.seed, periods=request.periods),
+            TwoHarmonicOptions(DEMO_PERIOD_S, seed=request.seed, periods=request.periods),
             loaded.config.cycle_time_s,
         )
         validation = MultipointMotion(

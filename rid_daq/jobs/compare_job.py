@@ -14,8 +14,8 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import validate
-from rid_daq.jobs.identify_job import MODEL
 from rid_daq.runs.run_data import RunData, report_lacks
+from rid_daq.terminal.choices import MODEL
 from rid_daq.terminal.console import Console
 
 

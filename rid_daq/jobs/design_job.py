@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 
 from acquisition.motion.kinds.fourier import FourierMotion
@@ -22,16 +21,8 @@ from identification.design.two_harmonic import (
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.jobs.excitation_search import Search, SearchOptions, search
+from rid_daq.terminal.choices import Kind
 from rid_daq.terminal.console import Console
-
-
-class Kind(StrEnum):
-    """What the motion is for."""
-
-    EXCITATION = "excitation"
-    CONSTANT_VELOCITY = "constant-velocity"
-    REVERSED = "reversed"
-    MULTISINE = "multisine"
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
@@ -21,25 +20,9 @@ from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
 from identification.regression.fit_grade import Grade
-from rid_daq.jobs.identify_job import MODEL
 from rid_daq.runs.run_data import RunData, report_lacks
+from rid_daq.terminal.choices import MODEL, Format
 from rid_daq.terminal.console import Console
-
-
-class Format(StrEnum):
-    """What can be written."""
-
-    URDF = "urdf"
-    SDF = "sdf"
-    PINOCCHIO = "pinocchio"
-    C = "c"
-    PYTHON = "python"
-    CSV = "csv"
-    JSON = "json"
-    PARQUET = "parquet"
-    MAT = "mat"
-    MDF4 = "mdf4"
-
 
 RECORDINGS: Final = tuple(Format(form.value) for form in RecordingFormat)
 TABLES: Final[dict[Format, Callable[[Estimate, ExportModel | None], str]]] = {

@@ -9,7 +9,8 @@ from typing import cast, get_args
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from dynamics.model.cad import cad_prior
 from identification.accuracy.plate_benefit import Improvement, improvement
 from identification.calibration.drive_gains import DriveGains, drive_gains

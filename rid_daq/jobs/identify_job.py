@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
-from config.plausible import Plausible
-from config.robot.robot import NonNegative
 from identification.accuracy.identifiability import bound_findings, few_findings, weak_parameters
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
+from identification.choices import LoadMassKg, LoadMassSigmaKg
 from identification.consistency.closest_robot import consistent
 from identification.cross_checks.agreement import CrossCheck, Method
 from identification.estimation.estimate import Estimate
@@ -41,18 +39,11 @@ from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
+from rid_daq.terminal.choices import MODEL
 from rid_daq.terminal.console import Console
 
-MODEL = "model.json"
 BAD_FIT = "Failed: the model does not explain this run"
 MISTAKEN = "Failed: a file of this run is probably wrong"
-
-
-LoadMassKg = Annotated[NonNegative, Plausible(1e-3, 2.5e3, "kg")]
-"""A weighed mass [kg]."""
-
-LoadMassSigmaKg = Annotated[NonNegative, Plausible(1e-6, 20.0, "kg")]
-"""What scales leave open (1 σ) [kg]."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
-from identification.calibration.base_reaction import BaseMassKg, base_limits
+from identification.calibration.base_reaction import base_limits
+from identification.choices import BaseMassKg
 from identification.estimation.estimate import Estimate, predict
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
@@ -29,9 +30,9 @@ from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.render import render_report
+from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 from rid_daq.terminal.output_file import refuse_output
 
-DEFAULT_CONFIDENCE: Final = 0.95
 BY_TIME: Final = {
     "fourier": "its periods",
     "reversed": "its periods, there and back,",

@@ -14,8 +14,9 @@ from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import RobotModel
+from identification.choices import REPORTED
 from identification.consistency.closest_robot import consistent
-from identification.payload.body import REPORTED, PayloadBody
+from identification.payload.body import PayloadBody
 from identification.payload.file import read_payload
 from identification.sensitivity.cases import (
     Motion,

@@ -14,9 +14,9 @@ from config.cell.cell import CellConfig
 from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.load import load_cell
-from identification.calibration.base_reaction import BaseMassKg, base_load
+from identification.calibration.base_reaction import base_load
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from identification.estimation.file import read_estimate
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose

@@ -20,8 +20,8 @@ from urllib.parse import urlsplit
 
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
+from rid_daq.terminal.options import DEFAULT_LISTEN
 
-DEFAULT_LISTEN = "127.0.0.1:8642"
 LEAST_TOKEN_CHARACTERS = 32
 MOST_TOKEN_BYTES = 1000
 STOP_HEADER = "x-rid-daq"

@@ -8,7 +8,6 @@ import socket
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -19,32 +18,13 @@ from acquisition.task.ring import Ring
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
-from rid_daq.live.access import DEFAULT_LISTEN, Access
+from rid_daq.live.access import Access
 from rid_daq.live.picture import ShownMotion
 from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_LISTEN
 
 PATIENCE_S = 2.0
 BACKLOG = 128
-
-Live = Annotated[
-    bool, typer.Option("--live", help="Show the motion in a browser, with a stop button.")
-]
-Listen = Annotated[
-    str,
-    typer.Option(
-        metavar="ADDRESS:PORT",
-        help="Where the live page is served; an address that other machines can reach needs --token"
-        " and --certificate.",
-    ),
-]
-Token = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="The live page's secret, instead of a new one each time."),
-]
-Certificate = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Certificate and key (PEM): the live page by TLS."),
-]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from config.load import LoadedCell
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_line
 from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
-from rid_daq.preflight.computer_check import computer_lines
+from rid_daq.preflight.computer_check import disk_lines, time_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
 from rid_daq.preflight.eds_check import eds_lines
 from rid_daq.preflight.monitor_check import monitor_lines
@@ -48,6 +48,13 @@ def _untold(_lines: Sequence[CheckLine]) -> None:
     """Tell nobody."""
 
 
+def lines_before_bus(
+    loaded: LoadedCell, runs: Path, axis_test: AxisTestRule = AxisTestRule.REQUIRED
+) -> list[CheckLine]:
+    """Return the lines that are there at once: the bus' load, the disk, the axis test."""
+    return [load_line(loaded.config), *disk_lines(runs), axis_test_line(loaded, axis_test)]
+
+
 def preflight(
     loaded: LoadedCell,
     reachable: CellConfig,
@@ -56,16 +63,19 @@ def preflight(
     write_log: WriteLog | None = None,
     axis_test: AxisTestRule = AxisTestRule.REQUIRED,
     tell: Callable[[Sequence[CheckLine]], None] = _untold,
+    told: Sequence[CheckLine] | None = None,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early.
 
     What is written to the drives is kept in the write log, where there is one. `tell` is given the
-    lines of some devices as soon as all of theirs are there.
+    lines of some devices as soon as all of theirs are there; `told` are those of
+    `lines_before_bus`, where they have been told already.
     """
     eds_files = eds_lines(loaded)
-    lines = [load_line(loaded.config), *bus_lines(reachable), *computer_lines(runs)]
-    lines.append(axis_test_line(loaded, axis_test))
-    tell(lines)
+    before = lines_before_bus(loaded, runs, axis_test) if told is None else list(told)
+    after = [*bus_lines(reachable), *time_lines()]
+    tell([*(before if told is None else ()), *after])
+    lines = [*before, *after]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     drives = [*eds_files, *monitor_lines(reachable, loaded.robot, loaded.drive_profile)]

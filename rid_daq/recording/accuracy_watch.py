@@ -13,10 +13,10 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from identification.accuracy.goals import Goal, GoalState, goal_states, parse_goals
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimators import estimate_periodic
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.estimation.running import RunningEstimate, RunningValues
 from identification.model.base_parameters import base_parameters
 from rid_daq.recording.average_so_far import AverageSoFar

@@ -18,7 +18,6 @@ from config.load import load_bundled_or_path
 from drivers.settings.write_log import DRIVE_WRITES, read_write_log
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
-from rid_daq.jobs.payload.payload_job import PAYLOAD
 from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.report.certificate.certificate import Certificate, CertifiedFile, CertifiedRun, Device
 from rid_daq.report.result import Result
@@ -26,8 +25,8 @@ from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.runs.flange import FACT
 from rid_daq.runs.run_data import CELL, READ, note_output, require_own
 from rid_daq.session.versions import program_version
+from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
 
-CERTIFICATE: Final = "certificate.pdf"
 LONGEST_NAME: Final = 200
 
 _LISTED: Final = (STATE, PAYLOAD, RESULT, *READ, DRIVE_WRITES)

@@ -18,7 +18,7 @@ from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import estimate_for, motion_for
-from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
+from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
 from rid_daq.recording.payload_state import UNLOADED, SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
 from rid_daq.recording.run_session import open_session
@@ -32,6 +32,7 @@ from rid_daq.runs.run_data import MOTION, ROBOT, require_own
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
+from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.console import Console
 
 PERIOD_S: Final = 7.2

@@ -6,18 +6,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 from pydantic import JsonValue
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
-from config.plausible import Plausible
-from config.robot.robot import NonNegative
+from identification.choices import PayloadLimits, RehearsalPercent, UntilMassKg, WarmUpPercent
 from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
-from identification.payload.verdict import PayloadLimits
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -40,16 +38,6 @@ from rid_daq.terminal.console import Console
 PREFLIGHT_S: Final = 0.5
 REHEARSAL: Final = "rehearsal"
 WARM_UP: Final = "warm-up"
-
-
-UntilMassKg = Annotated[NonNegative, Plausible(1e-4, 20.0, "kg")]
-"""2 σ of a mass that end a run [kg]."""
-
-RehearsalPercent = Annotated[NonNegative, Plausible(1.0, 100.0, "%")]
-"""Speed of a rehearsal [%]."""
-
-WarmUpPercent = Annotated[NonNegative, Plausible(0.02, 500.0, "%")]
-"""Change of friction in a period that is warm [%]."""
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
@@ -59,16 +56,6 @@ READ = (
     *(ROBOT, CELL, MOTION, FEEDFORWARD, PLANT, ORIGINS),
 )
 """What commands read of a run: it must be what the run was made with."""
-
-Unfinished = Annotated[
-    bool,
-    typer.Option(
-        "--unfinished",
-        help="Use a run that was never finished too, as a killed program leaves it; the report says"
-        " so.",
-    ),
-]
-"""The option of every command that reads runs."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
-from pydantic import TypeAdapter
 
 from config import errors
 from config.errors import ConfigError, RidDaqError, ServiceError
@@ -70,6 +69,8 @@ def here_or_there(
 
 
 def _send(address: str, kind: JobKind, request: Any, console: Console) -> None:
+    from pydantic import TypeAdapter
+
     from rid_daq.service.client import JobResult, ServiceClient
 
     told = TypeAdapter(type(request)).dump_python(request, mode="json", exclude_defaults=True)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
@@ -19,31 +17,6 @@ from rid_daq.session.session import hold_cell
 
 if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
-
-
-CellName = Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")]
-"""The argument of every command that works on a cell."""
-
-Realtime = Annotated[
-    bool,
-    typer.Option("--realtime", help="A simulated cell at the clock's pace, not as fast as it can."),
-]
-"""An option of the commands that move a cell."""
-
-Pace = Annotated[
-    float | None,
-    typer.Option(
-        min=0.1,
-        max=100.0,
-        metavar="TIMES",
-        help="A simulated cell at so many times the clock's pace, and never late: time waits for"
-        " whoever is. As fast as it can if not given.",
-    ),
-]
-"""An option of the commands that move a cell."""
-
-Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
-"""An option of the commands that move a cell."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,6 @@ import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
@@ -17,18 +14,6 @@ from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
 from config.process.file_locks import file_holder, held_file
 from rid_daq.session.running_sessions import machine_lock_folders, session_on, signed
-
-RunsFolder = Annotated[
-    Path, typer.Option("--runs", help="The folder that holds the run folders.", show_default=True)
-]
-"""The `--runs` option that every command with run folders has."""
-
-RunNames = Annotated[
-    list[str], typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`.")
-]
-"""The argument of every command that takes several runs."""
-
-DEFAULT_RUNS = Path("runs")
 
 
 @contextlib.contextmanager

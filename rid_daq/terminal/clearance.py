@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from config.cell.cell import CellConfig
 from config.errors import PreflightError
 from rid_daq.terminal.console import Console
 
-Cleared = Annotated[
-    bool,
-    typer.Option(
-        "--i-have-cleared-the-cell",
-        help="Nobody is in the cell and the emergency stop is at hand; needed for real robots"
-        " where nobody can be asked.",
-    ),
-]
-"""The option that every command has that moves a real robot."""
-
-WithoutAxisTest = Annotated[
-    bool,
-    typer.Option(
-        "--without-axis-test",
-        help="Move a real robot though `rid-daq axes` has not passed since its cell or robot file"
-        " changed; the run says so.",
-    ),
-]
-"""The option that every command has that moves a real robot by itself."""
+if TYPE_CHECKING:
+    from config.cell.cell import CellConfig
 
 
 def require_cleared(cell: CellConfig, cleared: bool, console: Console) -> None:

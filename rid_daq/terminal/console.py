@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 
 import typer
-from pydantic import BaseModel
 
 from config.errors import ConfigError, PreflightError
 from rid_daq.terminal.progress_bar import MovingBar, counted
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from acquisition.hold_to_run.pilot import Keys
 
 T = TypeVar("T")
@@ -88,6 +89,8 @@ def _as_json(value: object) -> object:
     TypeError
         It is none.
     """
+    from pydantic import BaseModel  # takes longer to import than all else that says something
+
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json", by_alias=True)
     raise TypeError(f"{type(value).__name__} is nothing that JSON has")

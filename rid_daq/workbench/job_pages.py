@@ -42,7 +42,7 @@ def identify_check(
 @router.get("/payload")
 async def payload_page(visit: Visitor) -> HTMLResponse:
     """Show the guided payload session."""
-    from identification.payload.controllers.formats import LoadFormat
+    from identification.choices import LoadFormat
     from rid_daq.workbench.payload_sessions import interrupted_sessions
 
     plant = visit.cell.loaded.plant

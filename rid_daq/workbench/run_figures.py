@@ -25,12 +25,12 @@ from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
 from rid_daq.figures.warm_up_figure import warm_up_figure
-from rid_daq.jobs.payload.payload_job import PAYLOAD
 from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.recording.payload_steps import WARM_UP
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData
+from rid_daq.terminal.choices import PAYLOAD
 
 
 @dataclass(frozen=True)

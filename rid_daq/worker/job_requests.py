@@ -1,4 +1,4 @@
-"""The requests of jobs: which command does a kind of job, and what its request may say."""
+"""The requests of jobs: what does a kind of job, and what its request may say."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _MODULES = {
 
 
 def performer(kind: JobKind) -> Callable[[Any, Console], None]:
-    """Return what does a kind of job: the `perform` of its command."""
-    module = importlib.import_module(f"rid_daq.commands.{_MODULES.get(kind, kind.value)}")
+    """Return what does a kind of job: the `perform` of its performer."""
+    module = importlib.import_module(f"rid_daq.performers.{_MODULES.get(kind, kind.value)}")
     found: Callable[[Any, Console], None] = module.perform
     return found
 

@@ -12,16 +12,17 @@ from acquisition.runs.manifest import RunStatus
 from config.load import LoadedCell, load_cell
 from drivers.settings.saved_drive import DriveIdentity
 from drivers.settings.write_log import DRIVE_WRITES, WriteLog
+from identification.choices import PayloadLimits
 from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import write_payload
-from identification.payload.verdict import PayloadLimits, PayloadResult, checks
-from rid_daq.jobs.payload.payload_job import PAYLOAD
+from identification.payload.verdict import PayloadResult, checks
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import CELL
+from rid_daq.terminal.choices import PAYLOAD
 
 MEDIUM = PayloadBody.of_reported(
     np.array([9.579, 0.024, 0.090, -0.202, 0.612, 0.063, 0.637, -0.158, -0.002, -0.008])

@@ -29,9 +29,10 @@ from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops
 from config.errors import RidDaqError
 from config.load import load_cell, load_faults, load_robot
+from identification.choices import LoadFormat
 from identification.estimation.file import read_estimate
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.formats import LoadFormat, load_data, read_load_data
+from identification.payload.controllers.formats import load_data, read_load_data
 from identification.payload.file import read_payload
 from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_robot
 from rid_daq.recording.payload_state import SessionState

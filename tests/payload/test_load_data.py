@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 
 from config.errors import ConfigError, EstimationError
+from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.formats import (
-    LoadFormat,
-    deviation,
-    load_data,
-    read_load_data,
-)
+from identification.payload.controllers.formats import deviation, load_data, read_load_data
 
 # A body whose numbers are known without a computer. Mass 4 kg, centre of gravity at
 # (10, -20, 100) mm. Principal moments 0.03, 0.05 and 0.06 kg m^2, their axes turned by +30 degrees

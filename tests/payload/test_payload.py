@@ -14,18 +14,19 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.processing.periods import PeriodAverage, average_periods
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from identification.choices import REPORTED, PayloadLimits
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from identification.payload.body import PARAMETERS, REPORTED, PayloadBody
+from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, write_payload
 from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
-from identification.payload.verdict import NO_BODY, PayloadLimits, PayloadResult, checks
+from identification.payload.verdict import NO_BODY, PayloadResult, checks
 
 OPTIONS = ModelOptions(rotors=False)
 

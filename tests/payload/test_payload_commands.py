@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from acquisition.runs.catalogue import find_run
+from identification.choices import LoadFormat
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.formats import LoadFormat
 from identification.payload.file import read_payload
 from rid_daq.app import run
 from rid_daq.jobs.identification_job import EstimationRequest, estimate_runs

@@ -13,7 +13,8 @@ import pytest
 
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel
-from identification.payload.body import REPORTED, PayloadBody
+from identification.choices import REPORTED
+from identification.payload.body import PayloadBody
 from identification.sensitivity.cases import sensitivity_row, thesis_cases, thesis_motion
 from identification.sensitivity.monte_carlo import (
     PriorUncertainty,

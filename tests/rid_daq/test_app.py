@@ -150,7 +150,7 @@ def test_what_the_system_says_of_a_file_is_one_message(
     def closed(*_arguments: object) -> object:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "secret/manifest.json")
 
-    monkeypatch.setattr("rid_daq.commands.runs.list_runs", closed)
+    monkeypatch.setattr("acquisition.runs.catalogue.list_runs", closed)
     assert run(["runs"]) == ExitCode.STORAGE
     assert capsys.readouterr().err == "rid-daq: secret/manifest.json: Permission denied\n"
 

@@ -19,7 +19,7 @@ from config.cell.cell import CanBusConfig
 from config.load import load_cell
 from mock_hw.host.device_process import DeviceProcess, leave_signals_to_parent
 from rid_daq.demo.parallel import run_stories
-from rid_daq.preflight.computer_check import computer_lines
+from rid_daq.preflight.computer_check import time_lines
 from rid_daq.terminal.console import Console
 
 pytestmark = pytest.mark.slow
@@ -73,7 +73,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         lambda _folder: DeviceProcess(wait_at),
         record_frames,
         serve_points,
-        computer_lines,
+        lambda _folder: time_lines(),
         start_stories,
     ],
     ids=["device", "frames", "points", "check", "demo"],

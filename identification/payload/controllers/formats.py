@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
 from config.errors import ConfigError, EstimationError
+from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.by_elements import (
     from_fanuc,
@@ -37,18 +37,6 @@ from identification.payload.controllers.by_principal_axes import (
 
 PRECISION: Final = 1e-8
 LARGEST_TEXT: Final = 1_000_000
-
-
-class LoadFormat(StrEnum):
-    """Whose controller the payload is for."""
-
-    KUKA = "kuka"
-    ABB = "abb"
-    FANUC = "fanuc"
-    UR = "ur"
-    FRANKA = "franka"
-    STAUBLI = "staubli"
-    URDF = "urdf"
 
 
 @dataclass(frozen=True)

@@ -5,30 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
-from config.plausible import Plausible
-from config.robot.robot import NonNegative
+from identification.choices import (
+    BAND_HZ,
+    STANDSTILL_RAD_S,
+    BandHz,
+    PayloadLimits,
+    StandstillRadS,
+    TorqueConstantSigma,
+)
 from identification.estimation.file import read_estimate
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
 from identification.payload.known import Known
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
-from identification.payload.verdict import PayloadLimits
-from rid_daq.jobs.payload.payload_job import PAYLOAD, PayloadRequest, payload_from_runs
+from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
+from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.console import Console
-
-TorqueConstantSigma = Annotated[NonNegative, Plausible(5e-4, 0.5, "")]
-"""What is not known of a torque constant (1 σ), as a share."""
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from pathlib import Path
 from config.errors import ConfigError, EstimationError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
+from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import (
     LARGEST_TEXT,
-    LoadFormat,
     deviation,
     load_data,
     read_load_data,

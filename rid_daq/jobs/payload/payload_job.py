@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
-from identification.estimation.options import BAND_HZ, STANDSTILL_RAD_S
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
 from identification.payload.smoothed_runs import SmoothedRuns
-from identification.payload.verdict import PayloadLimits, PayloadResult, Repeats, checks, repeated
+from identification.payload.verdict import PayloadResult, Repeats, checks, repeated
 from rid_daq.jobs.identification_job import one_robot
 from rid_daq.runs.run_data import RunData
-
-PAYLOAD: Final = "payload.json"
 
 
 @dataclass(frozen=True)

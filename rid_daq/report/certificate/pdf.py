@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 from fpdf.enums import MethodReturnValue, XPos, YPos
 
-from identification.payload.body import REPORTED, REPORTED_UNITS
+from identification.choices import REPORTED
+from identification.payload.body import REPORTED_UNITS
 from rid_daq.report.certificate.centre_views import HEIGHT_MM, draw_centre
 from rid_daq.report.certificate.certificate import Certificate
 from rid_daq.report.certificate.page import (

@@ -313,7 +313,8 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
 
 
 def _parameters(estimate: PayloadEstimate, whole: bool) -> tuple[PayloadParameter, ...]:
-    from identification.payload.body import REPORTED, REPORTED_UNITS
+    from identification.choices import REPORTED
+    from identification.payload.body import REPORTED_UNITS
 
     known = {quantity.name for quantity in estimate.known}
     return tuple(

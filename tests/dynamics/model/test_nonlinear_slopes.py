@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from config.load import load_robot
-from config.robot.robot import FrictionTerm
+from config.robot.friction_terms import FrictionTerm
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, load_torque, regressor
 from dynamics.terms.conditions import Conditions

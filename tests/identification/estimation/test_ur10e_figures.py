@@ -14,9 +14,10 @@ from acquisition.imports.read import import_csv
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
+from identification.choices import STANDSTILL_RAD_S
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
-from identification.estimation.options import STANDSTILL_RAD_S, EstimationOptions
+from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.procedures import identify_payload
 from identification.payload.smoothed_runs import SmoothedRuns

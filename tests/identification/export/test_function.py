@@ -14,8 +14,8 @@ from typing import TypedDict
 import numpy as np
 import pytest
 
+from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import (
-    FrictionTerm,
     GravitySpring,
     Joint,
     JointLimits,

@@ -11,7 +11,8 @@ import pytest
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from config.errors import EstimationError
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimators import estimate_smoothed

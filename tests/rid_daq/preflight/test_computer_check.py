@@ -3,7 +3,7 @@
 import multiprocessing
 from pathlib import Path
 
-from rid_daq.preflight.computer_check import computer_lines, try_awake
+from rid_daq.preflight.computer_check import disk_lines, time_lines, try_awake
 from rid_daq.preflight.lateness import sleep_like_the_task
 
 
@@ -20,8 +20,8 @@ def test_a_refusal_says_what_to_do(tmp_path: Path) -> None:
     assert try_awake(tmp_path) == told
 
 
-def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them(tmp_path: Path) -> None:
-    found = {line.what: line.found for line in computer_lines(tmp_path / "runs")}
+def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them() -> None:
+    found = {line.what: line.found for line in time_lines()}
     source, late = found["clock source; a cycle begins late by, median and worst"].split("; ")
     median, worst = (float(each.removesuffix(" ms")) for each in late.split(", "))
     assert source
@@ -29,9 +29,7 @@ def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them(tmp_path
 
 
 def test_a_folder_that_cannot_be_written_to_is_no_slow_disk() -> None:
-    (line,) = [
-        each for each in computer_lines(Path("/proc/runs")) if each.what == "writing to disk"
-    ]
+    (line,) = [each for each in disk_lines(Path("/proc/runs")) if each.what == "writing to disk"]
     assert (line.verdict, line.found.split(":")[0]) == ("red", "/proc")
     assert line.next_action.startswith("choose another folder with --runs")
 

@@ -14,7 +14,8 @@ from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.runs.folder import RunFolder
 from config.errors import PreflightError
 from config.load import load_cell
-from identification.payload.verdict import PayloadLimits, PayloadResult, checks
+from identification.choices import PayloadLimits
+from identification.payload.verdict import PayloadResult, checks
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.recording import payload_steps
 from rid_daq.recording.payload_state import SessionState

@@ -15,15 +15,15 @@ from pypdf import PdfReader
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, RunStatus
 from config.errors import ConfigError, DataQualityError, RecordingError
-from identification.payload.body import REPORTED
+from identification.choices import REPORTED
 from rid_daq.app import run
 from rid_daq.recording.certificate_job import (
-    CERTIFICATE,
     PayloadCertificateRequest,
     certificate_of,
     write_certificate,
 )
 from rid_daq.report.certificate.pdf import certificate_pdf
+from rid_daq.terminal.choices import CERTIFICATE
 from rid_daq.terminal.exit_codes import ExitCode
 from tests.builders.certified import (
     Session,

@@ -1,0 +1,105 @@
+"""How long the program takes to say something, beside `python -c 'import numpy, scipy'`.
+
+Processor time of whole processes, the least of some starts: the version, the list of a hundred
+runs, the help of every command. Of `check` on a simulated cell it is the time by the clock until
+its first line.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from acquisition.runs.folder import RunFolder
+from rid_daq.app import COMMANDS
+
+PEER: Final = (sys.executable, "-c", "import numpy, scipy")
+PROGRAM: Final = (sys.executable, "-m", "rid_daq")
+RUNS: Final = 100
+ROUNDS: Final = 7
+PEER_S: Final = 0.09
+"""What the peer took on the calm computer on which the bars were set."""
+
+BARS_S: Final = {"--version": 0.1, "runs": 0.3, "--help": 0.4, "check": 1.0}
+
+
+def processor_s(command: Sequence[str]) -> float:
+    """Return the processor time that a command takes [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def first_line_s(folder: Path) -> float:
+    """Return how long `check` takes until its first line, by the clock [s]."""
+    began_s = time.monotonic()
+    with subprocess.Popen(
+        [*PROGRAM, "check", "ir361", "--seconds", "0.1", "--runs", str(folder)],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        taken_s = time.monotonic() - began_s
+        process.stdout.read()
+    if process.returncode:
+        raise SystemExit(f"check ended with exit code {process.returncode}")
+    return taken_s
+
+
+def main() -> int:
+    """Measure and print; the last line is one JSON object."""
+    helps = {name: processor_s((*PROGRAM, name, "--help")) for name in COMMANDS}
+    slowest = max(helps, key=lambda name: helps[name])
+    with TemporaryDirectory(prefix="rid-startup-") as name:
+        runs = Path(name) / "runs"
+        for number in range(RUNS):
+            RunFolder.create(runs, f"run {number}")
+        # turn by turn, so that how busy the computer is concerns all of them alike
+        rounds = [
+            {
+                "peer": processor_s(PEER),
+                "--version": processor_s((*PROGRAM, "--version")),
+                "runs": processor_s((*PROGRAM, "runs", "--runs", str(runs))),
+                "--help": processor_s((*PROGRAM, slowest, "--help")),
+                "check": first_line_s(runs),
+            }
+            for _ in range(2 if "--quick" in sys.argv else ROUNDS)
+        ]
+    taken = {what: min(each[what] for each in rounds) for what in rounds[0]}
+    peer_s = taken.pop("peer")
+    print(f"python -c 'import numpy, scipy': {peer_s:.3f} s of processor time")
+    ratios, held = {}, []
+    for what, bar_s in BARS_S.items():
+        ratios[what] = taken[what] / peer_s
+        held.append(ratios[what] <= bar_s / PEER_S)
+        more = {"--help": f", the slowest: {slowest}", "check": " by the clock, first line"}
+        print(
+            f"{what}{more.get(what, '')}: {taken[what]:.3f} s, {ratios[what]:.2f} of it (at most"
+            f" {bar_s / PEER_S:.2f})"
+        )
+    result = {
+        "name": "startup",
+        "value": round(taken["--help"], 3),
+        "unit": f"s of processor time for --help of {slowest}",
+        "ratios": {what: round(ratio, 2) for what, ratio in ratios.items()},
+        "seconds": {what: round(each, 3) for what, each in taken.items()},
+        "bar": ", ".join(f"{what} {bar_s:g} s" for what, bar_s in BARS_S.items())
+        + f" where numpy and scipy take {PEER_S:g} s",
+        "holds": all(held),
+    }
+    print(json.dumps(result))
+    return 0 if all(held) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

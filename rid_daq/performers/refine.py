@@ -1,0 +1,66 @@
+"""What `rid-daq refine` does, and says of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rid_daq.jobs.feedforward_job import Refined, RefineRequest, refine_feedforward
+from rid_daq.terminal.console import Console
+
+
+def perform(request: RefineRequest, console: Console) -> None:
+    """Refine the feedforward, and say what is left."""
+    refined = refine_feedforward(request)
+    for note in refined.notes:
+        console.say(f"note: {note}")
+    _print(console, request.output, refined)
+
+
+def _print(console: Console, output: Path, refined: Refined) -> None:
+    measured, found = refined.measured, refined.found
+    stalled = refined.stalled and not found.finished
+    axes: list[dict[str, Any]] = [
+        {"joint": name, "rms": rms, "over_noise": over, "bound": bound}
+        for name, rms, over, bound in zip(
+            measured.joint_names,
+            measured.rms.tolist(),
+            found.over_noise.tolist(),
+            found.bound.largest.tolist(),
+            strict=True,
+        )
+    ]
+    console.document(
+        {
+            "feedforward": str(output),
+            "finished": refined.finished,
+            "stalled": stalled,
+            "repetitions": measured.repetitions,
+            "noise_limit": found.noise_limit,
+            "band_hz": found.bound.band_hz,
+            "axes": axes,
+            "notes": refined.notes,
+        }
+    )
+    console.table(
+        ("axis", "rms error", "power over noise", "keeps at most"),
+        [
+            (
+                axis["joint"],
+                f"{1e3 * axis['rms']:.4f}e-3",
+                f"{axis['over_noise']:.3g}",
+                f"{axis['bound']:.1%}",
+            )
+            for axis in axes
+        ],
+    )
+    if stalled:
+        console.say("The error no longer shrinks: what is left does not repeat. Refined enough.")
+    elif refined.finished:
+        console.say("The remaining error is noise. Refined enough.")
+    else:
+        console.say(
+            f"Up to {found.bound.band_hz:.3g} Hz an error keeps at most that share of itself each"
+            " time, for loops within their intervals."
+        )
+        console.say(f"Next: record the motion with --feedforward {output}, and refine again")

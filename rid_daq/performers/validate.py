@@ -1,0 +1,42 @@
+"""What `rid-daq validate` does, and says of it."""
+
+from __future__ import annotations
+
+import typer
+
+from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.exit_codes import ExitCode
+
+
+def perform(request: ValidateRequest, console: Console) -> None:
+    """Validate, and say the verdict; exit codes as the command has them."""
+    if request.is_motion_file:
+        validated = predict_motion(request)
+    else:
+        validated = validate_run(request, console)
+    _print(console, validated)
+    if validated.verdict.passed is False:
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+
+
+def _print(console: Console, validated: Validated) -> None:
+    report = validated.report
+    told = {
+        "validation": validated.validation,
+        "reaction": validated.reaction,
+        "base_load": validated.base_load,
+        "verdict": validated.verdict,
+        "notes": validated.notes,
+        "report": None if report is None else str(report),
+    }
+    console.document({name: part for name, part in told.items() if part is not None})
+    if validated.validation is not None:
+        validated.validation.print(console)
+    for part in (validated.reaction, validated.base_load):
+        if part is not None:
+            part.print(console)
+            console.say(part.sentence)
+    console.verdict(validated.verdict.passed, validated.verdict.headline)
+    if report is not None:
+        console.say(f"Report: {report}")

@@ -1,0 +1,110 @@
+"""What options choose among, and what holds where they are not given.
+
+A command's help is shown from these alone, so nothing here imports numerics; what the choices mean
+stands where they are used.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+MODEL: Final = "model.json"
+PAYLOAD: Final = "payload.json"
+CERTIFICATE: Final = "certificate.pdf"
+"""The files of a run that `identify`, `payload identify` and `payload certificate` write."""
+
+JOG_PERCENT: Final = 5.0
+FASTEST_PERCENT: Final = 10.0
+"""Of the speed limit: how fast `jog` moves, and how fast it may."""
+
+DEFAULT_CONFIDENCE: Final = 0.95
+"""With which probability a path timed by `retime` keeps to the torque limits."""
+
+DEMO_PERIOD_S: Final = 10.0
+"""The period of the excitations of `demo`."""
+
+
+class Kind(StrEnum):
+    """What the motion is for."""
+
+    EXCITATION = "excitation"
+    CONSTANT_VELOCITY = "constant-velocity"
+    REVERSED = "reversed"
+    MULTISINE = "multisine"
+
+
+class Format(StrEnum):
+    """What can be written."""
+
+    URDF = "urdf"
+    SDF = "sdf"
+    PINOCCHIO = "pinocchio"
+    C = "c"
+    PYTHON = "python"
+    CSV = "csv"
+    JSON = "json"
+    PARQUET = "parquet"
+    MAT = "mat"
+    MDF4 = "mdf4"
+
+
+class Grid(StrEnum):
+    """Which lines of its band a multisine has."""
+
+    ODD = "odd"
+    RANDOM_ODD = "random_odd"
+    FULL = "full"
+
+
+class Phases(StrEnum):
+    """Where the phases start before the crest factor is made small."""
+
+    RANDOM = "random"
+    SCHROEDER = "schroeder"
+
+
+class Method(StrEnum):
+    """How the excitation is found."""
+
+    OPTIMAL = "optimal"
+    TWO_HARMONIC = "two-harmonic"
+
+
+class CriterionName(StrEnum):
+    """What is optimal."""
+
+    CONDITION = "condition"
+    D_OPTIMAL = "d-optimal"
+
+
+class Estimator(StrEnum):
+    """How rows are weighted."""
+
+    ML = "ml"
+    LS = "ls"
+    HUBER = "huber"
+
+
+class Model(StrEnum):
+    """What is measured of the robot."""
+
+    INTERNAL = "internal"
+    EXTERNAL = "external"
+    COMBINED = "combined"
+
+
+class How(StrEnum):
+    """How the robot is told from what it carries."""
+
+    TOGETHER = "together"
+    DIFFERENCE = "difference"
+    MODEL = "model"
+    APART = "apart"
+
+
+class Against(StrEnum):
+    """How the robot is told from the payload."""
+
+    MODEL = "model"
+    DIFFERENCE = "difference"

@@ -1,0 +1,107 @@
+"""Options and arguments that several commands have, without what they are used for.
+
+A command's help is shown from its options alone, so nothing here imports numerics.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+DEFAULT_LISTEN = "127.0.0.1:8642"
+
+
+CellName = Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")]
+"""The argument of every command that works on a cell."""
+
+Realtime = Annotated[
+    bool,
+    typer.Option("--realtime", help="A simulated cell at the clock's pace, not as fast as it can."),
+]
+"""An option of the commands that move a cell."""
+
+Pace = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1,
+        max=100.0,
+        metavar="TIMES",
+        help="A simulated cell at so many times the clock's pace, and never late: time waits for"
+        " whoever is. As fast as it can if not given.",
+    ),
+]
+"""An option of the commands that move a cell."""
+
+Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
+"""An option of the commands that move a cell."""
+
+
+RunsFolder = Annotated[
+    Path, typer.Option("--runs", help="The folder that holds the run folders.", show_default=True)
+]
+"""The `--runs` option that every command with run folders has."""
+
+RunNames = Annotated[
+    list[str], typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`.")
+]
+"""The argument of every command that takes several runs."""
+
+DEFAULT_RUNS = Path("runs")
+
+
+Unfinished = Annotated[
+    bool,
+    typer.Option(
+        "--unfinished",
+        help="Use a run that was never finished too, as a killed program leaves it; the report says"
+        " so.",
+    ),
+]
+"""The option of every command that reads runs."""
+
+
+Live = Annotated[
+    bool, typer.Option("--live", help="Show the motion in a browser, with a stop button.")
+]
+
+Listen = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS:PORT",
+        help="Where the live page is served; an address that other machines can reach needs --token"
+        " and --certificate.",
+    ),
+]
+
+Token = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="The live page's secret, instead of a new one each time."),
+]
+
+Certificate = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Certificate and key (PEM): the live page by TLS."),
+]
+
+
+Cleared = Annotated[
+    bool,
+    typer.Option(
+        "--i-have-cleared-the-cell",
+        help="Nobody is in the cell and the emergency stop is at hand; needed for real robots"
+        " where nobody can be asked.",
+    ),
+]
+"""The option that every command has that moves a real robot."""
+
+WithoutAxisTest = Annotated[
+    bool,
+    typer.Option(
+        "--without-axis-test",
+        help="Move a real robot though `rid-daq axes` has not passed since its cell or robot file"
+        " changed; the run says so.",
+    ),
+]
+"""The option that every command has that moves a real robot by itself."""
