@@ -1,0 +1,268 @@
+"""Real robots that nobody here recorded: `python -m benchmarks.judges --data DIR`.
+
+Every folder below DIR with a `judge.yaml` (benchmarks.judge_split: recordings, their map, what
+trains and what judges), or of a name that one is shipped for, goes through the commands as a user
+would: `import`, `identify`, `identify --choose`, `validate`, one way and the other. Beside the
+errors stand how many rigid base parameters of the two ways' models lie inside each other's 95 %
+intervals, and whether the models are physically consistent. `--peer-python` names a Python that has
+figaroh, which identifies the same arrays. The last line is one JSON object.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the program sets it
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from acquisition.runs.catalogue import find_runs
+from benchmarks.judge_split import JudgeSplit, Piece, find_splits
+from dynamics.geometry.kinematics import Chain
+from identification.equations.deconvolution import without_torque_filter
+from rid_daq.runs.run_data import RunData
+
+PEER: Final = Path(__file__).with_name("judges_peer.py")
+BAND_HZ: Final = 10.0
+TWO_SIGMA: Final = 1.96
+
+
+class CommandError(Exception):
+    """A command that ended with an error; its last line says why."""
+
+
+@dataclass
+class Way:
+    """One way through a robot's recordings: trained on some, judged on others.
+
+    Attributes
+    ----------
+    plain, moving, every : list of float
+        Largest relative error of each joint over the judging runs [%]: of the terms of the robot
+        file on moving samples, then of the chosen terms on moving and on all samples.
+    peer : list of float
+        figaroh's on moving samples; empty without it.
+    consistent : bool
+        No finding says that no robot can have the chosen model's parameters.
+    values : dict
+        Rigid base parameter to value and standard deviation.
+    """
+
+    plain: list[float] = field(default_factory=list)
+    moving: list[float] = field(default_factory=list)
+    every: list[float] = field(default_factory=list)
+    peer: list[float] = field(default_factory=list)
+    consistent: bool = False
+    values: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def command(*words: str) -> dict[str, Any]:
+    """Run a command with `--json` and return its document; exit 1 and 6 are verdicts.
+
+    Raises
+    ------
+    CommandError
+        It ended without a document.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "rid_daq", *words, "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    try:
+        document: dict[str, Any] = json.loads(done.stdout)
+    except ValueError:
+        said = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise CommandError(f"{words[0]}, exit {done.returncode}: {said}") from None
+    return document
+
+
+def bring_in(place: Path, which: str, split: JudgeSplit, pieces: Sequence[Piece]) -> list[str]:
+    """Import pieces of a folder; return their labels."""
+    own = place / split.map
+    bound = str(own) if own.is_file() else split.map
+    labels = []
+    for number, piece in enumerate(pieces):
+        labels.append(f"{which}{number}")
+        rows = ["--rows", piece.rows] if piece.rows else []
+        command("import", str(place / piece.file), "--map", bound, *rows, "--label", labels[-1])
+    return labels
+
+
+def largest(validations: Sequence[dict[str, Any]], key: str) -> list[float]:
+    """Return each joint's largest error over some validations [%]."""
+    tables = [[axis[key] for axis in each["validation"]["axes"]] for each in validations]
+    return [max(column) for column in zip(*tables, strict=True)]
+
+
+def go(way: str, train: Sequence[str], judge: Sequence[str]) -> Way:
+    """Identify on runs, plainly and with chosen terms, and predict the others."""
+    taken = Way()
+    for kind in ("plain", "chosen"):
+        model = f"{way}_{kind}.json"
+        told = command("identify", *train, *(["--choose"] if kind == "chosen" else []), "-o", model)
+        judged = [command("validate", model, run) for run in judge]
+        if kind == "plain":
+            taken.plain = largest(judged, "relative_error_percent")
+            continue
+        taken.moving = largest(judged, "relative_error_percent")
+        taken.every = largest(judged, "all_samples_percent")
+        joints = [axis["joint"] for axis in told["estimate"]["axes"]]
+        taken.values = {
+            each["name"]: (each["value"], each["std"])
+            for each in told["estimate"]["parameters"]
+            if not each["name"].endswith(tuple(f"_{joint}" for joint in joints))
+        }
+        said = " ".join(told["estimate"]["findings"])
+        taken.consistent = "are physically consistent" in said
+    return taken
+
+
+def inside(first: Way, second: Way) -> tuple[int, int]:
+    """Return how many rigid base parameters agree within 95 % intervals, and of how many."""
+    common = first.values.keys() & second.values.keys()
+    agree = [
+        abs(first.values[name][0] - second.values[name][0])
+        <= TWO_SIGMA * math.hypot(first.values[name][1], second.values[name][1])
+        for name in common
+    ]
+    return sum(agree), len(agree)
+
+
+def arrays(runs: Sequence[str], to: Path) -> Path:
+    """Write the low-passed arrays of some runs for the peer; return the file."""
+    data = [RunData.load(folder) for folder in find_runs(Path("runs"), runs)]
+    signals: list[SmoothedSignals] = [
+        smooth_nonperiodic(without_torque_filter(each.recording), BAND_HZ) for each in data
+    ]
+    robot = data[0].robot
+    np.savez(
+        to,
+        allow_pickle=False,
+        q=np.concatenate([each.position for each in signals]),
+        v=np.concatenate([each.velocity for each in signals]),
+        a=np.concatenate([each.acceleration for each in signals]),
+        tau=np.concatenate([each.torque_nm for each in signals]),
+        rows=Chain.from_description(robot).rows,
+        gravity=np.array(robot.gravity_m_s2),
+    )
+    return to
+
+
+def peer_percent(python: str, train: Sequence[str], judge: Sequence[str]) -> list[float]:
+    """Return figaroh's largest error of each joint [%]; empty where it fails."""
+    given = arrays(train, Path("train.npz"))
+    tables = []
+    for run in judge:
+        words = [python, str(PEER), str(given), str(arrays([run], Path("judge.npz")))]
+        done = subprocess.run(words, check=False, capture_output=True, text=True)
+        if done.returncode:
+            said = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            print(f"figaroh cannot do this in {python}: {said}")
+            return []
+        tables.append(json.loads(done.stdout.splitlines()[-1]))
+    return [max(column) for column in zip(*tables, strict=True)]
+
+
+def shown(percent: Sequence[float]) -> str:
+    """Return a row of percentages."""
+    return " ".join(f"{each:5.1f}" for each in percent)
+
+
+def meets(percent: Sequence[float], bar: Sequence[float | None]) -> bool:
+    """Return whether no joint exceeds its bar."""
+    return all(limit is None or value <= limit for value, limit in zip(percent, bar, strict=False))
+
+
+def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, Any]:
+    """Take one robot both ways, in the working folder, and print its table."""
+    train, judge = (
+        bring_in(place, which, split, pieces)
+        for which, pieces in (("train", split.train), ("judge", split.judge))
+    )
+    ways = {"there": (train, judge), "back": (judge, train)}
+    taken = {way: go(way, *runs) for way, runs in ways.items()}
+    print(f"\n{place.name}: relative error of each joint [%]")
+    for way, runs in ways.items():
+        one = taken[way]
+        if peer:
+            one.peer = peer_percent(peer, *runs)
+        print(f"  {way:5}  terms of the robot file, moving   {shown(one.plain)}")
+        print(f"  {'':5}  chosen terms, moving              {shown(one.moving)}")
+        print(f"  {'':5}  chosen terms, all samples         {shown(one.every)}")
+        if one.peer:
+            print(f"  {'':5}  figaroh, moving                   {shown(one.peer)}")
+        print(f"  {'':5}  physically consistent: {'yes' if one.consistent else 'not shown'}")
+    agree, of = inside(*taken.values())
+    print(f"  {agree} of {of} rigid base parameters of both ways agree within 95 % intervals")
+    there = taken["there"]
+    holds = meets(there.moving, split.bar.moving_percent)
+    holds &= meets(there.every, split.bar.all_percent)
+    return {
+        "moving_percent": [round(each, 2) for each in there.moving],
+        "all_percent": [round(each, 2) for each in there.every],
+        "back_moving_percent": [round(each, 2) for each in taken["back"].moving],
+        "figaroh_percent": there.peer,
+        "parameters_that_agree": f"{agree} of {of}",
+        "consistent": all(each.consistent for each in taken.values()),
+        "holds": holds,
+    }
+
+
+def main() -> int:
+    """Judge every robot and print; the last line is one JSON object."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.judges")
+    parser.add_argument("--data", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--peer-python", metavar="PYTHON", help="a Python that has figaroh")
+    options = parser.parse_args()
+    try:
+        splits = find_splits(options.data.resolve())
+    except ValueError as error:
+        parser.error(str(error))
+    if not splits:
+        parser.error(
+            f"no folder below {options.data} has a judge.yaml or the name of a shipped one"
+        )
+    robots: dict[str, dict[str, Any]] = {}
+    for place, split in splits.items():
+        with tempfile.TemporaryDirectory() as folder:
+            here = Path.cwd()
+            os.chdir(folder)
+            try:
+                robots[place.name] = judge_robot(place, split, options.peer_python)
+            except CommandError as refusal:
+                print(f"\n{place.name}: {refusal}")
+                robots[place.name] = {"refused": str(refusal), "holds": False}
+            finally:
+                os.chdir(here)
+    held = sum(bool(each["holds"]) for each in robots.values())
+    print(
+        json.dumps(
+            {
+                "name": "judges",
+                "value": held,
+                "unit": f"of {len(robots)} robots within their bars",
+                "robots": robots,
+                "bar": "every robot within the bar of its split, where it names one",
+                "holds": held == len(robots),
+            }
+        )
+    )
+    return 0 if held == len(robots) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
