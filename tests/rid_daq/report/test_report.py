@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import re
 from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,17 @@ def test_the_page_needs_nothing_from_anywhere(page: str) -> None:
     assert parsed.scripts == 0
     assert not re.search(r"url\((?!#)", page)
     assert "@import" not in page
+
+
+def test_no_table_is_cut_on_a_narrow_screen() -> None:
+    """A table that is wider than a telephone scrolls by itself; the page around it stays."""
+    pages = files("rid_daq.report_page") / "templates"
+    cut = {
+        template.name
+        for template in pages.iterdir()
+        if re.search(r'(?<!<div class="scroll">)<table|</table>(?!</div>)', template.read_text())
+    }
+    assert cut == set()
 
 
 def test_every_drawing_has_ids_of_its_own(page: str) -> None:
