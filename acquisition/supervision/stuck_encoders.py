@@ -13,7 +13,9 @@ class StuckEncoders:
     """Counts for each motor how long its encoder stands while it is told to move (row 14).
 
     A slow command may leave a joint in stiction. What tells a stuck encoder from it is the torque:
-    the velocity loop goes on raising it. Limits and cycles are those of `Supervision`.
+    the velocity loop goes on raising it. The torque that braked a fast joint is measured some
+    cycles late, behind the drive's filter: so long it is no strain. Limits and cycles are those of
+    `Supervision`.
 
     Parameters
     ----------
@@ -35,6 +37,7 @@ class StuckEncoders:
         """Start afresh."""
         self._periods = [0] * len(self._names)  # for which they have stood
         self._torque_from = [0.0] * len(self._names)  # at which they began to stand
+        self._braking = [0] * len(self._names)  # cycles in which it may still come down
 
     def check(
         self, i: int, command: float, velocity: float, torque_nm: float, periods: int
@@ -54,10 +57,16 @@ class StuckEncoders:
         """
         rules = self._rules
         command = abs(command)
+        braking = self._braking[i] > 0
+        self._braking[i] -= min(periods, self._braking[i])
         if command == 0.0 or abs(velocity) >= STUCK_FRACTION * command:
+            if abs(velocity) > rules.stuck_encoder_velocity_rad_s:
+                self._braking[i] = rules.stuck_encoder_cycles
             self._periods[i] = 0
             self._torque_from[i] = torque_nm
             return None
+        if braking and command <= rules.stuck_encoder_velocity_rad_s:
+            self._torque_from[i] = torque_nm
         strains = abs(torque_nm - self._torque_from[i]) > self._strain[i]
         if command <= rules.stuck_encoder_velocity_rad_s and not strains:
             self._periods[i] = 0

@@ -39,7 +39,8 @@ def demo(
     Design an excitation, record it, record a validation motion, average, identify, validate and
     report. It is done twice side by side: on a robot with effects that no model has, and on one
     without, where the true parameters must lie inside their intervals. The first then measures its
-    velocity loops and drives a circle and a path, before and after pre-compensation.
+    velocity loops and drives a circle and a path, before and after pre-compensation; and a
+    pick-and-place path, before and after it is timed to what torques and base allow.
     """
     from rid_daq.demo.demo import DemoRequest, run_demo
 
@@ -79,5 +80,8 @@ def _print(console: Console, result: Result) -> None:
             f"{motion.sentence} Mean distance {before} mm before,"
             f" {1e3 * motion.after.mean_m:.3f} mm after pre-compensation."
         )
+    driven = None if result.retiming is None else result.retiming.driven
+    if driven is not None:
+        console.say(driven.words)
     if result.timing is not None and result.timing.elapsed_s is not None:
         console.say(f"Took {result.timing.elapsed_s:.1f} s.")

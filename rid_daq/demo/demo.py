@@ -13,9 +13,11 @@ from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.demo.demo_paths import PathMotions
 from rid_daq.demo.demo_story import DEMO_CELL, Motions
+from rid_daq.demo.demo_timing import TimingMotions
 from rid_daq.demo.parallel import run_stories
 from rid_daq.report.result import Result, WithoutUnmodelled
 from rid_daq.report.sections.estimate import TruthCase
+from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.tracking import TrackingSection
@@ -100,16 +102,17 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
             if request.paths
             else None
         )
-        if chapter is not None:
-            total_s += chapter.duration_s(loaded.robot, cycle_s)
-        motions = Motions(excitation, validation, chapter)
+        timed = TimingMotions.of_robot(loaded.robot, excitation) if request.paths else None
+        for part in (chapter, timed):
+            total_s += 0.0 if part is None else part.duration_s(loaded.robot, cycle_s)
+        motions = Motions(excitation, validation, chapter, timed)
         stories = run_stories(folder, motions, total_s, request.seed, console)
         on, off = stories[True], stories[False]
         truth = (
             TruthCase.compared("effects that no model has: on", on.estimate),
             TruthCase.compared("effects that no model has: off", off.estimate),
         )
-        judged = _verdict(on.validation, truth, on.tracking)
+        judged = _verdict(on.validation, truth, on.tracking, on.retiming)
         title = f"rid-daq demo on the simulated cell {loaded.config.name}"
         result = Result.new(title, loaded.robot.name).updated(
             cell=CellSection.of(loaded.config),
@@ -120,6 +123,7 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
             validation=on.validation,
             curves=on.curves,
             tracking=on.tracking,
+            retiming=on.retiming,
             truth=truth,
             without_unmodelled=WithoutUnmodelled(
                 average=off.average, estimate=off.estimate, validation=off.validation
@@ -142,6 +146,7 @@ def _verdict(
     validation: ValidationSection,
     truth: tuple[TruthCase, TruthCase],
     tracking: TrackingSection | None,
+    retiming: RetimingSection | None,
 ) -> Verdict:
     over = {axis.joint: axis.error_over_floor or 0.0 for axis in validation.axes}
     worst = max(over, key=lambda joint: over[joint])
@@ -161,12 +166,14 @@ def _verdict(
             "%",
         ),
         *([] if tracking is None else _path_checks(tracking)),
+        *([] if retiming is None or retiming.driven is None else retiming.driven.checks),
     ]
     passed = all(line.passed for line in checks)
-    closer = "" if tracking is None else ", and paths are followed many times closer"
+    closer = "" if tracking is None else ", paths are followed many times closer"
+    faster = "" if retiming is None else ", and one is driven faster within all limits"
     return Verdict.of(
         checks,
-        f"Passed: the model predicts the validation run as well as the truth does{closer}"
+        f"Passed: the model predicts the validation run as well as the truth does{closer}{faster}"
         if passed
         else "Failed: see the line marked NO",
         f"The floor is the error that the plant's true parameters leave: noise, and effects that no"

@@ -1,4 +1,4 @@
-"""The demo's last chapter: velocity loops, feedforward, and paths before and after."""
+"""The demo's chapter on paths: velocity loops, feedforward, and paths before and after."""
 
 from __future__ import annotations
 
@@ -108,10 +108,29 @@ class PathMotions:
 
 
 @dataclass(frozen=True)
+class Precompensation:
+    """What pre-compensates a motion: a model, velocity loops, and their tuning by a run."""
+
+    estimate: Estimate
+    loops: list[VelocityLoop]
+    tuning: Tuning
+    reference: str
+
+    def ahead(
+        self, motion: AnyMotion, planned: MotionSamples, *, same_motion: bool = False
+    ) -> tuple[MotionSamples, dict[str, bytes]]:
+        """Return a motion with its feedforward, and the file of its run that says so."""
+        ahead = compensated_motion(planned, self.estimate, self.loops, self.tuning.tuning)
+        entry = TuningEntry.of(self.tuning, self.reference, same_motion)
+        return ahead, {FEEDFORWARD: feedforward_bytes(motion, ahead, Origin(tuning=entry))}
+
+
+@dataclass(frozen=True)
 class PathChapter:
-    """What the chapter adds to a result: how closely paths were followed, and its runs."""
+    """What the chapter adds to a result: how closely paths were followed, by what, and its runs."""
 
     tracking: TrackingSection
+    precompensation: Precompensation
     runs: tuple[RunSection, ...]
     run_ids: tuple[str, ...]
 
@@ -141,26 +160,24 @@ def run_path_chapter(
     loops = in_order(robot.joint_names, estimate.robot.joint_names, fitted)
     runs: list[tuple[str, AnyMotion, RecordedRun]] = [("Multisine", motions.multisine, excited)]
     pairs: list[tuple[MotionRun, MotionRun]] = []
-    tuning: Tuning | None = None
-    reference = ""
+    by: Precompensation | None = None
     for name, motion in (("circle", motions.circle), ("path", motions.path)):
         planned = motion.plan(robot, cell.cycle_time_s).whole()
         plain = record(f"{name}-plain", motion, planned)
-        if tuning is None:
+        if by is None:
             measured = repeated_error(planned, [plain.measured.recording])
             tuning = tune(planned, measured, estimate, loops, cell.position_gain_per_s)
-            reference = plain.folder.run_id
-        ahead = compensated_motion(planned, estimate, loops, tuning.tuning)
-        entry = TuningEntry.of(tuning, reference, motion is motions.circle)
-        file = feedforward_bytes(motion, ahead, Origin(tuning=entry))
-        after = record(f"{name}-compensated", motion, ahead, {FEEDFORWARD: file})
+            by = Precompensation(estimate, loops, tuning, plain.folder.run_id)
+        ahead, files = by.ahead(motion, planned, same_motion=motion is motions.circle)
+        after = record(f"{name}-compensated", motion, ahead, files)
         runs += [(f"{name.capitalize()}, plain", motion, plain)]
         runs += [(f"{name.capitalize()}, compensated", motion, after)]
         pairs.append((read_motion_run(after.folder), read_motion_run(plain.folder)))
-    assert tuning is not None
-    more = f" {_loop_sentence(loops, tuning)}"
+    assert by is not None
+    more = f" {_loop_sentence(loops, by.tuning)}"
     return PathChapter(
         tracking=TrackingSection.of([followed(*pair) for pair in pairs], robot, more),
+        precompensation=by,
         runs=tuple(
             RunSection.of(role, motion.describe(), run.measured.tally, robot)
             for role, motion, run in runs

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, SafetyStop
-from config.load import load_cell, to_yaml
+from config.load import LoadedCell, load_cell, to_yaml
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from identification.validation.period_comparison import compare_period
@@ -22,12 +23,14 @@ from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.demo.demo_paths import PathMotions, run_path_chapter
+from rid_daq.demo.demo_timing import TimingMotions, run_timing_chapter
 from rid_daq.jobs.truth import true_parameters
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.timing import LoopTiming
 from rid_daq.report.sections.tracking import TrackingSection
@@ -44,11 +47,15 @@ Show = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Motions:
-    """What the robot does: the excitation, the motion that the model is judged by, and paths."""
+    """What the robot does: the excitation, the motion that the model is judged by, and paths.
+
+    What is timed comes last, and only where there are paths.
+    """
 
     excitation: FourierMotion
     validation: MultipointMotion
     paths: PathMotions | None
+    timed: TimingMotions | None
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,7 @@ class Story:
     validation: ValidationSection
     curves: CurvesSection
     tracking: TrackingSection | None
+    retiming: RetimingSection | None
     loops: tuple[LoopTiming, ...]
     run_ids: tuple[str, ...]
 
@@ -92,32 +100,32 @@ def run_story(
     robot, cell, plant = loaded.robot, loaded.config, loaded.plant
     if plant is None:
         raise ConfigError(f"cell {cell.name}: names no plant, so nothing can be simulated")
-    with (
-        SimulatedCell(
-            CellSimulation(
-                cell,
-                robot,
-                plant,
-                realtime=False,
-                seed=seed,
-                unmodelled=unmodelled,
-                amplifier_profile=loaded.amplifier_profile,
-            )
-        ) as simulated,
-        hold_cell(simulated.cell),
-    ):
+    told = _Told(show)
+    runs = folder.path / _name(unmodelled)
+    simulation = CellSimulation(
+        cell,
+        robot,
+        plant,
+        realtime=False,
+        seed=seed,
+        unmodelled=unmodelled,
+        amplifier_profile=loaded.amplifier_profile,
+    )
+    with SimulatedCell(simulation) as simulated, hold_cell(simulated.cell):
         bare = simulated.cell.model_copy(update={"plate": None})  # the story is of the joints
-        told = _Told(show)
-        record = _Recorder(RunSession(loaded, bare, folder.path / _name(unmodelled), told), told)
+        record = _Recorder(RunSession(loaded, bare, runs, told), told)
         excited = record("excitation", motions.excitation)
         validated = record("validation", motions.validation)
         show(told.done_s, "identifying")
         average = excited.measured.average
         estimate = estimate_periodic(robot, [average], cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
-        chapter = None
+        chapter = timed = None
         if unmodelled and motions.paths is not None:
             chapter = run_path_chapter(record, motions.paths, robot, cell, estimate, folder)
+    if chapter is not None and motions.timed is not None:
+        fresh = _OnFreshCell(motions.timed.loaded(loaded), simulation, runs, told)
+        timed = run_timing_chapter(fresh, motions.timed, robot, chapter.precompensation, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
     validation = validate(estimate, validated.measured.recording, noise_nm=noise_nm)
@@ -133,6 +141,7 @@ def run_story(
                 )
             ),
             *(() if chapter is None else chapter.runs),
+            *(() if timed is None else timed.runs),
         ),
         average=AverageSection.of(average, robot),
         estimate=EstimateSection.of(estimate, truth),
@@ -147,6 +156,7 @@ def run_story(
             spectrum=SpectrumCurves.of(robot, period, average.periods_kept),
         ),
         tracking=None if chapter is None else chapter.tracking,
+        retiming=None if timed is None else timed.retiming,
         loops=tuple(
             LoopTiming.of(role, run.outcome.statistics)
             for role, run in (("Excitation", excited), ("Validation", validated))
@@ -154,6 +164,7 @@ def run_story(
         run_ids=(
             *(run.folder.run_id for run in (excited, validated)),
             *(() if chapter is None else chapter.run_ids),
+            *(() if timed is None else timed.run_ids),
         ),
     )
 
@@ -221,6 +232,32 @@ class _Recorder:
             why = "; ".join((run.outcome.stop.text, *run.outcome.notes))
             raise SafetyStop(f"the demo's {role} was stopped: {why}")
         return run
+
+
+@dataclass(frozen=True)
+class _OnFreshCell:
+    """Records each motion on a cell that was just switched on, with its plate.
+
+    Between two runs of one cell its time goes on with the wall clock for a while: on which row its
+    plate begins would differ from one execution to the next.
+    """
+
+    loaded: LoadedCell
+    simulation: CellSimulation
+    runs: Path
+    told: _Told
+
+    def __call__(
+        self,
+        role: str,
+        motion: AnyMotion,
+        planned: MotionSamples | None = None,
+        files: Mapping[str, bytes] | None = None,
+    ) -> RecordedRun:
+        """Record one motion, as `_Recorder`."""
+        with SimulatedCell(self.simulation) as simulated, hold_cell(simulated.cell):
+            session = RunSession(self.loaded, simulated.cell, self.runs, self.told)
+            return _Recorder(session, self.told)(role, motion, planned, files)
 
 
 def _name(unmodelled: bool) -> str:

@@ -10,6 +10,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.report.formats import number
 from rid_daq.report.sections.section import Numbers, Section, rounded, thinned, units
+from rid_daq.report.sections.tracking import DrivenTiming
 from rid_daq.report.sections.verdict import Check
 from rid_daq.terminal.console import Console
 
@@ -88,6 +89,8 @@ class RetimedWay(Section):
         Which share of the way is done, at `time_s`.
     original_s, original_done : tuple of float, or None
         The same of the motion that it was made of. None, all three, in older files.
+    measured : tuple of tuple of float, or None
+        The torques of each joint as they were measured when it was driven, at `time_s`.
     """
 
     place: Numbers
@@ -100,6 +103,7 @@ class RetimedWay(Section):
     done: Numbers | None = None
     original_s: Numbers | None = None
     original_done: Numbers | None = None
+    measured: tuple[Numbers, ...] | None = None
 
 
 class RetimingSection(Section):
@@ -129,6 +133,8 @@ class RetimingSection(Section):
         The pictures.
     was_periodic : bool or None
         Whether the motion had periods, which are one way now; None for not.
+    driven : DrivenTiming or None
+        What became of it on a robot.
     """
 
     motion: str
@@ -145,6 +151,7 @@ class RetimingSection(Section):
     base: tuple[BaseShare, ...] | None = None
     ways: tuple[RetimedWay, ...]
     was_periodic: bool | None = None
+    driven: DrivenTiming | None = None
 
     @classmethod
     def of(
@@ -208,6 +215,13 @@ class RetimingSection(Section):
             ),
             was_periodic=timed.was_periodic or None,
         )
+
+    def with_driven(self, driven: DrivenTiming, torque: FloatArray) -> RetimingSection:
+        """Return it with how its one way was driven; `torque` (rows, n) over the limits."""
+        (way,) = self.ways
+        rows = torque[thinned(len(torque))]
+        drawn = way.model_copy(update={"measured": tuple(rounded(column) for column in rows.T)})
+        return self.model_copy(update={"driven": driven, "ways": (drawn,)})
 
     @property
     def shorter_percent(self) -> float:

@@ -1,4 +1,7 @@
-"""`TrackingSection`: how closely paths were followed, before and after compensation."""
+"""How closely paths were followed: `TrackingSection` before and after compensation.
+
+`DrivenTiming` is the same before and after a path was timed to its limits, with what that took.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +16,17 @@ from pydantic import Strict
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Numbers, Section, rounded, units
-from rid_daq.report.sections.verdict import Verdict
+from rid_daq.report.sections.section import Numbers, Section, Texts, rounded, units
+from rid_daq.report.sections.verdict import Check, Verdict
 
 if TYPE_CHECKING:
     from compensation.feedforward.tracking_error import TrackingError
 
 DRAWN_POINTS = 500
 DRAWN_SHARE = 0.12
+SHORTER_PERCENT = 20.0
+MEASURED_PERCENT = 102.0
+CLOSE_AS_BEFORE = 3.0
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
 
 
@@ -225,3 +231,104 @@ def magnification(extent_m: float, deviation_m: float) -> float:
     wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
     power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0))
+
+
+class DrivenPath(Section):
+    """A pick-and-place path as it was driven.
+
+    Attributes
+    ----------
+    sentence : str
+        What was driven.
+    moving_s : float
+        How long it moves [s].
+    mean_m, max_m : float
+        Distance of the tool point from its path [m].
+    torque_share : tuple of float
+        The largest measured torque of each joint, over its limit.
+    base_peak : tuple of float
+        The largest measured base wrench, component by component [N, N m].
+    """
+
+    sentence: str
+    moving_s: float
+    mean_m: float
+    max_m: float
+    torque_share: Numbers
+    base_peak: Numbers
+
+
+class DrivenTiming(Section):
+    """A path that was driven before and after it was timed, pre-compensated both times.
+
+    Attributes
+    ----------
+    before, after : DrivenPath
+        As it was, and timed.
+    components : tuple of str
+        Of the base wrench, those that are limited.
+    limit : tuple of float
+        Their limits [N, N m].
+    sentence : str
+        On what, by which model.
+    """
+
+    before: DrivenPath
+    after: DrivenPath
+    components: Texts
+    limit: Numbers
+    sentence: str
+
+    @property
+    def base_share(self) -> float:
+        """The largest measured base reaction of the timed path, over its limit."""
+        peaks = zip(self.after.base_peak, self.limit, strict=True)
+        return max(peak / limit for peak, limit in peaks)
+
+    @property
+    def words(self) -> str:
+        """What was gained, in a sentence."""
+        before, after = self.before, self.after
+        return (
+            f"Pick and place in {after.moving_s:.4g} s in place of {before.moving_s:.4g} s: at most"
+            f" {100.0 * max(after.torque_share):.0f} % of a torque and"
+            f" {100.0 * self.base_share:.0f} % of what the base may take; mean distance"
+            f" {1e3 * before.mean_m:.3f} mm before, {1e3 * after.mean_m:.3f} mm after."
+        )
+
+    @property
+    def checks(self) -> list[Check]:
+        """Return what a timed path is held to when it is driven."""
+        before, after = self.before, self.after
+        shorter = 1.0 - after.moving_s / before.moving_s
+        return [
+            Check.of("timed path shorter by", 100.0 * shorter, "≥", SHORTER_PERCENT, "%"),
+            Check.of(
+                "its largest measured torque, of the limit",
+                100.0 * max(after.torque_share),
+                "≤",
+                MEASURED_PERCENT,
+                "%",
+            ),
+            Check.of(
+                "its largest measured base reaction, of the limit",
+                100.0 * self.base_share,
+                "≤",
+                100.0,
+                "%",
+            ),
+            Check.of(
+                "its mean path error, of that before",
+                after.mean_m / before.mean_m,
+                "≤",
+                CLOSE_AS_BEFORE,
+                "times",
+            ),
+            Check.of(
+                "its largest path error, of that before",
+                after.max_m / before.max_m,
+                "≤",
+                CLOSE_AS_BEFORE,
+                "times",
+            ),
+        ]

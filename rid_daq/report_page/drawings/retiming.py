@@ -66,6 +66,10 @@ def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup
                     time_s, share - open_too, share + open_too, color=colour, alpha=0.2, linewidth=0
                 )
             torque.plot(time_s, share, color=colour, label=as_label(joint))
+            if way.measured is not None:
+                torque.plot(
+                    time_s, way.measured[j], color=colour, linewidth=0.8, linestyle="dotted"
+                )
         for side in (-1.0, 1.0):
             torque.axhline(side, color=WRONG, linewidth=0.8)
         torque.set_ylim(-1.1, 1.1)

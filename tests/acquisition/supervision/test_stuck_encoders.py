@@ -55,6 +55,35 @@ def test_with_a_slow_command_the_torque_that_rises_tells(
     assert stops_in(encoders, SLOW, rising_nm=1.01 * strain_nm) == CYCLES
 
 
+def braked(encoders: StuckEncoders, strain_nm: float, after_nm: float) -> int | None:
+    """Return when a joint counts as stuck that stands after a hard stop, with what it then holds.
+
+    The torque that braked it comes out of the drive's filter some cycles late.
+    """
+    for speed in (4.0 * FAST, 2.0 * FAST, 0.5 * SLOW):
+        assert encoders.check(1, SLOW, speed, -1.5 * strain_nm, 1) is None
+    for cycle, filtered_nm in enumerate((-1.4, -1.0, -0.5, 0.0, 0.0), start=1):
+        if encoders.check(1, SLOW, 0.0, filtered_nm * strain_nm, 1) is not None:
+            return cycle
+    for cycle in range(6, 100):
+        if encoders.check(1, SLOW, 0.0, after_nm * (cycle - 5), 1) is not None:
+            return cycle
+    return None
+
+
+def test_the_end_of_hard_braking_is_no_strain(
+    encoders: StuckEncoders, robot: RobotDescription
+) -> None:
+    """A joint that is stopped hard, and stands in stiction while the loop settles."""
+    strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
+    assert braked(encoders, strain_nm, 0.0) is None
+
+
+def test_strain_after_braking_tells_still(encoders: StuckEncoders, robot: RobotDescription) -> None:
+    strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
+    assert braked(encoders, strain_nm, 0.2 * strain_nm) == 5 + 6 + CYCLES - 1
+
+
 def test_without_a_command_nothing_is_stuck(encoders: StuckEncoders) -> None:
     assert stops_in(encoders, 0.0, rising_nm=100.0) is None
 
