@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import logging
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Final
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import LATEST, MANIFEST, Manifest
 from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError
+
+SHOWN: Final = 5
+_LOG = logging.getLogger("rid_daq.runs")
 
 
 def list_runs(root: Path) -> tuple[tuple[RunFolder, Manifest], ...]:
@@ -62,40 +67,60 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     return found
 
 
-def find_run(root: Path, reference: str) -> RunFolder:
-    """Return the run that `reference` means.
+def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder:
+    """Return the run that `reference` means; of runs of one label the newest, which is said.
 
     Parameters
     ----------
     root : Path
         Folder of all runs.
     reference : str
-        A path of a run folder, `latest`, an id or the unique beginning of one, or a unique label.
+        A path of a run folder, `latest`, an id or the unique beginning of one, or a label.
+    having : str, optional
+        Only runs that hold this file are meant, where a label or `latest` is given.
 
     Raises
     ------
     ConfigError
-        No run is meant, or more than one.
+        No run is meant, or an id's beginning means more than one.
     RecordingError
         The folder at that path is not a run, or the latest one is damaged.
     """
     if (Path(reference) / MANIFEST).exists():
         return RunFolder.open(Path(reference))
     runs = list_runs(root)
-    if reference == LATEST and runs:
+    fit = [each for each in runs if having is None or each[0].file(having).exists()]
+    if reference == LATEST and fit:
         for folder, problem in damaged_runs(root):
-            if folder.run_id > runs[-1][0].run_id:
+            if folder.run_id > fit[-1][0].run_id:
                 raise RecordingError(f"the latest run is damaged: {problem}; name the one you mean")
-        return runs[-1][0]
-    meant = [
-        folder
-        for folder, manifest in runs
-        if (reference and folder.run_id.startswith(reference.upper()))
-        or manifest.label == reference
-    ]
+        return fit[-1][0]
+    labelled = [each for each in fit if each[1].label == reference]
+    if len(labelled) > 1:
+        _LOG.warning("%s", _newest_words(reference, labelled))
+    if labelled:
+        return labelled[-1][0]
+    meant = [each for each in runs if reference and each[0].run_id.startswith(reference.upper())]
     if len(meant) == 1:
-        return meant[0]
+        return meant[0][0]
     if meant:
-        ids = ", ".join(folder.run_id for folder in meant[:10])
-        raise ConfigError(f"run {reference!r} may be any of {ids}: give more of the id")
-    raise ConfigError(f"no run {reference!r} under {root}: `rid-daq runs` lists them")
+        which = ", ".join(map(_words, meant[-SHOWN:]))
+        raise ConfigError(f"run {reference!r} may be any of {which}: give more of the id")
+    what = "run" if having is None else f"run with {having}"
+    raise ConfigError(f"no {what} {reference!r} under {root}: `rid-daq runs` lists them")
+
+
+def _newest_words(label: str, labelled: Sequence[tuple[RunFolder, Manifest]]) -> str:
+    *others, newest = labelled
+    older = ", ".join(map(_words, reversed(others[-SHOWN:])))
+    more = len(others) - SHOWN
+    older += f" and {more} more" if more > 0 else ""
+    return (
+        f"{len(labelled)} runs are called {label!r}: the newest is taken, {_words(newest)}; older:"
+        f" {older}"
+    )
+
+
+def _words(run: tuple[RunFolder, Manifest]) -> str:
+    folder, manifest = run
+    return f"{folder.run_id} ({manifest.created_utc[:16].replace('T', ' ')} UTC)"

@@ -9,7 +9,15 @@ import typer
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Cleared, Realtime, RunsFolder, Seed
+from rid_daq.terminal.options import (
+    DEFAULT_RUNS,
+    CellName,
+    Cleared,
+    Practise,
+    Realtime,
+    RunsFolder,
+    Seed,
+)
 
 
 def axes(
@@ -28,6 +36,7 @@ def axes(
     realtime: Realtime = False,
     seed: Seed = 0,
     cleared: Cleared = False,
+    practise: Practise = False,
     runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
     as_json: AsJson = False,
@@ -51,5 +60,6 @@ def axes(
         unattended=unattended,
         simulation=Simulation(realtime=realtime, seed=seed),
         cleared=cleared,
+        practise=practise,
     )
     here_or_there(service, JobKind.AXES, request, Console(as_json), perform)

@@ -10,7 +10,15 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import FASTEST_PERCENT, JOG_PERCENT
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Cleared, Realtime, RunsFolder, Seed
+from rid_daq.terminal.options import (
+    DEFAULT_RUNS,
+    CellName,
+    Cleared,
+    Practise,
+    Realtime,
+    RunsFolder,
+    Seed,
+)
 
 
 def jog(
@@ -31,6 +39,7 @@ def jog(
     realtime: Realtime = False,
     seed: Seed = 0,
     cleared: Cleared = False,
+    practise: Practise = False,
     runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
     as_json: AsJson = False,
@@ -56,5 +65,6 @@ def jog(
         label=label,
         simulation=Simulation(realtime=realtime, seed=seed),
         cleared=cleared,
+        practise=practise,
     )
     here_or_there(service, JobKind.JOG, request, Console(as_json), perform)

@@ -11,18 +11,24 @@ from identification.choices import LoadFormat
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
 from rid_daq.terminal.output_file import Overwrite
 
 
 def export(
     payload: Annotated[
-        Path, typer.Argument(metavar="PAYLOAD", help="A payload file of `payload identify`.")
+        Path,
+        typer.Argument(
+            metavar="PAYLOAD",
+            help="A payload file, or a session or run that has one: folder, id, label or `latest`.",
+        ),
     ],
     to: Annotated[LoadFormat, typer.Option("--to", help="Whose controller it is for.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The file to write.")
     ],
     overwrite: Overwrite = False,
+    runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
     as_json: AsJson = False,
 ) -> None:
@@ -34,5 +40,5 @@ def export(
     from rid_daq.jobs.payload.load_data_job import PayloadExportRequest
     from rid_daq.performers.payload_export import perform
 
-    request = PayloadExportRequest(payload, to, output, overwrite)
+    request = PayloadExportRequest(payload, to, output, overwrite, runs)
     here_or_there(service, JobKind.PAYLOAD_EXPORT, request, Console(as_json), perform)

@@ -11,11 +11,16 @@ from identification.choices import LoadFormat
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
 
 
 def read_back(
     payload: Annotated[
-        Path, typer.Argument(metavar="PAYLOAD", help="A payload file of `payload identify`.")
+        Path,
+        typer.Argument(
+            metavar="PAYLOAD",
+            help="A payload file, or a session or run that has one: folder, id, label or `latest`.",
+        ),
     ],
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Load data, as exported or saved from the robot.")
@@ -27,6 +32,7 @@ def read_back(
             "--tolerance", min=0.0, help="Largest difference [%]: controllers round what they hold."
         ),
     ] = 0.1,
+    runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
     as_json: AsJson = False,
 ) -> None:
@@ -38,5 +44,5 @@ def read_back(
     from rid_daq.jobs.payload.load_data_job import ReadBackRequest
     from rid_daq.performers.payload_read_back import perform
 
-    request = ReadBackRequest(payload, form, file, tolerance_percent=tolerance_percent)
+    request = ReadBackRequest(payload, form, file, tolerance_percent=tolerance_percent, runs=runs)
     here_or_there(service, JobKind.PAYLOAD_READ_BACK, request, Console(as_json), perform)

@@ -18,6 +18,7 @@ from identification.choices import (
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.inapplicable_options import is_given
 from rid_daq.terminal.options import (
     DEFAULT_LISTEN,
     DEFAULT_RUNS,
@@ -26,14 +27,22 @@ from rid_daq.terminal.options import (
     Listen,
     Live,
     Pace,
+    Practise,
     RunsFolder,
     Token,
     WithoutAxisTest,
 )
 from rid_daq.terminal.plausible_option import plausible_as
 
+_KEPT = (
+    *("repeats", "model", "payload", "known", "until_mass_kg", "rehearsal_percent"),
+    *("warm_up_percent", "warm_up_periods", "label", "seed"),
+)
+"""Options that a session keeps from its beginning, unless they are given again."""
+
 
 def session(
+    context: typer.Context,
     cell: CellName,
     motion: Annotated[
         Path | None,
@@ -123,7 +132,10 @@ def session(
     label: Annotated[str, typer.Option(help="What to call the session and its runs.")] = "payload",
     resume: Annotated[
         str | None,
-        typer.Option(metavar="SESSION", help="Go on with an interrupted session (its folder, id)."),
+        typer.Option(
+            metavar="SESSION",
+            help="Go on with an interrupted session: its folder, id or label, or `latest`.",
+        ),
     ] = None,
     yes: Annotated[
         bool,
@@ -132,6 +144,7 @@ def session(
             help="Every question is answered with yes: the cell is clear, the payload is attached.",
         ),
     ] = False,
+    practise: Practise = False,
     pace: Pace = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the motion and a simulated cell.")] = 0,
     without_axis_test: WithoutAxisTest = False,
@@ -145,13 +158,14 @@ def session(
 ) -> None:
     """Lead through a payload session: check, rehearse, warm up, run, attach, run, identify.
 
-    An interrupted session goes on with --resume: what was recorded counts.
+    An interrupted session goes on with --resume: what was recorded counts, and what it was begun
+    with holds unless it is said anew.
     """
     from rid_daq.jobs.payload.payload_job import known_quantity
     from rid_daq.live.live_page import LiveOptions
     from rid_daq.performers.payload_session import perform
     from rid_daq.preflight.axis_test import AxisTestRule
-    from rid_daq.recording.payload_steps import PayloadSessionRequest
+    from rid_daq.recording.payload_session_request import PayloadSessionRequest
 
     request = PayloadSessionRequest(
         cell=cell,
@@ -172,6 +186,8 @@ def session(
         label=label,
         resume=resume,
         yes=yes,
+        practise=practise,
+        given=tuple(name for name in _KEPT if is_given(context, name)),
         seed=seed,
         axis_test=AxisTestRule.unless(without_axis_test),
         pace=pace,

@@ -19,6 +19,7 @@ from rid_daq.terminal.options import (
     Listen,
     Live,
     Pace,
+    Practise,
     Realtime,
     RunsFolder,
     Seed,
@@ -81,6 +82,7 @@ def record(
         ),
     ] = False,
     cleared: Cleared = False,
+    practise: Practise = False,
     without_axis_test: WithoutAxisTest = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,
@@ -116,6 +118,7 @@ def record(
         rehearse=rehearse,
         frames=frames,
         cleared=cleared,
+        practise=practise,
         axis_test=AxisTestRule.unless(without_axis_test),
         live=LiveOptions(live, listen, token, certificate),
     )

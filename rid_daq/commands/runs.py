@@ -10,6 +10,8 @@ from config.errors import ConfigError, RecordingError
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
 
+_ROOMY = 120  # columns
+
 
 def runs(
     verify: Annotated[
@@ -20,7 +22,8 @@ def runs(
 ) -> None:
     """List the runs, oldest first; with --verify, check that no file was changed.
 
-    Files that do not belong to a run are named, and are no problem.
+    Files that do not belong to a run are named, and are no problem. With --verify, exit code 7
+    where a file was changed or is gone.
     """
     from acquisition.runs.catalogue import damaged_runs, list_runs
 
@@ -47,21 +50,7 @@ def runs(
     if not found and not damaged:
         console.say(f"{folder}: no runs yet. `rid-daq demo` or `rid-daq record` make some.")
     elif found:
-        console.table(
-            ("run", "created (UTC)", "kind", "status", "label", "more"),
-            [
-                (
-                    entry["run"],
-                    entry["created_utc"][:19].replace("T", " "),
-                    entry["kind"],
-                    entry["status"],
-                    entry["label"],
-                    ", ".join(f"{key} {value}" for key, value in entry["facts"].items()),
-                )
-                for entry in found
-            ],
-            red=[entry["status"] != "complete" or bool(entry.get("problems")) for entry in found],
-        )
+        _print(console, found)
     for entry in found:
         if entry.get("strays"):
             names = ", ".join(entry["strays"])
@@ -69,9 +58,33 @@ def runs(
     problems = [(e["run"], problem) for e in found for problem in e.get("problems", [])]
     if verify:
         problems += damaged
+        whole = len(found) + len(damaged) - len({run for run, _ in problems})
+        told = f"Whole, as they were written: {whole} of {len(found) + len(damaged)} runs."
+        console.verdict(not problems, told)
     else:
         for _, problem in damaged:
             console.verdict(False, f"damaged: {problem}")
     if problems:
         lines = "\n".join(f"  {run}: {problem}" for run, problem in problems)
         raise RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")
+
+
+def _print(console: Console, found: list[dict[str, Any]]) -> None:
+    """Write the table; facts have a column where there is room for one."""
+    roomy = console.columns is None or console.columns >= _ROOMY
+    wider = ("more",) if roomy else ()
+    console.table(
+        ("run", "created (UTC)", "kind", "status", "label", *wider),
+        [
+            (
+                entry["run"],
+                entry["created_utc"][:16].replace("T", " "),
+                entry["kind"],
+                entry["status"],
+                entry["label"],
+                *((", ".join(f"{k} {v}" for k, v in entry["facts"].items()),) if roomy else ()),
+            )
+            for entry in found
+        ],
+        red=[entry["status"] != "complete" or bool(entry.get("problems")) for entry in found],
+    )

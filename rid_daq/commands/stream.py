@@ -17,6 +17,7 @@ from rid_daq.terminal.options import (
     CellName,
     Cleared,
     Pace,
+    Practise,
     Realtime,
     RunsFolder,
     Seed,
@@ -64,6 +65,7 @@ def stream(
     pace: Pace = None,
     seed: Seed = 0,
     cleared: Cleared = False,
+    practise: Practise = False,
     without_axis_test: WithoutAxisTest = False,
     runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
@@ -94,6 +96,7 @@ def stream(
         label=label,
         simulation=Simulation(realtime=realtime, pace=pace, seed=seed),
         cleared=cleared,
+        practise=practise,
         axis_test=AxisTestRule.unless(without_axis_test),
     )
     here_or_there(service, JobKind.STREAM, request, Console(as_json), perform)

@@ -54,6 +54,8 @@ class AxisTestRequest:
         How a simulated cell is.
     cleared : bool
         Whether a person has cleared the cell.
+    practise : bool
+        Whether a simulated cell is asked about like a real one.
     """
 
     cell: str
@@ -62,6 +64,7 @@ class AxisTestRequest:
     unattended: bool = False
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False
+    practise: bool = False
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,14 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
         raise PreflightError(
             f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot"
         )
-    require_ready(loaded, request.runs, console, AxisTestRule.HELD, cleared=request.cleared)
+    require_ready(
+        loaded,
+        request.runs,
+        console,
+        AxisTestRule.HELD,
+        cleared=request.cleared,
+        practise=request.practise,
+    )
     verdicts: list[AxisVerdict] = []
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD

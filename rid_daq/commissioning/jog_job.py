@@ -46,6 +46,8 @@ class JogRequest:
         How a simulated cell is.
     cleared : bool
         Whether a person has cleared the cell.
+    practise : bool
+        Whether a simulated cell is asked about like a real one.
     """
 
     cell: str
@@ -55,6 +57,7 @@ class JogRequest:
     label: str = "jog"
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False
+    practise: bool = False
 
 
 def jog(request: JogRequest, console: Console) -> RecordedRun:
@@ -79,7 +82,14 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
     console.require_keys()
-    require_ready(loaded, request.runs, console, AxisTestRule.HELD, cleared=request.cleared)
+    require_ready(
+        loaded,
+        request.runs,
+        console,
+        AxisTestRule.HELD,
+        cleared=request.cleared,
+        practise=request.practise,
+    )
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
     ) as session:

@@ -16,6 +16,7 @@ from config.errors import ConfigError
 from config.load import load_bundled_or_path
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
+from rid_daq.runs.origins import cell_of
 from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
 from rid_daq.terminal.output_file import refuse_output
 
@@ -57,6 +58,8 @@ class LoopsMeasured:
         Where loops and report are.
     notes : list of str
         What the run lacks.
+    cell : str
+        The run's cell, as commands take it.
     """
 
     run_id: str
@@ -64,6 +67,7 @@ class LoopsMeasured:
     output: Path
     report: Path
     notes: list[str]
+    cell: str
 
 
 def measure_velocity_loops(request: LoopRequest) -> LoopsMeasured:
@@ -87,7 +91,7 @@ def measure_velocity_loops(request: LoopRequest) -> LoopsMeasured:
     write_loops(output, found.loops, data.robot.name, data.folder.run_id)
     note_output(data.folder, output)
     report = write_result(data.folder, result_of(data, notes).updated(velocity_loops=section))
-    return LoopsMeasured(data.folder.run_id, section, output, report, notes)
+    return LoopsMeasured(data.folder.run_id, section, output, report, notes, cell_of(data.folder))
 
 
 def _motion(data: RunData) -> MultisineMotion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from rid_daq.jobs.loop_job import LoopRequest, measure_velocity_loops
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.console import Console, as_command
 from rid_daq.terminal.exit_codes import ExitCode
 
 
@@ -21,6 +21,6 @@ def perform(request: LoopRequest, console: Console) -> None:
     console.say(f"Loops: {found.output}")
     if found.section.bad_joints:
         raise typer.Exit(ExitCode.DATA_QUALITY)
-    console.say(
-        f"Next: rid-daq compensate CELL MOTION --model MODEL --loop {found.output} -o FEEDFORWARD"
-    )
+    console.say("Next, for a motion file MOTION and the robot's MODEL by `identify`:")
+    words = ("--model", "MODEL", "--loop", found.output, "-o", "FEEDFORWARD")
+    console.say(f"  {as_command('compensate', found.cell, 'MOTION', *words)}")

@@ -7,27 +7,31 @@ from typing import Any
 import typer
 
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
-from rid_daq.recording.payload_steps import PayloadSessionRequest, StepFailed
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
+from rid_daq.recording.payload_steps import StepFailed
 from rid_daq.recording.recorded_run import stop_document
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.console import Console, as_command
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.options import DEFAULT_RUNS
 
 
 def perform(request: PayloadSessionRequest, console: Console) -> None:
     """Lead through a session, and say its verdict; exit codes as the command has them."""
     ended = run_payload_session(request, console)
     if isinstance(ended, StepFailed):
-        _print_failed(console, ended)
+        _print_failed(console, ended, request)
         raise typer.Exit(ended.run.exit_code)
     _print(console, ended)
     if not ended.judged.passed:
         raise typer.Exit(ExitCode.VERDICT_FAILED if ended.judged.fits else ExitCode.DATA_QUALITY)
 
 
-def _print_failed(console: Console, failed: StepFailed) -> None:
+def _print_failed(console: Console, failed: StepFailed, request: PayloadSessionRequest) -> None:
     run, name = failed.run, failed.name
     told: dict[str, Any] = {"step": name, "folder": str(run.folder.path)}
-    resume = f"rid-daq payload CELL --resume {failed.session_id}"
+    words = ("payload", request.cell, "--resume", failed.session_id)
+    elsewhere = () if request.runs == DEFAULT_RUNS else ("--runs", request.runs)
+    resume = as_command(*words, *elsewhere)
     if run.outcome.stop is not None:
         console.document(told | stop_document(run.outcome))
         console.verdict(False, f"Stopped in step {name}: {run.outcome.stop.text}")

@@ -23,6 +23,7 @@ from rid_daq.report.certificate.certificate import Certificate, CertifiedFile, C
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.runs.flange import FACT
+from rid_daq.runs.origins import cell_of
 from rid_daq.runs.run_data import CELL, READ, note_output, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
@@ -163,7 +164,7 @@ def _require_finished(folder: RunFolder, manifest: Manifest, state: SessionState
         done = ", ".join(state.done) or "nothing"
         raise DataQualityError(
             f"{folder.path}: the session is not finished (done: {done}) and has no verdict: go on"
-            f" with it: rid-daq payload {state.cell} --resume {folder.run_id}"
+            f" with it: rid-daq payload {cell_of(folder, state.cell)} --resume {folder.run_id}"
         )
 
 
@@ -207,7 +208,7 @@ def _payload_of(
     if wanted is not None and ids != wanted:
         raise DataQualityError(
             f"{folder.path}: its runs are not those that {PAYLOAD} was identified from: finish the"
-            f" session: rid-daq payload {state.cell if state else 'CELL'} --resume {folder.run_id}"
+            f" session: rid-daq payload {cell_of(folder)} --resume {folder.run_id}"
         )
     told = None if result.payload is None else [each.value for each in result.payload.parameters]
     reported = payload.estimate.reported.tolist()

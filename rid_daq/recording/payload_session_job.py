@@ -19,8 +19,9 @@ from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOpti
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import estimate_for, motion_for
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
-from rid_daq.recording.payload_state import UNLOADED, SessionState
-from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
+from rid_daq.recording.payload_state import STATE, UNLOADED, SessionState
+from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
 from rid_daq.recording.run_session import open_session
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
@@ -28,6 +29,7 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
+from rid_daq.runs.origins import note_cell
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import unfinished
@@ -75,6 +77,10 @@ def run_payload_session(
         As `RunSession.recording` and `payload_from_runs`.
     """
     loaded = load_cell(request.cell)
+    state: SessionState | None = None
+    if request.resume is not None:
+        state = SessionState.read(find_run(request.runs, request.resume, having=STATE))
+        request = request.as_begun(state.asked)
     payload_request = PayloadRequest(
         how=PayloadOptions(
             procedure="together" if request.model is None else "model",
@@ -84,11 +90,14 @@ def run_payload_session(
         ),
         limits=request.limits,
     )
-    if request.resume is None:
+    if state is None:
         state, motion = _begun(request, loaded)
     else:
-        state, motion = _resumed(request, request.resume, loaded)
-        console.say(f"Resumed; done already: {', '.join(state.done) or 'nothing'}.")
+        motion = _motion_of(state, loaded)
+        console.say(
+            f"Session {state.folder.run_id} goes on; done already:"
+            f" {', '.join(state.done) or 'nothing'}."
+        )
     console.say(motion.describe())
     if any(name not in state.done for name in request.wanted):
         simulation = Simulation(seed=request.seed, pace=request.pace)
@@ -122,17 +131,16 @@ def _begun(
     for name, content in loaded.files.items():
         folder.write(name, content)
     folder.write(MOTION, to_yaml(motion, "Of a payload session.").encode())
-    state = SessionState(folder, loaded.config.name)
+    note_cell(folder, loaded)
+    state = SessionState(folder, loaded.config.name, asked=request.asked)
     state.write()
     motion.plan(loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
     return state, motion
 
 
-def _resumed(
-    request: PayloadSessionRequest, session: str, loaded: LoadedCell
-) -> tuple[SessionState, FourierMotion]:
-    """Return an interrupted session's state and motion."""
-    state = SessionState.read(find_run(request.runs, session))
+def _motion_of(state: SessionState, loaded: LoadedCell) -> FourierMotion:
+    """Return an interrupted session's motion."""
+    session = state.folder.run_id
     if state.cell != loaded.config.name:
         raise ConfigError(f"--resume {session}: was a session on cell {state.cell}")
     require_own(state.folder)
@@ -143,7 +151,7 @@ def _resumed(
         )
     motion = _periodic(load_motion(state.folder.file(MOTION)))
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    return state, motion
+    return motion
 
 
 def _periodic(motion: AnyMotion) -> FourierMotion:

@@ -30,6 +30,7 @@ class _State(ConfigModel):
     cell: str
     done: dict[str, str]
     facts: dict[str, Any]
+    asked: dict[str, Any] = Field(default_factory=dict)
 
 
 @dataclass
@@ -46,12 +47,15 @@ class SessionState:
         Step to id of its run, in the order of recording.
     facts : dict
         What was measured on the way: drift, skipped steps.
+    asked : dict
+        What was asked for when it was begun and is not the usual.
     """
 
     folder: RunFolder
     cell: str
     done: dict[str, str] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
+    asked: dict[str, Any] = field(default_factory=dict)
 
     @property
     def measurements(self) -> tuple[str, ...]:
@@ -98,6 +102,7 @@ class SessionState:
             "cell": self.cell,
             "done": self.done,
             "facts": self.facts,
+            "asked": self.asked,
         }
         self.folder.write(STATE, (json.dumps(document, indent=1) + "\n").encode())
 
@@ -120,7 +125,7 @@ class SessionState:
             raise ConfigError(
                 f"{folder.file(STATE)}: not the state of a payload session ({said}); was it edited?"
             ) from None
-        return cls(folder, document.cell, document.done, document.facts)
+        return cls(folder, document.cell, document.done, document.facts, document.asked)
 
 
 def is_measurement(step: str) -> bool:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Final
 
 from pydantic import JsonValue
@@ -13,16 +12,12 @@ from pydantic import JsonValue
 from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
-from identification.choices import PayloadLimits, RehearsalPercent, UntilMassKg, WarmUpPercent
-from identification.payload.known import Known
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.jobs.payload.payload_job import PayloadRequest
-from rid_daq.live.live_page import LiveOptions
-from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.preflight.preflight import preflight
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import (
     EMPTY_FLANGE,
-    LOADED,
     UNLOADED,
     SessionState,
     is_measurement,
@@ -32,84 +27,12 @@ from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, Watch
 from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import MOTION
-from rid_daq.terminal.clearance import require_yes
+from rid_daq.terminal.clearance import require_cleared, require_yes
 from rid_daq.terminal.console import Console
 
 PREFLIGHT_S: Final = 0.5
 REHEARSAL: Final = "rehearsal"
 WARM_UP: Final = "warm-up"
-
-
-@dataclass(frozen=True)
-class PayloadSessionRequest:
-    """What `rid-daq payload CELL` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    runs : Path
-        The folder of the run folders.
-    motion : Path or None
-        A periodic motion; one is searched if None.
-    periods, repeats : int
-        Periods of each run at most, and runs with the payload.
-    model : Path or None
-        The unloaded robot, in place of the unloaded run.
-    payload : str or None
-        What is hung on a simulated robot.
-    known : tuple of Known
-        What is known otherwise.
-    until_mass_kg : float or None
-        2 sigma of the mass that ends a loaded run.
-    rehearsal_percent : float
-        Speed of the rehearsal; 0 skips it.
-    warm_up_percent, warm_up_periods : float, int
-        Change of friction in a period that is warm, and periods at most; 0 percent skip it.
-    limits : PayloadLimits
-        How sure the payload must be.
-    label : str
-        What to call the session and its runs.
-    resume : str or None
-        The session that is gone on with.
-    yes : bool
-        Whether every question is answered with yes.
-    seed : int
-        Of the motion and a simulated cell.
-    axis_test : AxisTestRule
-        Whether a real cell's axes must have been tested.
-    pace : float or None
-        How many times the clock's pace a simulated cell keeps; as fast as it can if None.
-    live : LiveOptions
-        Whether and where it is shown.
-    """
-
-    cell: str
-    runs: Path
-    motion: Path | None = None
-    periods: int = 18
-    repeats: int = 1
-    model: Path | None = None
-    payload: str | None = None
-    known: tuple[Known, ...] = ()
-    until_mass_kg: UntilMassKg | None = None
-    rehearsal_percent: RehearsalPercent = 25.0
-    warm_up_percent: WarmUpPercent = 1.0
-    warm_up_periods: int = 30
-    limits: PayloadLimits = field(default_factory=PayloadLimits)
-    label: str = "payload"
-    resume: str | None = None
-    yes: bool = False
-    seed: int = 0
-    axis_test: AxisTestRule = AxisTestRule.REQUIRED
-    pace: float | None = None
-    live: LiveOptions = field(default_factory=LiveOptions)
-
-    @property
-    def wanted(self) -> tuple[str, ...]:
-        """The steps that the payload is estimated from."""
-        loaded = tuple(f"{LOADED} {i + 1}" for i in range(self.repeats))
-        return (UNLOADED, *loaded) if self.model is None else loaded
 
 
 @dataclass(frozen=True)
@@ -165,9 +88,7 @@ class PayloadGuide:
                 f"--payload is for a simulated cell that is started here, not for {request.cell}"
             )
         self._preflight()
-        config = session.loaded.config
-        clear = f"Nobody in cell {config.name}, emergency stop at hand?"
-        require_yes(self.console, clear, request.yes or config.simulated)
+        self._require_cleared()
         if UNLOADED in request.wanted and UNLOADED not in self.state.done:
             self.state.note_fact(EMPTY_FLANGE, self._empty_flange().value)
         for step in self._steps():
@@ -181,6 +102,17 @@ class PayloadGuide:
             self.state.note_step(step.name, run.folder.run_id)
         return None
 
+    @property
+    def _asks(self) -> bool:
+        """Whether a person is asked: on a real cell, and where a session is practised."""
+        return self.session.simulated is None or self.request.practise
+
+    def _require_cleared(self) -> None:
+        config, request = self.session.loaded.config, self.request
+        if request.yes and not config.simulated:
+            self.console.say(f"Nobody in cell {config.name}, the emergency stop at hand: by --yes.")
+        require_cleared(config, request.yes, self.console, practise=request.practise)
+
     def _empty_flange(self) -> EmptyFlange:
         """Ask whether nothing hangs on the flange: the torques of two runs alone cannot tell.
 
@@ -189,12 +121,11 @@ class PayloadGuide:
         PreflightError
             Something hangs there, or nobody can be asked.
         """
-        if self.session.simulated is not None:
+        if not self._asks:
             return EmptyFlange.SIMULATED
         question = "Is the flange empty: no payload, gripper or cable hangs on it?"
         if self.request.yes:
-            self.console.say(question)
-            self.console.say("  answered by flag")
+            self.console.say(f"{question} Answered by --yes.")
             return EmptyFlange.BY_FLAG
         if not self.console.can_ask:
             raise PreflightError(
@@ -206,7 +137,7 @@ class PayloadGuide:
                 f" {self.state.folder.run_id}; or weigh against a model of the robot as it stands"
                 " (--model)"
             )
-        return EmptyFlange.SAID
+        return EmptyFlange.SAID if self.session.simulated is None else EmptyFlange.SIMULATED
 
     def _preflight(self) -> None:
         request, session = self.request, self.session
@@ -260,9 +191,11 @@ class PayloadGuide:
 
     def _attach(self) -> None:
         simulated, payload = self.session.simulated, self.request.payload
+        if self._asks:
+            self.console.say("The robot stands still, its power is off. Attach the payload.")
+            require_yes(self.console, "Is the payload attached?", self.request.yes)
+            self._require_cleared()
         if simulated is None:
-            attach = "The robot stands still, its power is off. Attach the payload; leave."
-            require_yes(self.console, attach, self.request.yes)
             return
         simulated.attach(payload)
         self.console.say(f"On the simulated flange: {payload or 'nothing'}.")

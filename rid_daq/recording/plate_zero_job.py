@@ -60,6 +60,8 @@ class PlateZeroRequest:
         What to call the run.
     simulation : Simulation
         How a simulated cell is.
+    practise : bool
+        Whether a simulated cell is asked about like a real one.
     """
 
     cell: str
@@ -72,6 +74,7 @@ class PlateZeroRequest:
     axis_test: AxisTestRule = AxisTestRule.REQUIRED
     label: str = "plate zero"
     simulation: Simulation = field(default_factory=Simulation)
+    practise: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,14 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     turn = plan_turn(loaded.robot, pose)
     cycle_s = loaded.config.cycle_time_s
     samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
-    require_ready(loaded, request.runs, console, request.axis_test, cleared=request.cleared)
+    require_ready(
+        loaded,
+        request.runs,
+        console,
+        request.axis_test,
+        cleared=request.cleared,
+        practise=request.practise,
+    )
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=request.axis_test
     ) as session:

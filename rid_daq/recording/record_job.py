@@ -59,6 +59,8 @@ class RecordRequest:
         Whether a real cell's axes must have been tested.
     live : LiveOptions
         Whether and where it is shown.
+    practise : bool
+        Whether a simulated cell is asked about like a real one.
     """
 
     cell: str
@@ -75,6 +77,7 @@ class RecordRequest:
     cleared: bool = False
     axis_test: AxisTestRule = AxisTestRule.REQUIRED
     live: LiveOptions = field(default_factory=LiveOptions)
+    practise: bool = False
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,14 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
     name = request.label or as_label(request.motion.stem)
     require_label(name)
-    require_ready(loaded, request.runs, console, request.axis_test, cleared=request.cleared)
+    require_ready(
+        loaded,
+        request.runs,
+        console,
+        request.axis_test,
+        cleared=request.cleared,
+        practise=request.practise,
+    )
     if request.frames:
         require_listenable(loaded.config.can)
     script = _fault_script(request, loaded.config)

@@ -289,9 +289,17 @@ class RunSession:
 
 
 def require_ready(
-    loaded: LoadedCell, runs: Path, console: Console, axis_test: AxisTestRule, *, cleared: bool
+    loaded: LoadedCell,
+    runs: Path,
+    console: Console,
+    axis_test: AxisTestRule,
+    *,
+    cleared: bool,
+    practise: bool = False,
 ) -> None:
     """Ask whether a real cell is clear, once nothing else is a reason to refuse.
+
+    Of a simulated cell that is asked where it is practised.
 
     Raises
     ------
@@ -300,7 +308,7 @@ def require_ready(
     """
     refuse_runs(runs)
     require_axis_test(loaded, axis_test)
-    require_cleared(loaded.config, cleared, console)
+    require_cleared(loaded.config, cleared, console, practise=practise)
 
 
 def refuse_runs(runs: Path) -> None:

@@ -53,6 +53,8 @@ class StreamRequest:
         Whether a person has cleared the cell.
     axis_test : AxisTestRule
         Whether a real cell's axes must have been tested.
+    practise : bool
+        Whether a simulated cell is asked about like a real one.
     """
 
     cell: str
@@ -66,6 +68,7 @@ class StreamRequest:
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False
     axis_test: AxisTestRule = AxisTestRule.REQUIRED
+    practise: bool = False
 
 
 def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
@@ -85,7 +88,14 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
-    require_ready(loaded, request.runs, console, request.axis_test, cleared=request.cleared)
+    require_ready(
+        loaded,
+        request.runs,
+        console,
+        request.axis_test,
+        cleared=request.cleared,
+        practise=request.practise,
+    )
     files["model.json"] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
     files["loops.json"] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     options = request.options

@@ -115,6 +115,32 @@ def note_map(folder: RunFolder, reference: str) -> None:
     _note(folder, found | {ROBOT: (_absolute(shown), text)})
 
 
+def cell_of(folder: RunFolder, unknown: str = "CELL") -> str:
+    """Return the cell of a run as commands take it: a bundled name, or the file's path.
+
+    `unknown` where no run says it, or the file is gone.
+
+    Raises
+    ------
+    RecordingError
+        The run cannot be read.
+    """
+    origin = _origins(folder).get(CELL)
+    if origin is None:
+        return unknown
+    if origin.is_bundled:
+        return origin.file.removesuffix(_BUNDLED).removesuffix(".yaml")
+    return origin.file if Path(origin.file).is_file() else unknown
+
+
+def _origins(folder: RunFolder) -> dict[str, Origin]:
+    known = folder.file(ORIGINS)
+    if not known.exists():
+        return {}
+    wanted = "the origins of a run's files"
+    return read_json_file(known, _Document, _ORIGINS_BYTES, wanted).files
+
+
 def key_lines(
     folder: RunFolder, places: Iterable[str], joint_names: Sequence[str]
 ) -> tuple[FileLine, ...]:
@@ -134,11 +160,7 @@ def key_lines(
     RecordingError
         The run cannot be read.
     """
-    known = folder.file(ORIGINS)
-    origins: dict[str, Origin] = {}
-    if known.exists():
-        wanted = "the origins of a run's files"
-        origins = read_json_file(known, _Document, _ORIGINS_BYTES, wanted).files
+    origins = _origins(folder)
 
     @cache
     def source(name: str) -> tuple[YamlTree, list[str], str]:

@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from config.cell.cell import CellConfig
 
 
-def require_cleared(cell: CellConfig, cleared: bool, console: Console) -> None:
-    """Ask whether a real cell is clear; nobody is asked about a simulated one.
+def require_cleared(
+    cell: CellConfig, cleared: bool, console: Console, *, practise: bool = False
+) -> None:
+    """Ask whether a real cell is clear; of a simulated one only where that is practised.
 
     Parameters
     ----------
@@ -22,35 +24,37 @@ def require_cleared(cell: CellConfig, cleared: bool, console: Console) -> None:
         Whether that was said already.
     console
         Where a person is asked.
+    practise
+        Whether a simulated cell is asked about like a real one.
 
     Raises
     ------
     PreflightError
-        Nobody can be asked, or the answer is not the cell's name.
+        Nobody can be asked, or the cell is not clear.
     """
-    if not cell.simulated:
+    if practise or not cell.simulated:
         clear(cell.name, cleared, console)
 
 
 def clear(cell: str, cleared: bool, console: Console) -> bool:
-    """Ask whether a real cell is clear, unless that was said already; return True.
+    """Ask whether a cell is clear, question by question, unless that was said; return True.
 
     Raises
     ------
     PreflightError
-        Nobody can be asked, or the answer is not the cell's name.
+        Nobody can be asked, or the cell is not clear.
     """
     if cleared:
         return True
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
     if not console.can_ask:
-        raise PreflightError(f"cell {cell} is real and nobody can be asked: {advice}")
-    answer = console.ask(
-        f"Robot will move. Nobody in cell {cell}, emergency stop at hand? Type the cell's name",
-        str,
-    )
+        raise PreflightError(f"nobody can be asked whether cell {cell} is clear: {advice}")
+    console.say("The robot will move.")
+    answer = console.ask(f"Is nobody in cell {cell}? Type the cell's name", str)
     if answer != cell:
         raise PreflightError(f"nothing was moved: {answer!r} is not {cell!r}; {advice}")
+    if not console.confirm("Is the emergency stop at hand?"):
+        raise PreflightError("nothing was moved: have the emergency stop at hand, then start again")
     return True
 
 
@@ -63,10 +67,9 @@ def require_yes(console: Console, question: str, answered: bool) -> None:
         Nobody can be asked, or the answer is no.
     """
     if answered:
-        console.say(question)
-        console.say("  answered by flag")
+        console.say(f"{question} Answered by --yes.")
         return
     if not console.can_ask:
         raise PreflightError(f"{question} Nobody can be asked here: answer by the flags (--yes)")
-    if not console.confirm(f"{question} Done?"):
+    if not console.confirm(question):
         raise PreflightError("nothing was moved further: the answer was no")

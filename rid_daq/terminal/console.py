@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -117,6 +118,11 @@ class Console:
     def is_terminal(self) -> bool:
         """Whether a person sees this as it is written."""
         return not self.as_json and sys.stdout is not None and sys.stdout.isatty()
+
+    @property
+    def columns(self) -> int | None:
+        """How wide the terminal is; None where this is no terminal."""
+        return shutil.get_terminal_size().columns if self.is_terminal else None
 
     def say(self, text: str = "") -> None:
         """Write a sentence for people; nothing with `--json`."""

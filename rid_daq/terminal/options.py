@@ -96,6 +96,14 @@ Cleared = Annotated[
 ]
 """The option that every command has that moves a real robot."""
 
+Practise = Annotated[
+    bool,
+    typer.Option(
+        "--practise", help="Ask on a simulated cell too what is asked on a real one, to practise."
+    ),
+]
+"""The option of the commands that ask before they move a robot."""
+
 WithoutAxisTest = Annotated[
     bool,
     typer.Option(

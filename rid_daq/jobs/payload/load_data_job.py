@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from acquisition.runs.catalogue import find_run
 from config.errors import ConfigError, EstimationError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
@@ -20,6 +21,8 @@ from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload
 from rid_daq.report.formats import number
 from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.terminal.choices import PAYLOAD
+from rid_daq.terminal.options import DEFAULT_RUNS
 
 
 @dataclass(frozen=True)
@@ -29,19 +32,22 @@ class PayloadExportRequest:
     Attributes
     ----------
     payload : Path
-        A payload file.
+        A payload file; or a session or run that has one: its folder, id or label, or `latest`.
     to : LoadFormat
         Whose controller it is for.
     output : Path
         The file to write.
     overwrite : bool
         Whether it may be there already.
+    runs : Path
+        The folder of the run folders.
     """
 
     payload: Path
     to: LoadFormat
     output: Path
     overwrite: bool = False
+    runs: Path = DEFAULT_RUNS
 
 
 @dataclass(frozen=True)
@@ -63,11 +69,12 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
     ConfigError, RecordingError
         The payload cannot be read, or the file not be written.
     """
-    judged = read_payload(request.payload)
+    path = payload_file(request.runs, request.payload)
+    judged = read_payload(path)
     if not judged.passed:
         failed = "; ".join(line.text for line in judged.checks if not line.passed)
         raise EstimationError(
-            f"{request.payload}: the payload did not pass ({failed or 'nothing was checked'}), so"
+            f"{path}: the payload did not pass ({failed or 'nothing was checked'}), so"
             " no controller gets it: measure longer or with another motion, or state limits that"
             " you can answer for (payload identify --mass-limit, --centre-limit, --inertia-limit,"
             " --residual-limit)"
@@ -85,7 +92,7 @@ class ReadBackRequest:
     Attributes
     ----------
     payload : Path
-        A payload file.
+        A payload file; or a session or run that has one: its folder, id or label, or `latest`.
     form : LoadFormat
         Whose controller the load data come from.
     file : Path or None
@@ -94,6 +101,8 @@ class ReadBackRequest:
         The same, as a person has typed or pasted them.
     tolerance_percent : float
         The largest difference [%].
+    runs : Path
+        The folder of the run folders.
     """
 
     payload: Path
@@ -101,6 +110,7 @@ class ReadBackRequest:
     file: Path | None = None
     text: str = ""
     tolerance_percent: float = 0.1
+    runs: Path = DEFAULT_RUNS
 
     def __post_init__(self) -> None:
         if (self.file is None) == (not self.text.strip()):
@@ -132,7 +142,7 @@ def read_back_payload(request: ReadBackRequest) -> ReadBack:
         A file cannot be read, or is none of this format.
     """
     file, text = request.source, request.text
-    body = read_payload(request.payload).estimate.body
+    body = read_payload(payload_file(request.runs, request.payload)).estimate.body
     if request.file is not None:
         with system_errors(ConfigError, f"{file}: cannot be read"):
             text = read_file(request.file, LARGEST_TEXT).decode("utf-8", errors="replace")
@@ -148,6 +158,19 @@ def read_back_payload(request: ReadBackRequest) -> ReadBack:
         else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
     )
     return ReadBack(body, found, Verdict.of([line], headline, "Compared with what was measured."))
+
+
+def payload_file(runs: Path, reference: Path) -> Path:
+    """Return a payload file by its path, or of the session or run that has one.
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        As `find_run`.
+    """
+    if reference.is_file() or reference.suffix == ".json":
+        return reference
+    return find_run(runs, str(reference), having=PAYLOAD).file(PAYLOAD)
 
 
 def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:

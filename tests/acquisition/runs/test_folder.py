@@ -220,7 +220,7 @@ def test_a_run_is_found_by_id_beginning_label_path_or_latest(root: Path) -> None
 
 @pytest.mark.parametrize(
     ("reference", "message"),
-    [("0", "may be any of"), ("same", "may be any of"), ("none", "no run"), ("", "no run"),
+    [("0", "may be any of"), ("none", "no run"), ("", "no run"),
      ("../..", "no run")],
 )  # fmt: skip
 def test_an_unclear_reference_is_refused(root: Path, reference: str, message: str) -> None:
@@ -228,6 +228,34 @@ def test_an_unclear_reference_is_refused(root: Path, reference: str, message: st
         RunFolder.create(root, "same", now_ns=NOW_NS)
     with pytest.raises(ConfigError, match=message):
         find_run(root, reference)
+
+
+def test_of_runs_of_one_label_the_newest_is_meant_and_that_is_said_with_dates(
+    root: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    old, new = (RunFolder.create(root, "same", now_ns=NOW_NS + i * 10**14) for i in range(2))
+    RunFolder.create(root, "other", now_ns=NOW_NS + 10**15)
+    assert find_run(root, "same") == new
+    (said,) = caplog.messages
+    assert said.startswith("2 runs are called 'same': the newest is taken, " + new.run_id)
+    assert f"older: {old.run_id} ({old.manifest().created_utc[:10]} " in said
+
+
+def test_an_ids_beginning_that_means_several_runs_is_told_with_their_dates(root: Path) -> None:
+    first = RunFolder.create(root, "a", now_ns=NOW_NS)
+    RunFolder.create(root, "b", now_ns=NOW_NS + 10**9)
+    with pytest.raises(ConfigError, match=rf"{first.run_id} \(20\d\d-\d\d-\d\d \d\d:\d\d UTC\), 0"):
+        find_run(root, first.run_id[:4])
+
+
+def test_the_latest_run_that_has_a_file_is_meant_where_one_is_needed(root: Path) -> None:
+    with_file = RunFolder.create(root, "same", now_ns=NOW_NS)
+    with_file.write("payload.json", b"{}")
+    RunFolder.create(root, "same", now_ns=NOW_NS + 10**15)
+    assert find_run(root, "latest", having="payload.json") == with_file
+    assert find_run(root, "same", having="payload.json") == with_file
+    with pytest.raises(ConfigError, match=r"no run with session\.json 'latest'"):
+        find_run(root, "latest", having="session.json")
 
 
 def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(

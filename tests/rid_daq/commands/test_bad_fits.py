@@ -59,7 +59,7 @@ def test_a_loop_that_does_not_explain_its_response(
     first, *others = section.axes
     first = first.model_copy(update={"grade": grade, "reason": "40 % is left"})
     section = section.model_copy(update={"axes": (first, *others)})
-    found = LoopsMeasured("a-run", section, Path("loops.json"), Path("report.html"), [])
+    found = LoopsMeasured("a-run", section, Path("loops.json"), Path("report.html"), [], "ir361")
     monkeypatch.setattr(loop, "measure_velocity_loops", lambda request: found)
     assert run(["loop", "a-run"]) == code
     assert f"{first.joint}: the fit is {grade}, 40 % is left." in capsys.readouterr().out

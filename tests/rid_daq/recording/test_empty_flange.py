@@ -18,8 +18,9 @@ from identification.choices import PayloadLimits
 from identification.payload.verdict import PayloadResult, checks
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.recording import payload_steps
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import SessionState
-from rid_daq.recording.payload_steps import PayloadGuide, PayloadSessionRequest, StepFailed
+from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
 from rid_daq.terminal.console import Console
 from rid_daq.worker.job_console import EventFile, JobConsole
@@ -43,6 +44,10 @@ class Person(Console):
     @property
     def can_ask(self) -> bool:
         return True
+
+    def ask(self, question: str, understood: Any, choices: Any = ()) -> Any:
+        self.asked.append(question)
+        return understood("kr15")
 
     def confirm(self, question: str) -> bool:
         self.asked.append(question)
@@ -132,3 +137,19 @@ def test_a_page_is_asked_the_same(lead: Lead, state: SessionState, tmp_path: Pat
         lead(JobConsole(events=events, orders=orders))
     assert EMPTY in (tmp_path / "events.jsonl").read_text(encoding="utf-8")
     assert state.empty_flange is EmptyFlange.SAID
+
+
+def test_a_session_is_practised_on_a_simulated_cell_with_one_question_each(lead: Lead) -> None:
+    attached: list[str | None] = []
+    simulated = SimpleNamespace(attach=attached.append)
+    person = Person()
+    lead(person, simulated=simulated, practise=True, rehearsal_percent=0.0, warm_up_percent=0.0)
+    assert person.asked == [
+        "Is nobody in cell kr15? Type the cell's name",
+        "Is the emergency stop at hand?",
+        "Is the flange empty: no payload, gripper or cable hangs on it?",
+    ]
+    assert attached == []
+    silent = Person()
+    lead(silent, simulated=simulated)
+    assert silent.asked == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,10 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.load import load_cell
+from identification.choices import PayloadLimits
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
+from identification.payload.known import Known
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import SessionState, is_measurement
 from rid_daq.recording.payload_steps import rehearsal_of
 
@@ -66,3 +70,30 @@ def test_a_rehearsal_is_one_period_of_whole_cycles_no_faster_than_was_asked() ->
     assert slow.period_s >= motion.period_s / 0.3
     assert slow.period_s / cycle_s == pytest.approx(round(slow.period_s / cycle_s), abs=1e-9)
     assert slow.period_s < motion.period_s / 0.3 + cycle_s
+
+
+def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said_anew(
+    folder: RunFolder,
+) -> None:
+    begun = PayloadSessionRequest(
+        "kr15",
+        folder.path.parent,
+        model=Path("model.json"),
+        known=(Known("m", 2.8, 0.005),),
+        warm_up_percent=0.0,
+        repeats=2,
+        limits=PayloadLimits(mass_percent=2.0),
+    )
+    SessionState(folder, "kr15", asked=begun.asked).write()
+    asked = SessionState.read(folder).asked
+    again = PayloadSessionRequest("kr15", folder.path.parent, resume="latest", yes=True)
+    kept = again.as_begun(asked)
+    assert kept.model == Path("model.json").absolute()
+    assert (kept.warm_up_percent, kept.repeats, kept.known) == (0.0, 2, begun.known)
+    assert (kept.limits, kept.resume, kept.yes) == (begun.limits, "latest", True)
+    warm = replace(again, given=("warm_up_percent",), limits=PayloadLimits(centre_mm=1.0))
+    kept = warm.as_begun(asked)
+    assert (kept.warm_up_percent, kept.repeats) == (1.0, 2)
+    assert kept.limits == PayloadLimits(mass_percent=2.0, centre_mm=1.0)
+    with pytest.raises(ConfigError, match="--resume latest: its file says repeats: "):
+        again.as_begun({"repeats": "many"})

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from rid_daq.app import run
 from rid_daq.terminal.console import Console
 
@@ -90,3 +92,42 @@ def test_on_a_narrow_terminal_an_id_stays_whole_and_nothing_is_cut(
     column = "".join(line[28:44].strip() for line in shown.splitlines()[1:])
     assert label in column
     assert "…" not in shown
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    """Return a folder of two runs of one label, with facts."""
+    for number in range(2):
+        made = RunFolder.create(tmp_path / "runs", "a long label", kind="payload session")
+        made.finish(RunStatus.COMPLETE, {"robot": "ir361", "rows": 1000 * number, "axis_test": "?"})
+    return tmp_path / "runs"
+
+
+def test_the_list_of_runs_fits_eighty_columns(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Console, "is_terminal", True)
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["runs", "--runs", str(runs)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len([line for line in lines if line.startswith("0")]) == 2
+    assert "robot ir361" not in "".join(lines)
+    monkeypatch.setenv("COLUMNS", "140")
+    assert run(["runs", "--runs", str(runs)]) == 0
+    assert "robot ir361, rows 1000" in capsys.readouterr().out
+
+
+def test_verifying_ends_with_a_verdict_and_an_exit_code(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made, _ = (path for path, _ in list_runs(runs))
+    made.write("motion.yaml", b"kind: fourier")
+    made.finish(RunStatus.COMPLETE, {})
+    assert run(["runs", "--verify", "--runs", str(runs)]) == 0
+    assert capsys.readouterr().out.endswith("Whole, as they were written: 2 of 2 runs.\n")
+    made.file("motion.yaml").write_text("kind: circle")
+    assert run(["runs", "--verify", "--runs", str(runs)]) == 7
+    said = capsys.readouterr()
+    assert said.out.endswith("Whole, as they were written: 1 of 2 runs.\n")
+    assert "motion.yaml" in said.err

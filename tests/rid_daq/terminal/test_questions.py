@@ -5,6 +5,8 @@ import io
 import pytest
 
 from config.errors import ConfigError, PreflightError
+from config.load import load_cell
+from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
 
 
@@ -35,3 +37,24 @@ def test_an_answer_that_means_nothing_is_asked_for_again(
     monkeypatch.setattr("sys.stdin", io.StringIO("two\n2\n"))
     assert Console().ask("How many?", number) == 2
     assert "give a number" in capsys.readouterr().err
+
+
+def test_a_cell_is_cleared_by_one_question_each(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = load_cell("ir361").config
+    require_cleared(cell, cleared=False, console=Console())
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr(Console, "can_ask", True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("ir361\ny\n"))
+    require_cleared(cell, cleared=False, console=Console(), practise=True)
+    said = capsys.readouterr()
+    assert said.out.strip() == "The robot will move."
+    assert [each.split("?")[0] for each in said.err.split(": ") if "?" in each] == [
+        "Is nobody in cell ir361",
+        "Is the emergency stop at hand",
+    ]
+    for answers, refusal in (("ir362\n", "'ir362' is not 'ir361'"), ("ir361\nn\n", "emergency")):
+        monkeypatch.setattr("sys.stdin", io.StringIO(answers))
+        with pytest.raises(PreflightError, match=refusal):
+            require_cleared(cell, cleared=False, console=Console(), practise=True)
