@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from acquisition.journal.cycle_row import joints_of_row, row_dtype
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, JournalReader
 from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
-from acquisition.recording.recording import Recording
+from acquisition.recording.recording import Recording, joined
 from config.errors import RecordingError
 
 
@@ -114,6 +115,32 @@ class CycleReader:
                     + ": another program's or version's file"
                 )
         return np.frombuffer(b"".join(payload[4:] for payload in payloads), dtype=dtype)
+
+
+def read_tail(path: Path, seconds: float) -> Recording:
+    """Return at least the last seconds of a journal, in pieces that need not all be in memory.
+
+    Parameters
+    ----------
+    path : Path
+        The `.mcap` file, written no more.
+    seconds : float
+        How much is wanted [s].
+
+    Raises
+    ------
+    RecordingError
+        As those of `CycleReader`.
+    """
+    kept: deque[Recording] = deque()
+    with CycleReader(path) as reader:
+        for part in reader.recordings():
+            kept.append(part)
+            while len(kept) > 1 and part.time_s[-1] - kept[1].time_s[0] >= seconds:
+                kept.popleft()
+        if not kept:
+            raise RecordingError(f"{path}: no readable row of a rid-daq recording in it")
+    return joined(kept)
 
 
 def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:

@@ -42,9 +42,20 @@ def bode_figure(axis: AxisLoop) -> GridPlot:
     axis : AxisLoop
         As measured by `rid-daq loop`.
     """
-    controller, loops = _controller(axis), _loops(axis)
-    panels = [*controller, *loops]
+    panels = [*_controller(axis), *_loops(axis)]
     return layout(f"bode_{axis.joint}", panels, panels)
+
+
+def controller_bode(axis: AxisLoop) -> GridPlot:
+    """Return the upper half of `bode_figure`: the velocity controller."""
+    panels = _controller(axis)
+    return layout(f"controller_{axis.joint}", panels, panels)
+
+
+def loops_bode(axis: AxisLoop) -> GridPlot:
+    """Return the lower half of `bode_figure`: the opened loops."""
+    panels = _loops(axis)
+    return layout(f"loops_{axis.joint}", panels, panels)
 
 
 def _controller(axis: AxisLoop) -> list[figure]:

@@ -87,9 +87,31 @@ def as_item(figure: UIElement, dark: bool) -> dict[str, Any]:
     dark : bool
         Whether the page is dark.
     """
-    item: dict[str, Any] = dict(json_item(figure, theme=_THEME))
+    item: dict[str, Any] = renumbered(dict(json_item(figure, theme=_THEME)), {})
     recoloured: dict[str, Any] = darkened(item) if dark else item
     return recoloured
+
+
+def renumbered(value: Any, known: dict[str, str]) -> Any:
+    """Return an item whose models are numbered from 1, so that a figure has always the same bytes.
+
+    Parameters
+    ----------
+    value : Any
+        The item, or a value in it.
+    known : dict of str
+        New numbers by old ones; what is met first is numbered first.
+    """
+    if isinstance(value, dict):
+        return {
+            key: known.setdefault(child, f"p{len(known) + 1}")
+            if key in ("id", "root_id")
+            else renumbered(child, known)
+            for key, child in value.items()
+        }
+    if isinstance(value, (list, tuple)):
+        return [renumbered(child, known) for child in value]
+    return value
 
 
 def as_csv(figure: UIElement) -> str:

@@ -6,11 +6,13 @@ const touch = matchMedia("(pointer: coarse)");
 /**
  * Show a figure, and show it anew when the page turns light or dark.
  *
- * `url` answers with the figure's item (JSON); with `dark=true` in its dark colours; with `as=csv`
- * with its data. `element.dataset.figureState` is "loading", "shown" or "failed". Returns a
- * function that takes the figure out of the page again.
+ * `from` is an address that answers with the figure's item (JSON); with `dark=true` in its dark
+ * colours; with `as=csv` with its data. Or it is an object whose `item(dark)` promises the item, and
+ * whose `csv` is the address of its data, if there is one. `element.dataset.figureState` is
+ * "loading", "shown" or "failed". Returns a function that takes the figure out of the page again.
  */
-export function showFigure(element, url) {
+export function showFigure(element, from) {
+  const source = typeof from === "string" ? ofServer(from) : from;
   const words = document.createElement("p");
   words.setAttribute("role", "status");
   words.hidden = true;
@@ -26,7 +28,7 @@ export function showFigure(element, url) {
     const mine = ++number;
     tell("loading", shown ? "" : "Loading the figure …");
     try {
-      const item = await fetched(url);
+      const item = await source.item(dark.matches);
       if (mine !== number) return;
       shown?.clear();
       place.replaceChildren();
@@ -43,7 +45,7 @@ export function showFigure(element, url) {
       tell("shown", `No SVG was made: ${error.message}`);
     }
   };
-  element.replaceChildren(buttons(url, save), words, place);
+  element.replaceChildren(buttons(source.csv, save), words, place);
   dark.addEventListener("change", show);
   show();
   return () => {
@@ -54,10 +56,17 @@ export function showFigure(element, url) {
   };
 }
 
+function ofServer(url) {
+  return {
+    csv: asked(url, { as: "csv" }),
+    item: (isDark) => fetched(asked(url, { dark: isDark })),
+  };
+}
+
 async function fetched(url) {
   let answer;
   try {
-    answer = await fetch(asked(url, { dark: dark.matches }), { cache: "no-store" });
+    answer = await fetch(url, { cache: "no-store" });
   } catch {
     throw new Error("the server does not answer. Check that it runs, then reload the page.");
   }
@@ -106,20 +115,23 @@ function withoutDrag(value) {
   Object.values(value).forEach(withoutDrag);
 }
 
-function buttons(url, save) {
+function buttons(table, save) {
   const bar = document.createElement("div");
   bar.className = "figure-buttons";
-  const csv = document.createElement("a");
-  csv.textContent = "CSV";
-  csv.title = "The figure's data as a table";
-  csv.href = asked(url, { as: "csv" });
-  csv.download = "";
+  if (table) {
+    const csv = document.createElement("a");
+    csv.textContent = "CSV";
+    csv.title = "The figure's data as a table";
+    csv.href = table;
+    csv.download = "";
+    bar.append(csv, " ");
+  }
   const svg = document.createElement("button");
   svg.type = "button";
   svg.textContent = "SVG";
   svg.title = "The figure as it is drawn now";
   svg.addEventListener("click", save);
-  bar.append(csv, " ", svg);
+  bar.append(svg);
   return bar;
 }
 

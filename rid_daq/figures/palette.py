@@ -59,6 +59,11 @@ def stroke(number: int) -> Stroke:
     return _STROKES[number % len(_STROKES)]
 
 
+def dark_colours() -> dict[str, str]:
+    """Return the dark colour of every light one."""
+    return dict(_DARK)
+
+
 def darkened(value: Any) -> Any:
     """Return a JSON value in which every light colour of this palette is the dark one."""
     if isinstance(value, str):

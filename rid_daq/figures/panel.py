@@ -110,7 +110,8 @@ def panel(
         "log", or for x "datetime", a time of the calendar [ms since 1970].
     """
     ranges = {"x_range": x_range, "y_range": y_range}
-    return figure(
+    zoom = BoxZoomTool()
+    plot = figure(
         title=words(title),
         x_axis_label=words(x_label),
         y_axis_label=words(y_label),
@@ -121,13 +122,15 @@ def panel(
         sizing_mode="stretch_width",
         toolbar_location=None,
         tools=[
-            BoxZoomTool(),
+            zoom,
             PanTool(),
             WheelZoomTool(modifiers={"ctrl": True}),
             ResetTool(),
         ],
         **{key: value for key, value in ranges.items() if value is not None},
     )
+    plot.toolbar.active_drag = zoom  # "auto" pans, whatever the toolbar of the figure says
+    return plot
 
 
 def panel_to_scale(title: str, x_label: str, y_label: str, height: int) -> figure:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from bokeh.models import ColumnDataSource, GridPlot
 from bokeh.plotting import figure
 
-from config.arrays import FloatArray
-from identification.payload.body import reported_slopes
-from identification.payload.estimate import PayloadEstimate
+from rid_daq.figures.centre_of_gravity import CentreOfGravity, ellipse
 from rid_daq.figures.palette import BLUE, GREEN, INK, ORANGE, RED, SKY
 from rid_daq.figures.panel import (
     Drawn,
@@ -26,60 +23,11 @@ from rid_daq.figures.panel import (
 
 AXES: Final = "xyz"
 VIEWS: Final = ((0, 2), (1, 2), (0, 1))
-CENTRE: Final = slice(1, 4)
 AXIS_SHARE: Final = 0.3
 _COLORS: Final = (RED, GREEN, BLUE)
-_TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 
 
-@dataclass(frozen=True, eq=False)
-class CentreOfGravity:
-    """What is drawn of a payload, in the flange's frame.
-
-    Attributes
-    ----------
-    centre_mm, sigma_mm : ndarray, shape (3,)
-        The centre of gravity and its standard deviations; not a number where it is not seen.
-    covariance_mm2 : ndarray, shape (3, 3)
-        Of the centre.
-    spread_mm2 : ndarray, shape (3, 3), or None
-        Squared half axes, as a matrix, of the ellipsoid of even density that has the payload's
-        mass and inertia; None where not all parameters are seen.
-    """
-
-    centre_mm: FloatArray
-    sigma_mm: FloatArray
-    covariance_mm2: FloatArray
-    spread_mm2: FloatArray | None
-
-    @classmethod
-    def of(cls, estimate: PayloadEstimate) -> CentreOfGravity:
-        """Return what is drawn of an estimate.
-
-        Raises
-        ------
-        EstimationError
-            There is no body close to the estimate that can exist.
-        """
-        seen, sigma = np.array(estimate.seen[CENTRE]), estimate.sigma[CENTRE]
-        slopes = reported_slopes(estimate.values)[CENTRE]
-        covariance = slopes @ estimate.covariance @ slopes.T
-        loose = seen & (sigma > 0.0)
-        spread = None
-        if estimate.rank == len(estimate.values):
-            body = estimate.body
-            inertia = body.inertia_kg_m2
-            second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-            spread = 1e6 * 5.0 * second / body.mass_kg
-        return cls(
-            centre_mm=1e3 * estimate.reported[CENTRE],
-            sigma_mm=np.where(seen, 1e3 * sigma, np.nan),
-            covariance_mm2=np.where(np.outer(loose, loose), 1e6 * covariance, 0.0),
-            spread_mm2=spread,
-        )
-
-
-def payload_figure(estimate: PayloadEstimate) -> GridPlot:
+def payload_figure(drawn: CentreOfGravity) -> GridPlot:
     """Return a figure of the centre of gravity seen along each axis of the flange, to scale.
 
     Drawn are the flange's axes, the centre with its interval (2σ each way) and its ellipse (2σ,
@@ -88,15 +36,9 @@ def payload_figure(estimate: PayloadEstimate) -> GridPlot:
 
     Parameters
     ----------
-    estimate : PayloadEstimate
-        The payload.
-
-    Raises
-    ------
-    EstimationError
-        There is no body close to the estimate that can exist.
+    drawn : CentreOfGravity
+        Of a payload; without a covariance there is no ellipse.
     """
-    drawn = CentreOfGravity.of(estimate)
     data = _table(drawn)
     views = [_view(drawn, data, across) for across in VIEWS]
     return layout("payload", [beside(views)], views)
@@ -132,7 +74,7 @@ def _view(drawn: CentreOfGravity, data: ColumnDataSource, across: tuple[int, int
     entries: dict[str, list[Drawn]] = {}
     sizes = [float(np.linalg.norm(np.nan_to_num(centre))), 50.0]
     if drawn.spread_mm2 is not None and np.isfinite(centre).all():
-        edge = _ellipse(centre, drawn.spread_mm2[np.ix_(pair, pair)])
+        edge = ellipse(centre, drawn.spread_mm2[np.ix_(pair, pair)])
         shape = outline({"x": edge[0], "y": edge[1]})
         entries["even density"] = [
             plot.patch(
@@ -141,8 +83,6 @@ def _view(drawn: CentreOfGravity, data: ColumnDataSource, across: tuple[int, int
         ]
     framed = _draw_flange(plot, across, AXIS_SHARE * max(sizes))
     if np.isfinite(centre).all():
-        edge = _ellipse(centre, 4.0 * drawn.covariance_mm2[np.ix_(pair, pair)])
-        ellipse = outline({"x": edge[0], "y": edge[1]})
         names, low, high = (
             [f"{axis} {word} [mm]" for axis in (x, y)] for word in ("of the centre", "- 2σ", "+ 2σ")
         )
@@ -154,10 +94,15 @@ def _view(drawn: CentreOfGravity, data: ColumnDataSource, across: tuple[int, int
                 plot.segment(low[0], names[1], high[0], names[1], source=data, line_color=INK),
                 plot.segment(names[0], low[1], names[0], high[1], source=data, line_color=INK),
             ],
-            "ellipse 2σ": [plot.line("x", "y", source=ellipse, line_color=ORANGE, line_width=2.5)],
             **entries,
         }
-        framed += [entries["ellipse 2σ"][0], *entries["centre ± 2σ"]]
+        framed += entries["centre ± 2σ"]
+        if drawn.covariance_mm2 is not None:
+            edge = ellipse(centre, 4.0 * drawn.covariance_mm2[np.ix_(pair, pair)])
+            around = outline({"x": edge[0], "y": edge[1]})
+            line = plot.line("x", "y", source=around, line_color=ORANGE, line_width=2.5)
+            entries["ellipse 2σ"] = [line]
+            framed.append(line)
         add_hover(plot, dot, {x: names[0], f"{x} ± 2σ": sure[0], y: names[1], f"{y} ± 2σ": sure[1]})
         add_legend(plot, entries)
     for bounds in (plot.x_range, plot.y_range):
@@ -191,10 +136,3 @@ def _draw_flange(plot: figure, across: tuple[int, int], length: float) -> list[D
         "x", "y", source=origin, marker="circle_cross", size=10, line_color=INK, fill_alpha=0
     )
     return lines
-
-
-def _ellipse(centre: FloatArray, matrix: FloatArray) -> FloatArray:
-    """Return points (2, k) on the ellipse of a centre and squared half axes as a matrix."""
-    squares, axes = np.linalg.eigh(matrix)
-    half = axes * np.sqrt(np.maximum(squares, 0.0))
-    return np.asarray(centre[:, np.newaxis] + half @ np.array([np.cos(_TURN), np.sin(_TURN)]))

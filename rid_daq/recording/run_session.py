@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from pydantic import JsonValue
 
+from acquisition.journal.cycle_reader import read_tail
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.early_stop import NewPeriods
@@ -29,6 +30,7 @@ from rid_daq.recording.recorded_run import RecordedRun, ending_said
 from rid_daq.report.result import Result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.runs import CellSection, RunSection
+from rid_daq.report.sections.stop import StopCurve
 from rid_daq.report.sections.timing import LoopTiming, Timing
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import note_flange
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
 
 FRAMES: Final = "frames.blf"
+STOP_TAIL_S: Final = 10.0  # a second before the stop, and coming to rest
 
 Record = Callable[[MotionSamples | SetPointSource], RecordOutcome]
 """Runs planned rows, or a source of set-points, into the run folder of a request."""
@@ -258,6 +261,10 @@ class RunSession:
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text
             section = RunSection.of(request.role, request.sentence, data.tally, robot, stop)
+            if outcome.stop is not None:
+                tail = read_tail(outcome.path, STOP_TAIL_S)
+                curve = StopCurve.of(tail, outcome.stop, self.cell, robot)
+                section = section.model_copy(update={"stop_curve": curve})
             quality = run_quality(data.tally, lambda: data.average) if outcome.complete else None
         if quality is not None and quality.average is not None:
             average = AverageSection.of(quality.average, robot)

@@ -15,6 +15,7 @@ from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
 from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
 from rid_daq.report_page.drawings.curves import (
+    colours,
     friction_figure,
     histogram_figure,
     spectrum_figure,
@@ -22,7 +23,10 @@ from rid_daq.report_page.drawings.curves import (
     truth_figure,
 )
 from rid_daq.report_page.drawings.paths import error_figure, path_figure
+from rid_daq.report_page.drawings.payload import centre_figure
 from rid_daq.report_page.drawings.retiming import retiming_figure
+from rid_daq.report_page.drawings.stop import stop_figure
+from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
 from rid_daq.terminal.console import printable
 
 
@@ -40,13 +44,15 @@ def render_report(result: Result) -> str:
         A section holds numbers that cannot be shown.
     """
     parts = []
+    figures = LiveFigures()
     for name, section in result.sections():
         template = _environment().get_template(f"{name}.html")
         with _shown(name):
-            parts.append(Markup(template.render(result=result, section=section)))
+            parts.append(Markup(template.render(result=result, section=section, live=figures.keep)))
             parts.append(_origin(result, name))
     with _shown("the document"):
-        return _environment().get_template("page.html").render(result=result, parts=parts)
+        page = _environment().get_template("page.html")
+        return page.render(result=result, parts=parts, figures=figures)
 
 
 def _origin(result: Result, name: str) -> Markup:
@@ -72,7 +78,8 @@ def _environment() -> jinja2.Environment:
     for draw in (
         *(torque_figure, spectrum_figure, truth_figure, histogram_figure, friction_figure),
         *(controller_figure, cascade_figure, path_figure, error_figure),
-        retiming_figure,
+        *(retiming_figure, centre_figure, stop_figure),
+        *(colours, dark_map, library, script),
     ):
         environment.globals[draw.__name__] = draw
     return environment

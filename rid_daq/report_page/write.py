@@ -11,7 +11,6 @@ from config.errors import RecordingError
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import REPORT, RESULT, read_result
 from rid_daq.report.sections.timing import Timing
-from rid_daq.report_page.render import render_report
 
 
 def write_result(folder: RunFolder, result: Result) -> Path:
@@ -31,6 +30,8 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     RecordingError
         A file cannot be written; or a section, which was read from a file, cannot be shown.
     """
+    from rid_daq.report_page.render import render_report  # it loads what draws: half a second
+
     result = _dated(folder, result)
     document = result.model_dump(mode="json", by_alias=True)
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"

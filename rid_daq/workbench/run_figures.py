@@ -17,6 +17,7 @@ from config.load import load_bundled_or_path, load_robot
 from identification.payload.file import read_payload
 from identification.payload.warm_up import period_powers
 from rid_daq.figures.bode_figure import bode_figure
+from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.fit_figure import fit_figure
 from rid_daq.figures.friction_figure import friction_figure
 from rid_daq.figures.motion_figure import motion_figure
@@ -84,9 +85,7 @@ def _of_result(result: Result) -> list[Drawing]:
         title = "Measured and predicted torque"
         found.append(Drawing("fit", title, partial(fit_figure, curves.torque)))
     if curves is not None and curves.spectrum is not None:
-        axes = estimate.axes if estimate is not None else ()
-        units = tuple(axis.unit for axis in axes) or ("N m",) * len(curves.spectrum.axes)
-        make = partial(residual_spectrum, curves.spectrum, units)
+        make = partial(residual_spectrum, curves.spectrum, result.torque_units)
         found.append(Drawing("spectrum", "Spectrum of what the model leaves", make))
     if estimate is not None:
         make = partial(parameters_figure, estimate)
@@ -111,7 +110,7 @@ def _of_result(result: Result) -> list[Drawing]:
 
 
 def _payload(folder: RunFolder) -> GridPlot:
-    return payload_figure(read_payload(folder.file(PAYLOAD)).estimate)
+    return payload_figure(CentreOfGravity.of(read_payload(folder.file(PAYLOAD)).estimate))
 
 
 def _warm_up(folder: RunFolder) -> list[Drawing]:

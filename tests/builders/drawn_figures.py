@@ -1,4 +1,4 @@
-"""Every figure of the workbench: of results that commands wrote, and of what is computed."""
+"""Every figure: of results that commands wrote, and of what is computed."""
 
 from __future__ import annotations
 
@@ -17,14 +17,19 @@ from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
 from rid_daq.figures.bode_figure import bode_figure
+from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.fit_figure import fit_figure
 from rid_daq.figures.friction_figure import friction_figure
 from rid_daq.figures.history_figure import PastValue, history_figure
+from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.retiming_figure import retiming_figure
+from rid_daq.figures.stop_figure import stop_figure
+from rid_daq.figures.truth_figure import truth_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
 from tests.builders.invented import whole_result
@@ -96,6 +101,13 @@ def all_figures() -> dict[str, UIElement]:
     assert friction is not None
     assert loops is not None
     assert demo.estimate is not None
+    stopped = long.runs[0].stop_curve if long.runs else None
+    late = long.timing.loops if long.timing is not None else None
+    timed = written("retiming").retiming
+    assert stopped is not None
+    assert late is not None
+    assert long.truth is not None
+    assert timed is not None
     samples = six_axes()
     torque = 20.0 * samples.whole(1).acceleration
     power = np.array([8.0, 20.0, 4.0]) * (0.7 + 0.3 * np.exp(-np.arange(12.0)[:, np.newaxis] / 4))
@@ -114,7 +126,11 @@ def all_figures() -> dict[str, UIElement]:
         "friction": friction_figure(friction),
         "warm-up": warm_up_figure(JOINTS, power, 1.0),
         "history": history_figure("Coulomb friction of axis2", "N m", past),
-        "payload": payload_figure(payload()),
+        "payload": payload_figure(CentreOfGravity.of(payload())),
+        "stop": stop_figure(stopped),
+        "lateness": lateness_figure(late[0]),
+        "truth": truth_figure(long.truth),
+        "retiming": retiming_figure(timed.ways[0], [joint.joint for joint in timed.joints]),
     }
 
 

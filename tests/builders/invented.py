@@ -61,7 +61,16 @@ def whole_result() -> dict[str, Any]:
             {
                 "role": "excitation",
                 "sentence": "Fourier motion, 16 periods of 10 s after 1 transient period.",
-                "stop": None,
+                "stop": "Stopped before its end: axis2 is 0.06 rad off its set-point.",
+                "stop_curve": {
+                    "joint": "axis2",
+                    "quantity": "following error",
+                    "unit": "rad",
+                    "time_s": [-0.008 * i for i in range(125, -1, -1)],
+                    "value": [0.06 * math.exp(-0.04 * i) for i in range(125, -1, -1)],
+                    "low": [-0.05 - 0.0001 * i for i in range(126)],
+                    "high": [0.05 + 0.0001 * i for i in range(126)],
+                },
                 "rows": 21250,
                 "invalid_rows": 0,
                 "duration_s": 170.0,

@@ -212,6 +212,11 @@ class PayloadSection(Section):
             existence=_existence(estimate) if whole else None,
         )
 
+    @property
+    def has_centre(self) -> bool:
+        """Whether enough is known of the centre of gravity to draw where it lies."""
+        return sum(each.value is not None for each in self.parameters[1:4]) >= 2
+
     def print(self, console: Console) -> None:
         """Print the payload."""
         console.say(self.sentence)

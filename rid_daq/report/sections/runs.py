@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from rid_daq.report.sections.section import Section, units
+from rid_daq.report.sections.stop import StopCurve
 
 if TYPE_CHECKING:
     from acquisition.imports.report import ImportReport
@@ -125,6 +126,8 @@ class RunSection(Section):
         How many rows it left out for which reason.
     findings : tuple of str, or None
         What is odd about the rows that it used.
+    stop_curve : StopCurve, or None
+        What the joint did that it was stopped for; left out where it was for no joint.
     """
 
     role: str
@@ -137,6 +140,7 @@ class RunSection(Section):
     bad_rows: tuple[BadRows, ...]
     left_out: dict[str, int] | None = None
     findings: tuple[str, ...] | None = None
+    stop_curve: StopCurve | None = None
 
     @classmethod
     def of(

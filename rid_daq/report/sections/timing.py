@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -56,6 +58,11 @@ class LoopTiming(Section):
     exchange_p99_s: float
     exchange_max_s: float
 
+    @property
+    def told(self) -> bool:
+        """Whether anything is known of how late cycles began: not in simulated time (lock-step)."""
+        return self.lateness_max_s > 0.0
+
     @classmethod
     def of(cls, role: str, statistics: CycleStatistics) -> LoopTiming:
         """Return the loop's timing, with the histogram of how late its cycles began."""
@@ -90,6 +97,20 @@ class Timing(Section):
     run_ids: Texts | None = None
     loops: tuple[LoopTiming, ...] | None = None
     made: dict[str, str] | None = None
+
+
+def bin_names(edges_us: Sequence[float]) -> list[str]:
+    """Return what the bins of a histogram are called: "10–20", "1–2 ms", "≥ 5 ms".
+
+    Parameters
+    ----------
+    edges_us : sequence of float
+        The bins' lower edges [µs]; the last bin holds everything beyond.
+    """
+    return [
+        f"{low:g}–{high:g}" if low < 1000.0 else f"{low / 1000.0:g}–{high / 1000.0:g} ms"
+        for low, high in itertools.pairwise(edges_us)
+    ] + [f"≥ {edges_us[-1] / 1000.0:g} ms"]
 
 
 def loop_sentence(statistics: CycleStatistics) -> str:

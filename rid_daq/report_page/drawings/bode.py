@@ -12,19 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from rid_daq.figures.palette import FAINT, GREEN, ORANGE, PURPLE, SOFT
 from rid_daq.report.sections.loop_curves import CascadeCurves, LoopMargins
 from rid_daq.report.sections.velocity_loops import AxisLoop
-from rid_daq.report_page.drawings.curves import (
-    FAINT,
-    MEASURED,
-    PREDICTED,
-    STYLE,
-    WRONG,
-    as_label,
-    as_svg,
-)
+from rid_daq.report_page.drawings.curves import MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 
-EVEN, NOISE, LINE = "#7c3aed", "#8593a3", "#475569"
+EVEN, NOISE, LINE = PURPLE, SOFT, SOFT
 SMALLEST_DB = 1e-9
 
 
@@ -45,7 +38,8 @@ def controller_figure(axis: AxisLoop, name: str) -> Markup:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 4.6), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
-        top.plot(fit.frequency_hz, _db(fit.magnitude), color=PREDICTED, label="fitted PI")
+        fitted: Any = {"color": ORANGE, "linewidth": 2.4}
+        top.plot(fit.frequency_hz, _db(fit.magnitude), label="fitted PI", **fitted)
         reach = 2.0 * total
         top.fill_between(
             f,
@@ -85,8 +79,8 @@ def controller_figure(axis: AxisLoop, name: str) -> Markup:
             label="noise at empty lines",
         )
         top.set_ylabel(f"dB over 1 {as_label(axis.unit)}")
-        figure.legend(loc="outside upper right", ncols=8, fontsize=7.5, columnspacing=1.2)
-        bottom.plot(fit.frequency_hz, fit.phase_deg, color=PREDICTED)
+        figure.legend(loc="outside upper left", ncols=8, fontsize=7.5, columnspacing=1.2)
+        bottom.plot(fit.frequency_hz, fit.phase_deg, **fitted)
         spread = np.degrees(np.arcsin(np.minimum(reach / size, 1.0)))
         phase = _array(response.phase_deg)
         bottom.fill_between(
@@ -113,8 +107,8 @@ def cascade_figure(cascade: CascadeCurves, name: str) -> Markup:
         figure = Figure(figsize=(9.6, 4.0), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True)
         for loop, label, colour, margins in (
-            (cascade.velocity, "velocity loop", FAINT, NOISE),
-            (cascade.position, "position loop", PREDICTED, WRONG),
+            (cascade.velocity, "velocity loop", GREEN, GREEN),
+            (cascade.position, "position loop", PREDICTED, PREDICTED),
         ):
             top.plot(f, _db(loop.magnitude), color=colour, linewidth=1.4, label=label)
             bottom.plot(f, loop.phase_deg, color=colour, linewidth=1.4)
@@ -136,7 +130,7 @@ def cascade_figure(cascade: CascadeCurves, name: str) -> Markup:
         bottom.set_yticks([-270, -180, -90, 0])
         top.set_ylabel("magnitude [dB]")
         bottom.set_ylabel("phase [°]")
-        figure.legend(loc="outside upper right", ncols=3, fontsize=8.0)
+        figure.legend(loc="outside upper left", ncols=3, fontsize=8.0)
         _frequencies(bottom, float(f[0]), float(f[-1]))
         return as_svg(figure, name)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -14,12 +13,35 @@ from markupsafe import Markup
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from rid_daq.figures.palette import (
+    BLUE,
+    FAINT,
+    GREEN,
+    GRID,
+    INK,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    RED,
+    SKY,
+    SOFT,
+    dark_colours,
+)
 from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
 from rid_daq.report.sections.estimate import TruthCase
 from rid_daq.report.sections.friction import JointFriction
+from rid_daq.report.sections.timing import bin_names
 from rid_daq.terminal.console import printable
 
-MEASURED, PREDICTED, WRONG, FAINT, GRID = "#1f2933", "#3b82f6", "#c2410c", "#b6c0cb", "#e3e8ee"
+MEASURED, PREDICTED, WRONG = INK, BLUE, RED
+
+WIDE, THIN = 3.2, 0.9
+"""Line widths: predicted torque lies wide below measured torque, so that both are seen."""
+
+_NAMES = {
+    INK: "ink", SOFT: "soft", FAINT: "faint", GRID: "grid", PAPER: "paper", BLUE: "blue",
+    SKY: "sky", ORANGE: "orange", GREEN: "green", RED: "red", PURPLE: "purple",
+}  # fmt: skip
 
 STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
@@ -29,7 +51,15 @@ STYLE: Any = {
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": "#8593a3",
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.color": SOFT,
+    "ytick.labelcolor": INK,
+    "axes.edgecolor": SOFT,
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": GRID,
@@ -59,17 +89,13 @@ def torque_figure(time_s: Sequence[float], axis: TorqueCurve, name: str) -> Mark
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 3.5), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-        top.plot(t, np.where(counted, np.nan, predicted), color=FAINT, linewidth=0.8)
-        top.plot(t, measured, color=MEASURED, linewidth=1.4, label="measured")
-        top.plot(
-            t,
-            np.where(counted, predicted, np.nan),
-            color=PREDICTED,
-            linewidth=0.9,
-            label="predicted",
-        )
+        top.plot(t, np.where(counted, np.nan, predicted), color=FAINT, linewidth=WIDE)
+        shown = np.where(counted, predicted, np.nan)
+        (wide,) = top.plot(t, shown, color=ORANGE, linewidth=WIDE, label="predicted")
+        (thin,) = top.plot(t, measured, color=MEASURED, linewidth=THIN, label="measured")
         top.set_ylabel(f"torque [{as_label(axis.unit)}]")
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        above: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
+        top.legend(handles=[thin, wide], ncols=2, **above)
         bottom.plot(t, np.where(counted, np.nan, error), color=FAINT, linewidth=0.8)
         bottom.plot(t, np.where(counted, error, np.nan), color=WRONG, linewidth=0.8)
         reach = 1.2 * float(np.max(np.abs(error[counted]), initial=0.0))
@@ -109,7 +135,7 @@ def spectrum_figure(spectrum: SpectrumCurves) -> Markup:
             panel.set_visible(False)
         panels[0].set_ylabel("rms torque")
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=3)
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
         return as_svg(figure, "spectrum")
 
 
@@ -155,10 +181,7 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
     """
     number = np.asarray(counts, dtype=float)
     places = np.arange(len(number))
-    labels = [
-        f"{low:g}–{high:g}" if low < 1000.0 else f"{low / 1000.0:g}–{high / 1000.0:g} ms"
-        for low, high in itertools.pairwise(edges_us)
-    ] + [f"≥ {edges_us[-1] / 1000.0:g} ms"]
+    labels = bin_names(edges_us)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 2.4), layout="constrained")
         panel = figure.subplots()
@@ -185,9 +208,9 @@ def friction_figure(joints: Sequence[JointFriction]) -> Markup:
     columns = min(3, len(joints))
     rows = -(-len(joints) // 3)
     styles: tuple[Any, ...] = (
-        {"color": PREDICTED, "linewidth": 1.4},
-        {"color": FAINT},
-        {"color": WRONG},
+        {"color": ORANGE, "linewidth": 2.0},
+        {"color": BLUE, "linewidth": 1.4, "linestyle": "dashed"},
+        {"color": PURPLE, "linewidth": 1.4, "linestyle": "dashdot"},
     )
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 0.6 + 2.6 * rows), layout="constrained")
@@ -203,7 +226,7 @@ def friction_figure(joints: Sequence[JointFriction]) -> Markup:
                 )
                 for way, friction, marker, sign in ways:
                     values = sign * np.asarray(friction, dtype=float)
-                    faint: Any = {"color": "#8593a3", "markersize": 3.5, "markerfacecolor": "none"}
+                    faint: Any = {"color": SOFT, "markersize": 3.5, "markerfacecolor": "none"}
                     panel.plot(curve.speed, values, marker, label=way, **faint)
             panel.errorbar(
                 curve.speed,
@@ -230,15 +253,26 @@ def as_label(text: str) -> str:
     return printable(text).replace("$", r"\$")
 
 
+def colours(*, dark: bool) -> str:
+    """Return the colours that drawings name, as custom properties of CSS."""
+    own = dark_colours() if dark else {colour: colour for colour in _NAMES}
+    return " ".join(f"--{name}: {own[colour]};" for colour, name in _NAMES.items())
+
+
 def as_svg(figure: Figure, name: str) -> Markup:
-    """Return a drawing as an element to put into a page, its ids made its own by a word."""
+    """Return a drawing as an element to put into a page, its ids made its own by a word.
+
+    Its colours are the page's (`colours`), light or dark.
+    """
     buffer = io.StringIO()
     # `savefig` would draw everything twice, once to lay it out; drawing lays it out as well.
     canvas: Any = FigureCanvasSVG(figure)
     canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})
     drawing = buffer.getvalue()
     drawing = drawing[drawing.index("<svg") :]
+    drawing = re.sub(r"<path (?![^>]*\bd=)[^>]*/>", "", drawing)  # a line without any point
     drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = re.sub("|".join(_NAMES), lambda found: f"var(--{_NAMES[found[0]]})", drawing)
     drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
     return Markup(
         re.sub(

@@ -11,16 +11,9 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rid_daq.figures.palette import FAINT
 from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves, magnification
-from rid_daq.report_page.drawings.curves import (
-    FAINT,
-    MEASURED,
-    PREDICTED,
-    STYLE,
-    WRONG,
-    as_label,
-    as_svg,
-)
+from rid_daq.report_page.drawings.curves import MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 
 AXES = "xyz"
 
@@ -87,7 +80,7 @@ def error_figure(drawn: DrawnPaths, joints: Sequence[JointUnit], name: str) -> M
             distance = 1e3 * np.maximum(np.asarray(curve.distance_m), 1e-7)
             panel.semilogy(curve.time_s, distance, color=colors[label], label=label)
         panel.set_ylabel("distance [mm]")
-        panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0)
         panel.set_xlim(0.0, max(curve.time_s[-1] for _, curve in lines))
         base = [(f"{axis}, base frame", "path error [mm]") for axis in AXES]
         own = [

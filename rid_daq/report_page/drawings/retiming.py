@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -11,11 +11,12 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rid_daq.figures.palette import FAINT, SOFT, stroke
 from rid_daq.report.sections.retiming import CHANGES, RetimedWay
 from rid_daq.report.sections.section import Numbers
-from rid_daq.report_page.drawings.curves import FAINT, MEASURED, STYLE, WRONG, as_label, as_svg
+from rid_daq.report_page.drawings.curves import MEASURED, STYLE, WRONG, as_label, as_svg
 
-COLOURS = ("#3b82f6", "#c2410c", "#15803d", "#7c3aed", "#b45309", "#0e7490")
+_DASHES: Any = {"dotdash": "dashdot"}
 LIMIT_REACH = 1.6
 
 
@@ -56,16 +57,22 @@ def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup
         plane.set_xlim(float(place[0]), float(place[-1]))
         plane.set_xlabel("length of the path, as time at the speed limits [s]")
         plane.set_ylabel("speed, as a share of them")
-        plane.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        plane.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0)
         time_s = np.asarray(way.time_s)
         for j, joint in enumerate(joints):
             share, open_too = np.asarray(way.torques[j]), np.asarray(way.margins[j])
-            colour = COLOURS[j % len(COLOURS)]
+            colour, dash = stroke(j)
             if open_too.any():
                 torque.fill_between(
                     time_s, share - open_too, share + open_too, color=colour, alpha=0.2, linewidth=0
                 )
-            torque.plot(time_s, share, color=colour, label=as_label(joint))
+            torque.plot(
+                time_s,
+                share,
+                color=colour,
+                linestyle=_DASHES.get(dash, dash) if way.measured is None else "solid",
+                label=as_label(joint),
+            )
             if way.measured is not None:
                 torque.plot(
                     time_s, way.measured[j], color=colour, linewidth=0.8, linestyle="dotted"
@@ -75,7 +82,7 @@ def retiming_figure(way: RetimedWay, joints: Sequence[str], name: str) -> Markup
         torque.set_ylim(-1.1, 1.1)
         torque.set_ylabel("torque over its limit")
         torque.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(joints), borderaxespad=0.0
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(joints), borderaxespad=0.0
         )
         for part in way.reached:
             colour = FAINT if part.limit == CHANGES else MEASURED
@@ -96,7 +103,7 @@ def _lines(way: RetimedWay) -> list[_Line]:
     if way.done is None or way.original_s is None or way.original_done is None:
         return []
     return [
-        _Line("original", way.original_s, way.original_done, FAINT, "dashed"),
+        _Line("original", way.original_s, way.original_done, SOFT, "dashed"),
         _Line("timed", way.time_s, way.done, MEASURED, "solid"),
     ]
 
@@ -115,4 +122,4 @@ def _against_the_original(panel: Axes, lines: Sequence[_Line]) -> None:
     panel.set_ylim(0.0, 102.0)
     panel.set_xlabel("time [s]")
     panel.set_ylabel("of the path [%]")
-    panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+    panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from http import HTTPStatus
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
@@ -23,6 +23,14 @@ from rid_daq.service.service import STATE_FOLDER, CellService
 router = APIRouter(prefix="/api/v1", tags=["runs"])
 
 REPORT, RESULT = "report.html", "result.json"
+REPORT_HEADERS: Final = {
+    "content-security-policy": "sandbox allow-scripts allow-downloads; default-src 'none';"
+    " script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:;"
+    " base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "cross-origin-opener-policy": "unsafe-none",
+}
+"""A report runs its own scripts, and may have come with a run from elsewhere: as a page of nobody,
+without our cookies, that can reach nothing. Browsers refuse a sandbox with an opener policy."""
 MOST_FILE_BYTES = 16 << 20
 _KINDS = frozenset({".yaml", ".json"})
 _SAVED = _KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
@@ -100,7 +108,9 @@ def get_manifest(run: str, service: Service, who: Who) -> dict[str, Any]:
 @router.get("/runs/{run}/report", response_class=FileResponse)
 def get_report(run: str, service: Service, who: Who) -> Response:
     """Return a run's report, a page that stands alone."""
-    return _file(run_folder(service, run), REPORT, "text/html; charset=utf-8")
+    report = _file(run_folder(service, run), REPORT, "text/html; charset=utf-8")
+    report.headers.update(REPORT_HEADERS)
+    return report
 
 
 @router.get("/runs/{run}/result", response_class=FileResponse)

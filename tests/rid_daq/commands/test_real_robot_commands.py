@@ -45,6 +45,9 @@ def test_a_model_chosen_by_the_training_runs_alone_predicts_another_motion(
     assert "load" in chosen["joint3"]
     limits = ",".join(map(str, LIMITS_PERCENT))
     assert run(["validate", model, "points", "--band", "9.4", "--limits", limits, *runs]) == 0
+    for label in ("long", "points"):
+        report = find_run(workshop / "runs", label).file("report.html")
+        assert report.stat().st_size < 3_000_000
 
 
 def test_a_parameter_at_its_bound_is_marked_wherever_it_is_shown(

@@ -17,6 +17,7 @@ from bokeh.models.ui import UIElement
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.figures.bode_figure import bode_figure
+from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
 from rid_daq.figures.fit_figure import fit_figure
 from rid_daq.figures.history_figure import PastValue
@@ -25,7 +26,7 @@ from rid_daq.figures.palette import INK, darkened
 from rid_daq.figures.panel import panel, words
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
-from rid_daq.figures.payload_figure import CentreOfGravity, payload_figure
+from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from tests.builders.drawn_figures import (
@@ -47,6 +48,7 @@ def figures() -> dict[str, UIElement]:
 NAMES = (
     *("motion", "fit", "spectrum", "parameters", "bode"),
     *("path", "friction", "warm-up", "history", "payload"),
+    *("stop", "lateness", "truth", "retiming"),
 )
 
 
@@ -83,7 +85,7 @@ def test_every_panel_zooms_hovers_and_says_its_units(
         for each in (*plot.below, *plot.left)
         if isinstance(each, Axis) and each.visible and each.axis_label
     ]
-    without = {"period"}
+    without = {"period", "parameter number"}
     assert labels
     assert all("[" in str(label) for label in labels if label not in without), labels
 
@@ -249,7 +251,7 @@ def test_warm_up_s_change_has_a_range_before_there_is_a_change() -> None:
 
 def test_payload_s_centre_lies_where_the_estimate_says() -> None:
     estimate = payload()
-    drawn = tables(payload_figure(estimate))["centre of gravity"]
+    drawn = tables(payload_figure(CentreOfGravity.of(estimate)))["centre of gravity"]
     for k, axis in enumerate("xyz"):
         assert column(drawn, f"{axis} of the centre [mm]")[0] == pytest.approx(
             1e3 * estimate.reported[1 + k], rel=1e-5
@@ -262,6 +264,7 @@ def test_payload_s_centre_lies_where_the_estimate_says() -> None:
 def test_ellipse_of_the_centre_is_the_covariance_of_the_estimate() -> None:
     estimate = payload()
     drawn = CentreOfGravity.of(estimate)
+    assert drawn.covariance_mm2 is not None
     np.testing.assert_allclose(
         np.sqrt(np.diagonal(drawn.covariance_mm2)), drawn.sigma_mm, rtol=1e-9
     )
@@ -280,12 +283,13 @@ def test_even_density_s_ellipsoid_has_the_payload_s_inertia() -> None:
 def test_a_centre_that_was_held_has_no_width() -> None:
     drawn = CentreOfGravity.of(payload(held="cx"))
     assert drawn.sigma_mm[0] == 0.0
+    assert drawn.covariance_mm2 is not None
     assert not drawn.covariance_mm2[0].any()
 
 
 def test_what_a_motion_does_not_show_is_said() -> None:
     estimate = payload(unseen="sz")
-    figure = payload_figure(estimate)
+    figure = payload_figure(CentreOfGravity.of(estimate))
     titles = [str(each.text) for each in figure.references() if isinstance(each, Title)]
     assert sum("z not shown" in title for title in titles) == 2
     assert "" in next(csv.reader(io.StringIO(as_csv(figure).split("\n", 1)[1])))
@@ -310,6 +314,40 @@ def test_dark_colours_replace_light_ones_and_nothing_else() -> None:
 def test_scripts_are_files_of_this_computer() -> None:
     assert bokeh_script().stat().st_size > 1_000_000
     assert "export function showFigure" in figure_script().read_text(encoding="utf-8")
+
+
+def test_a_drag_zooms_since_every_panel_says_so(figures: dict[str, UIElement]) -> None:
+    """Where a panel's own toolbar does not, BokehJS pans, whatever the figure's toolbar says."""
+    panels = [each for each in figures["fit"].references() if isinstance(each, Plot)]
+    assert {type(each.toolbar.active_drag).__name__ for each in panels} == {"BoxZoomTool"}
+
+
+def test_a_figure_has_always_the_same_bytes() -> None:
+    curves = invented().curves
+    assert curves is not None
+    assert curves.torque is not None
+    first, again = (json.dumps(as_item(fit_figure(curves.torque), False)) for _ in range(2))
+    assert first == again
+
+
+def test_the_centre_of_a_result_is_that_of_its_estimate() -> None:
+    section = written("payload_session").payload
+    assert section is not None
+    drawn = CentreOfGravity.of_section(section)
+    for k, entry in enumerate(section.parameters[1:4]):
+        assert entry.value is not None
+        assert entry.std is not None
+        assert drawn.centre_mm[k] == pytest.approx(1e3 * entry.value)
+        assert drawn.sigma_mm[k] == pytest.approx(1e3 * entry.std)
+    assert drawn.spread_mm2 is not None
+    assert section.principal is not None
+    mass = section.parameters[0].exported
+    assert mass is not None
+    second = 1e-6 * drawn.spread_mm2 * mass / 5.0
+    moments = np.linalg.eigvalsh(np.trace(second) * np.eye(3) - second)
+    np.testing.assert_allclose(
+        moments, sorted(each.moment for each in section.principal), rtol=1e-6
+    )
 
 
 def test_a_figure_has_one_toolbar_for_all_its_panels(figures: dict[str, UIElement]) -> None:

@@ -28,7 +28,7 @@ KINDS = sorted(path.stem for path in WRITTEN.glob("*.json"))
 
 def text_of(page: str) -> str:
     """Return the words and numbers of a page, a line a row or sentence, without its drawings."""
-    page = re.sub(r"<style>.*?</style>|<svg.*?</svg>", "", page, flags=re.DOTALL)
+    page = re.sub(r"<(style|svg|script)\b.*?</\1>", "", page, flags=re.DOTALL)
     page = re.sub(r"</t[dh]>", " | ", page.replace("\n", " "))
     page = re.sub(r"<(?=(h1|h2|h3|p|tr|figcaption|li|div|section|header)\b)", "\n<", page)
     lines = (re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", line)) for line in page.split("\n"))

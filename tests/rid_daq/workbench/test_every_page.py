@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from rid_daq.report.result import Result
+from rid_daq.report_page.write import write_result
 from rid_daq.workbench.menu import MENU
+from tests.builders.invented import whole_result
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, checked, estimated, give_back, take_cell
 
@@ -117,3 +123,21 @@ def test_a_page_that_is_not_there_says_so(
     page.goto(served_pages.url.split("/?")[0] + "/cells/nowhere")
     expect(page.locator("main")).to_contain_text("no cell 'nowhere' here; there are ir361")
     problems.clear()  # the browser's own word on a 404
+
+
+def test_a_report_is_zoomed_here_too_as_a_page_of_nobody(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    folder = RunFolder.create(served_pages.folder / "runs", "reported")
+    kept = ("schema", "title", "robot", "verdict", "software", "timing")
+    document = {key: part for key, part in whole_result().items() if key in kept}
+    write_result(folder, Result.model_validate_json(json.dumps(document)))
+    folder.finish(RunStatus.COMPLETE)
+    page = open_page()
+    base = served_pages.url.split("/?")[0]
+    answer = page.goto(f"{base}/api/v1/runs/{folder.run_id}/report")
+    assert answer is not None
+    assert answer.headers["content-security-policy"].startswith("sandbox allow-scripts ")
+    expect(page.locator('.live[data-figure-state="shown"]')).to_have_count(1)
+    assert page.evaluate("origin") == "null"
+    assert problems == []

@@ -1,0 +1,96 @@
+"""`CentreOfGravity`: what is drawn of a payload, and the ellipses of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from identification.payload.estimate import PayloadEstimate
+    from rid_daq.report.sections.payload import PayloadSection
+
+CENTRE: Final = slice(1, 4)
+_TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
+
+
+@dataclass(frozen=True, eq=False)
+class CentreOfGravity:
+    """What is drawn of a payload, in the flange's frame.
+
+    Attributes
+    ----------
+    centre_mm, sigma_mm : ndarray, shape (3,)
+        The centre of gravity and its standard deviations; not a number where it is not seen.
+    covariance_mm2 : ndarray, shape (3, 3), or None
+        Of the centre; None where a result tells standard deviations only.
+    spread_mm2 : ndarray, shape (3, 3), or None
+        Squared half axes, as a matrix, of the ellipsoid of even density that has the payload's
+        mass and inertia; None where not all parameters are seen.
+    """
+
+    centre_mm: FloatArray
+    sigma_mm: FloatArray
+    covariance_mm2: FloatArray | None
+    spread_mm2: FloatArray | None
+
+    @classmethod
+    def of(cls, estimate: PayloadEstimate) -> CentreOfGravity:
+        """Return what is drawn of an estimate.
+
+        Raises
+        ------
+        EstimationError
+            There is no body close to the estimate that can exist.
+        """
+        from identification.payload.body import reported_slopes
+
+        seen, sigma = np.array(estimate.seen[CENTRE]), estimate.sigma[CENTRE]
+        slopes = reported_slopes(estimate.values)[CENTRE]
+        covariance = slopes @ estimate.covariance @ slopes.T
+        loose = seen & (sigma > 0.0)
+        spread = None
+        if estimate.rank == len(estimate.values):
+            body = estimate.body
+            spread = _spread(body.mass_kg, body.inertia_kg_m2)
+        return cls(
+            centre_mm=1e3 * estimate.reported[CENTRE],
+            sigma_mm=np.where(seen, 1e3 * sigma, np.nan),
+            covariance_mm2=np.where(np.outer(loose, loose), 1e6 * covariance, 0.0),
+            spread_mm2=spread,
+        )
+
+    @classmethod
+    def of_section(cls, section: PayloadSection) -> CentreOfGravity:
+        """Return what is drawn of a payload as its result tells it."""
+        from identification.payload.body import PayloadBody
+
+        entries = section.parameters
+        centre, sigma = (
+            np.array([np.nan if x is None else x for x in row], dtype=np.float64)
+            for row in zip(*((each.value, each.std) for each in entries[CENTRE]), strict=True)
+        )
+        exported = [each.exported for each in entries]
+        spread = None
+        if all(value is not None for value in exported):
+            body = PayloadBody.of_reported(np.array(exported, dtype=np.float64))
+            spread = _spread(body.mass_kg, body.inertia_kg_m2)
+        return cls(1e3 * centre, 1e3 * sigma, None, spread)
+
+
+def _spread(mass_kg: float, inertia_kg_m2: FloatArray) -> FloatArray | None:
+    """Return squared half axes of an ellipsoid [mm²] by mass and inertia; None without a mass."""
+    if mass_kg <= 0.0:
+        return None
+    second = 0.5 * np.trace(inertia_kg_m2) * np.eye(3) - inertia_kg_m2
+    return np.asarray(1e6 * 5.0 * second / mass_kg)
+
+
+def ellipse(centre: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Return points (2, k) on the ellipse of a centre and squared half axes as a matrix (2, 2)."""
+    squares, axes = np.linalg.eigh(matrix)
+    half = axes * np.sqrt(np.maximum(squares, 0.0))
+    return np.asarray(centre[:, np.newaxis] + half @ np.array([np.cos(_TURN), np.sin(_TURN)]))

@@ -1,0 +1,138 @@
+"""A report as people meet it: zoomed, printed, dark, on a phone, without scripts or network."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, sync_playwright
+from pypdf import PdfReader
+
+from rid_daq.report.result import Result
+from rid_daq.report_page.render import render_report
+from tests.builders.invented import whole_result
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
+PATIENCE_MS = 120_000
+KEPT = Path(__file__).parent / "results"
+LEFT_OUT = ("tracking", "truth", "average", "validation")
+
+CUT_OFF = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+PAPER = "getComputedStyle(document.body).backgroundColor"
+CURVES_INK = "getComputedStyle(document.querySelector('.still svg text')).fill"
+X_SPAN = """() => {
+  const plots = Bokeh.documents.map((each) => each.roots()[0]).flatMap((root) =>
+    [...root.references()].filter((each) => each.type === "Figure"));
+  const [first] = plots.filter((each) => each.title.text.startsWith("axis1\\nrms error"));
+  return first.x_range.end - first.x_range.start;
+}"""
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A stopped run's report with curves, tables and a payload, as a file."""
+    document = {key: part for key, part in whole_result().items() if key not in LEFT_OUT}
+    payload = json.loads((KEPT / "payload_session.json").read_bytes())["payload"]
+    result = Result.model_validate_json(json.dumps({**document, "payload": payload}))
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(render_report(result), encoding="utf-8")
+    return path.as_uri()
+
+
+@pytest.fixture
+def complaints() -> list[str]:
+    return []
+
+
+def opened(
+    browser: Browser, report: str, complaints: list[str], *, width: int, dark: bool, scripts: bool
+) -> Page:
+    context = browser.new_context(
+        viewport={"width": width, "height": 900},
+        color_scheme="dark" if dark else "light",
+        java_script_enabled=scripts,
+        offline=True,
+    )
+    page = context.new_page()
+    page.on("console", lambda said: complaints.append(said.text) if said.type != "info" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda sent: complaints.append(sent.url) if sent.url != report else None)
+    page.goto(report)
+    return page
+
+
+def wait_until_shown(page: Page) -> None:
+    for plot in page.locator("[data-plot]").all():
+        plot.scroll_into_view_if_needed()
+        plot.locator('.live[data-figure-state="shown"]').wait_for(timeout=PATIENCE_MS)
+
+
+def test_every_plot_zooms_and_turns_dark_and_is_printed_light(
+    browser: Browser, report: str, complaints: list[str]
+) -> None:
+    page = opened(browser, report, complaints, width=1280, dark=False, scripts=True)
+    wait_until_shown(page)
+    assert page.locator(".still:visible").count() == 0
+    place = page.locator('[data-plot^="fit"]')
+    place.evaluate("(plot) => plot.scrollIntoView()")
+    box, before = place.bounding_box(), page.evaluate(X_SPAN)
+    assert box is not None
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 140)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 200, steps=4)
+    page.mouse.up()
+    assert page.evaluate(X_SPAN) < 0.5 * before
+    page.emulate_media(color_scheme="dark")
+    wait_until_shown(page)
+    assert page.evaluate(PAPER) == "rgb(20, 27, 34)"
+    page.emulate_media(color_scheme="dark", media="print")
+    assert page.evaluate(PAPER) == "rgb(255, 255, 255)"
+    assert page.evaluate(CURVES_INK) == "rgb(27, 37, 48)"
+    assert page.locator(".live:visible").count() == 0
+    plots = page.locator("[data-plot]").count()
+    assert page.locator(".still:visible").count() == plots > 3
+    printed = PdfReader(io.BytesIO(page.pdf(prefer_css_page_size=True)))
+    text = " ".join(sheet.extract_text() for sheet in printed.pages)
+    assert "following error" in text
+    assert all(sheet.mediabox.width == pytest.approx(595, abs=1) for sheet in printed.pages)
+    assert complaints == []
+
+
+def test_a_phone_shows_it_without_scrolling_sideways_and_axe_finds_nothing(
+    browser: Browser, report: str, complaints: list[str]
+) -> None:
+    page = opened(browser, report, complaints, width=390, dark=True, scripts=True)
+    wait_until_shown(page)
+    assert page.evaluate(CUT_OFF) == 0
+    assert complaints == []
+    found = Axe().run(page, options={"exclude": [[".live"]]})
+    assert found.violations_count == 0, found.generate_report()
+
+
+def test_without_scripts_the_drawings_are_there(
+    browser: Browser, report: str, complaints: list[str]
+) -> None:
+    page = opened(browser, report, complaints, width=390, dark=True, scripts=False)
+    assert page.locator(".still svg:visible").count() > 4
+    assert page.locator(".live:visible").count() == 0
+    assert page.locator("body").bounding_box()["width"] == 390  # type: ignore[index]
+    assert complaints == []
