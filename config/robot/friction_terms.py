@@ -14,4 +14,5 @@ FrictionTerm = Literal[
     "stribeck",
     "temperature",
     "load",
+    "presliding",
 ]

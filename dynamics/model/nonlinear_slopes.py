@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from config.arrays import FloatArray
+from dynamics.model.memory import presliding
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.term import NonlinearTerm
@@ -44,4 +45,12 @@ def nonlinear_slopes(
         for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True)
         if isinstance(term, NonlinearTerm)
     ]
-    return np.concatenate([*parts, model.transmission.nonlinear_slopes(motion)], axis=2)
+    slopes = np.concatenate([*parts, model.transmission.nonlinear_slopes(motion)], axis=2)
+    memory = motion.conditions.memory
+    if memory is not None and model.transmission.losses:
+        by_direction = model.transmission.memory_slopes(motion)
+        for own in presliding(model):
+            steepness = memory.slope[:, memory.joints.index(own.joint)]
+            place = model.nonlinear_names.index(own.parameter.name)
+            slopes[:, own.joint, place] += by_direction[:, own.joint] * steepness
+    return slopes

@@ -24,7 +24,8 @@ from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import RigidBodies
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
-from dynamics.terms.term import NonlinearParameter, NonlinearTerm, Term
+from dynamics.terms.term import NonlinearTerm, Term
+from dynamics.terms.term_parameter import NonlinearParameter
 
 BLOCK_SAMPLES: Final = 512
 

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.motion import Motion
-from dynamics.terms.term import NonlinearParameter
+from dynamics.terms.term_parameter import NonlinearParameter
 
 LOWEST_EFFICIENCY: Final = 0.2
 HIGHEST_LOAD_FRICTION: Final = 0.5
@@ -122,4 +122,31 @@ class Transmission:
                 f"{names} depend on the torque that the gears transmit: give"
                 " `Conditions.load_nm`, as `load_torque` computes it"
             )
-        return np.asarray(np.sign(load * motion.actuator[1]))
+        direction = np.sign(load * motion.actuator[1])
+        for j in self._remembering(motion):
+            direction[:, j] = np.sign(load[:, j]) * _remembered(motion, j)
+        return np.asarray(direction)
+
+    def _remembering(self, motion: Motion) -> list[int]:
+        memory = motion.conditions.memory
+        return [] if memory is None else [x.joint for x in self.losses if x.joint in memory.joints]
+
+    def memory_slopes(self, motion: Motion) -> FloatArray:
+        """Return how the torque changes with the remembered directions of motion, (samples, n)."""
+        slopes = np.zeros(motion.joint.shape[1:])
+        if not self._remembering(motion):
+            return slopes
+        direction = self._direction(motion)
+        load = np.abs(np.asarray(motion.conditions.load_nm))
+        for loss in self.losses:
+            if loss.joint in self._remembering(motion):
+                s, value = direction[:, loss.joint], loss.parameter.value
+                by_s = -np.log(value) * value**-s if loss.kind == "efficiency" else value
+                slopes[:, loss.joint] += by_s * load[:, loss.joint]
+        return slopes
+
+
+def _remembered(motion: Motion, joint: int) -> FloatArray:
+    memory = motion.conditions.memory
+    direction = None if memory is None else memory.of(joint)
+    return np.sign(motion.actuator[1, :, joint]) if direction is None else direction

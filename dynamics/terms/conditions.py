@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from config.arrays import FloatArray
+from dynamics.terms.memory import Memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +23,15 @@ class Conditions:
         efficiency and load-dependent friction. `load_torque` computes it from parameters.
     payload : bool
         Whether the unknown payload is attached.
+    memory : Memory or None
+        Which way joints slide by the path that they came along; needed by friction with presliding,
+        which slides by sign(v) without it. `dynamics.model.memory` follows a motion.
     """
 
     temperature_k: FloatArray | None = None
     load_nm: FloatArray | None = None
     payload: bool = False
+    memory: Memory | None = None
 
     def part(self, samples: slice) -> Conditions:
         """Return the conditions of some of the samples."""
@@ -34,5 +39,8 @@ class Conditions:
         if temperature is not None and np.ndim(temperature) == 2:
             temperature = temperature[samples]
         return replace(
-            self, temperature_k=temperature, load_nm=None if load is None else load[samples]
+            self,
+            temperature_k=temperature,
+            load_nm=None if load is None else load[samples],
+            memory=None if self.memory is None else self.memory.part(samples),
         )

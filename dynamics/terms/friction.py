@@ -13,11 +13,14 @@ from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import Joint, RobotDescription
 from dynamics.terms.complex_step import Values, slopes
+from dynamics.terms.memory import Presliding
 from dynamics.terms.motion import Motion
-from dynamics.terms.term import NonlinearParameter
+from dynamics.terms.term_parameter import NonlinearParameter
 
 SLOWEST_STRIBECK: Final = 0.02
 FASTEST_STRIBECK: Final = 0.5
+SHORTEST_PRESLIDING: Final = 1e-5
+LONGEST_PRESLIDING: Final = 0.05
 
 FrictionFunction = Literal[
     "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
@@ -34,6 +37,7 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "stribeck": ("stribeck",),
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
     "load": (),  # a loss of the gear: see `Transmission`
+    "presliding": (),  # changes the direction in the others: see `Memory`
 }
 _SYMBOLS: Final[dict[FrictionFunction, str]] = {
     "coulomb": "fc",
@@ -89,11 +93,15 @@ class Friction:
     is f+ while moving forward, f- while moving backward, both positive where they brake: Coulomb
     friction (f+ + f-) / 2 and the offset (f+ - f-) / 2, which smoothing leaves alone. All
     functions are analytic on either side of v = 0, so that a complex step goes through them.
+
+    Where a joint has presliding and the motion's memory is known, its sign(v) is the remembered
+    direction, which depends on the path and not on v.
     """
 
     columns: tuple[FrictionColumn, ...]
     sign_smoothing_rad_s: float = 0.0
     stribeck: tuple[StribeckSpeed, ...] = ()
+    presliding: tuple[Presliding, ...] = ()
 
     through_gears = False
     inertial = False
@@ -131,7 +139,7 @@ class Friction:
             for j, joint in enumerate(robot.joints)
             if "stribeck" in joint.friction
         )
-        return cls(columns, sign_smoothing_rad_s, stribeck)
+        return cls(columns, sign_smoothing_rad_s, stribeck, _presliding(robot))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -145,22 +153,27 @@ class Friction:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters: the Stribeck speeds, joint by joint."""
-        return tuple(speed.parameter for speed in self.stribeck)
+        """The nonlinear parameters: Stribeck speeds, then presliding distances, by joints."""
+        return tuple(own.parameter for own in (*self.stribeck, *self.presliding))
 
     def with_nonlinear(self, values: FloatArray) -> Friction:
-        """Return the same friction with other Stribeck speeds."""
+        """Return the same friction with other Stribeck speeds and presliding distances."""
+        speeds = len(self.stribeck)
         return replace(
             self,
             stribeck=tuple(
-                replace(speed, parameter=replace(speed.parameter, value=float(value)))
-                for speed, value in zip(self.stribeck, values, strict=True)
+                replace(own, parameter=replace(own.parameter, value=float(value)))
+                for own, value in zip(self.stribeck, values[:speeds], strict=True)
+            ),
+            presliding=tuple(
+                replace(own, parameter=replace(own.parameter, value=float(value)))
+                for own, value in zip(self.presliding, values[speeds:], strict=True)
             ),
         )
 
     def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
-        """Return how the torque changes with the Stribeck speeds, (samples, n, speeds)."""
-        slopes = np.zeros((*motion.joint.shape[1:], len(self.stribeck)))
+        """Return how the torque changes with `nonlinear`, (samples, n, nonlinear parameters)."""
+        slopes = np.zeros((*motion.joint.shape[1:], len(self.nonlinear)))
         for k, stribeck in enumerate(self.stribeck):
             j, speed = stribeck.joint, stribeck.parameter.value
             size = sum(
@@ -169,8 +182,32 @@ class Friction:
                 if column.joint == j and column.function == "stribeck"
             )
             v = motion.actuator[1, :, j]
-            shape = self._sign(v) * np.exp(-np.abs(v) / speed)
+            shape = self._sign(motion, j, v) * np.exp(-np.abs(v) / speed)
             slopes[:, j, k] = size * shape * np.abs(v) / speed**2
+        memory = motion.conditions.memory
+        if memory is not None:
+            by_direction = self._memory_slopes(motion, coefficients)
+            for k, own in enumerate(self.presliding, start=len(self.stribeck)):
+                steepness = memory.slope[:, memory.joints.index(own.joint)]
+                slopes[:, own.joint, k] = by_direction[:, own.joint] * steepness
+        return slopes
+
+    def _memory_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
+        """Return how the torque changes with the directions of motion, (samples, n)."""
+        slopes = np.zeros(motion.joint.shape[1:])
+        for column, size in zip(self.columns, coefficients, strict=True):
+            j, v = column.joint, motion.actuator[1, :, column.joint]
+            match column.function:
+                case "coulomb":
+                    slopes[:, j] += size
+                case "forward" | "backward":
+                    slopes[:, j] += 0.5 * size
+                case "stribeck":
+                    slopes[:, j] += size * np.exp(-np.abs(v) / self._stribeck_speed(j))
+                case "coulomb_by_temperature":
+                    slopes[:, j] += size * _warmth(column, motion)
+                case _:
+                    pass
         return slopes
 
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
@@ -203,35 +240,44 @@ class Friction:
     def _values(self, column: FrictionColumn, motion: Motion, v: Values) -> Values:
         match column.function:
             case "coulomb":
-                return self._sign(v)
+                return self._sign(motion, column.joint, v)
             case "viscous":
                 return v
             case "offset":
                 return np.ones_like(v)
             case "forward":
-                return 0.5 * (self._sign(v) + self._motion(v))
+                return 0.5 * (self._sign(motion, column.joint, v) + self._motion(motion, column, v))
             case "backward":
-                return 0.5 * (self._sign(v) - self._motion(v))
+                return 0.5 * (self._sign(motion, column.joint, v) - self._motion(motion, column, v))
             case "cubic":
                 return v**3
             case "cube_root":
                 direction = np.sign(v.real)
                 return direction * (direction * v) ** (1.0 / 3.0)
             case "stribeck":
-                speed = next(s.parameter.value for s in self.stribeck if s.joint == column.joint)
-                return self._sign(v) * np.exp(-np.sign(v.real) * v / speed)
+                speed = self._stribeck_speed(column.joint)
+                falling = np.exp(-np.sign(v.real) * v / speed)
+                return self._sign(motion, column.joint, v) * falling
             case "coulomb_by_temperature":
-                return self._sign(v) * _warmth(column, motion)
+                return self._sign(motion, column.joint, v) * _warmth(column, motion)
             case "viscous_by_temperature":
                 return v * _warmth(column, motion)
 
-    def _sign(self, v: Values) -> Values:
+    def _stribeck_speed(self, joint: int) -> float:
+        return next(s.parameter.value for s in self.stribeck if s.joint == joint)
+
+    def _sign(self, motion: Motion, joint: int, v: Values) -> Values:
+        remembered = _remembered(motion, joint)
+        if remembered is not None:
+            return remembered
         smoothing = self.sign_smoothing_rad_s
         return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
 
-    def _motion(self, v: Values) -> Values:
+    def _motion(self, motion: Motion, column: FrictionColumn, v: Values) -> Values:
         """Return 1, but 0 where a hard sign is."""
-        return 1.0 if self.sign_smoothing_rad_s else np.abs(np.sign(v.real))
+        if self.sign_smoothing_rad_s or _remembered(motion, column.joint) is not None:
+            return 1.0
+        return np.abs(np.sign(v.real))
 
 
 def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
@@ -243,6 +289,29 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
         unit=prismatic if joint.type == "prismatic" else revolute,
         reference_temperature_k=joint.reference_temperature_k,
     )
+
+
+def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
+    """Return the presliding distances that an estimate begins with."""
+    return tuple(
+        Presliding(
+            j,
+            NonlinearParameter(
+                f"dp_{joint.name}",
+                "m" if joint.type == "prismatic" else "rad",
+                joint.presliding_distance,
+                min(SHORTEST_PRESLIDING, joint.presliding_distance),
+                max(LONGEST_PRESLIDING, joint.presliding_distance),
+            ),
+        )
+        for j, joint in enumerate(robot.joints)
+        if "presliding" in joint.friction
+    )
+
+
+def _remembered(motion: Motion, joint: int) -> FloatArray | None:
+    memory = motion.conditions.memory
+    return None if memory is None else memory.of(joint)
 
 
 def _warmth(column: FrictionColumn, motion: Motion) -> FloatArray:

@@ -69,6 +69,10 @@ class Motion:
                 raise EstimationError(
                     f"{name} has the shape {np.shape(values)}, the motion {expected}"
                 )
+        if conditions.memory is not None and len(conditions.memory.direction) != expected[0]:
+            raise EstimationError(
+                f"memory has {len(conditions.memory.direction)} samples, the motion {expected[0]}"
+            )
         joint = np.array((q, v, a), dtype=np.float64)
         if coupling is None:
             return cls(joint, joint, None, conditions)

@@ -3,32 +3,11 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from config.arrays import FloatArray
 from dynamics.terms.motion import Motion
-
-
-@dataclass(frozen=True)
-class NonlinearParameter:
-    """One parameter that the torque is not linear in.
-
-    Attributes
-    ----------
-    name, unit : str
-        What it is called, and its unit.
-    value : float
-        Its value.
-    low, high : float
-        The range that it must stay in.
-    """
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
+from dynamics.terms.term_parameter import NonlinearParameter
 
 
 class Term(Protocol):

@@ -112,7 +112,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     return tuple(found)
 
 
-_OF_TERMS: Final = {"vs": "stribeck", "cl": "load", "eta": "efficiency"}
+_OF_TERMS: Final = {"vs": "stribeck", "cl": "load", "eta": "efficiency", "dp": "presliding"}
 
 
 def few_findings(estimate: Estimate) -> tuple[str, ...]:

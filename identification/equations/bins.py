@@ -19,6 +19,7 @@ from acquisition.signals.bins import differentiate_on_bins, filter_response, to_
 from config.arrays import BoolArray, FloatArray
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
+from dynamics.model.memory import counted, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -141,15 +142,17 @@ def bin_equations(
     matrix = np.zeros(shape)
     measured = average.reaction if plate else None
     wrench_matrix = np.zeros((0 if measured is None else 6, *shape[1:]))
-    conditions = Conditions(temperature_k=average.temperature_k, payload=payload)
+    warmth = Conditions(temperature_k=average.temperature_k, payload=payload)
+    conditions = with_memory(model, q, warmth, periodic=True)
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         motion = (q[rows], v[rows], a[rows])
         projection = _projection(times[rows], period_s, harmonics) / len(q)
-        matrix += _on_bins(projection, torque_columns(model, base, motion, conditions, standard))
+        there = conditions.part(rows)
+        matrix += _on_bins(projection, torque_columns(model, base, motion, there, standard))
         if measured is not None:
             wrench_matrix += _on_bins(
-                projection, wrench_columns(model, base, motion, conditions, standard)
+                projection, wrench_columns(model, base, motion, there, standard)
             )
 
     frequency_hz = np.arange(harmonics + 1) / period_s
@@ -159,7 +162,7 @@ def bin_equations(
     torque = to_bins(average.torque_nm, harmonics) / response[:, np.newaxis]
     gain = np.abs(response)[:, np.newaxis]
     sigma = np.sqrt(_smooth_variance(average.torque_bin_variance, average.periods_kept))
-    slow = ~moving(model, v, standstill_rad_s)
+    slow = ~counted(conditions, moving(model, v, standstill_rad_s))
     return BinEquations(
         harmonics=harmonics,
         period_s=period_s,

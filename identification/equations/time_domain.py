@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
+from dynamics.model.memory import counted, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -18,6 +21,8 @@ from identification.model.torque_columns import torque_columns
 
 BLOCK_ROWS = 4096
 EVENT_S = 1.0
+FILTER_REACH = 3.0
+"""Periods of the cut-off after which the low-pass has forgotten where a block began."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +52,9 @@ class TimeBlock:
     rhs : ndarray, shape (rows, n)
         Torque [N m or N].
     use : ndarray of bool, shape (rows, n)
-        Where the joint moves fast enough for its friction to be known.
+        Where the joint moves fast enough for its friction to be known, or remembers it.
+    moving : ndarray of bool, shape (rows, n)
+        Where it moves fast enough.
     event : ndarray of int64, shape (rows,)
         Which stretch of time a row belongs to, counted over all recordings from 0.
     """
@@ -55,6 +62,7 @@ class TimeBlock:
     columns: FloatArray
     rhs: FloatArray
     use: BoolArray
+    moving: BoolArray
     event: IntArray
 
 
@@ -91,21 +99,65 @@ def time_blocks(
     runs: Sequence[TimeRun],
     standstill_rad_s: float,
     standard: FloatArray | None = None,
+    *,
+    low_passed: bool = False,
 ) -> Iterator[TimeBlock]:
-    """Yield the equations of some recordings; `standard` as in `torque_columns`."""
+    """Yield the equations of some recordings; `standard` as in `torque_columns`.
+
+    Where friction has memory the rows at rest and at reversal count, at which the model's torque
+    changes faster than the low-passed measurement can: then the columns are low-passed alike, as
+    they are with `low_passed`.
+    """
     first_event = 0
     for run in runs:
         signals, event = run.signals, run.event + first_event
         first_event = int(event[-1]) + 1
-        for start in range(0, len(signals), BLOCK_ROWS):
-            rows = slice(start, start + BLOCK_ROWS)
-            motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
+        whole = with_memory(model, signals.position, run.conditions, signals.segment)
+        run = replace(run, conditions=whole)
+        for rows in _blocks(signals.segment):
+            if low_passed or whole.memory is not None:
+                columns = _low_passed_columns(model, base, run, rows, standard)
+            else:
+                columns = _columns(model, base, run, rows, standard)
+            moves = moving(model, signals.velocity[rows], standstill_rad_s)
             yield TimeBlock(
-                columns=torque_columns(model, base, motion, run.conditions.part(rows), standard),
+                columns=columns,
                 rhs=signals.torque_nm[rows],
-                use=moving(model, motion[1], standstill_rad_s),
+                use=counted(whole.part(rows), moves),
+                moving=moves,
                 event=event[rows],
             )
+
+
+def _blocks(segment: IntArray) -> Iterator[slice]:
+    """Yield the rows of blocks, none of which reaches over a gap between segments."""
+    edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
+    for first, end in pairwise([0, *edges, len(segment)]):
+        for start in range(first, end, BLOCK_ROWS):
+            yield slice(start, min(start + BLOCK_ROWS, end))
+
+
+def _columns(
+    model: RobotModel, base: BaseParameters, run: TimeRun, rows: slice, standard: FloatArray | None
+) -> FloatArray:
+    signals = run.signals
+    motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
+    return torque_columns(model, base, motion, run.conditions.part(rows), standard)
+
+
+def _low_passed_columns(
+    model: RobotModel, base: BaseParameters, run: TimeRun, rows: slice, standard: FloatArray | None
+) -> FloatArray:
+    """Return the columns of some rows of one segment, low-passed as the torque was."""
+    signals = run.signals
+    first, end = np.searchsorted(signals.segment, signals.segment[rows.start] + np.array([0, 1]))
+    reach = math.ceil(FILTER_REACH / (signals.cutoff_hz * signals.sample_period_s))
+    wide = slice(max(int(first), rows.start - reach), min(int(end), rows.stop + reach))
+    columns = _columns(model, base, run, wide, standard)
+    flat = columns.reshape(len(columns), -1)
+    seen = flat.any(axis=0)
+    flat[:, seen] = low_pass(flat[:, seen], signals.sample_period_s, signals.cutoff_hz)
+    return columns[rows.start - wide.start : rows.stop - wide.start]
 
 
 def joint_equations(

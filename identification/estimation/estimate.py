@@ -12,6 +12,7 @@ import numpy as np
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from dynamics.model.memory import with_memory
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
 from identification.equations.plate_fit import PlateFit
@@ -187,6 +188,8 @@ def predict(
 ) -> FloatArray:
     """Return the torques of an estimate, shape (samples, n) [N m or N], block by block.
 
+    Friction with memory follows the samples in the order that they have.
+
     Parameters
     ----------
     estimate : TorqueModel
@@ -194,15 +197,17 @@ def predict(
     q, v, a : ndarray, shape (samples, n)
         Motion [rad or m, per second, per second squared].
     conditions : Conditions, optional
-        Temperature and payload; the load is computed here.
+        Temperature and payload; the load is computed here, and the memory where it is not given.
     """
     model, torque = estimate.model, np.empty(np.shape(q))
+    if conditions is None or conditions.memory is None:
+        conditions = with_memory(model, q, conditions)
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
-        block = None if conditions is None else conditions.part(rows)
+        block = conditions.part(rows)
         if model.transmission.losses:
             load = load_torque(model, q[rows], v[rows], a[rows], estimate.standard_values, block)
-            block = replace(block or Conditions(), load_nm=load)
+            block = replace(block, load_nm=load)
         phi = regressor(model, q[rows], v[rows], a[rows], block)
         torque[rows] = estimate.base.columns(phi) @ estimate.values
     return torque

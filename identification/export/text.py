@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 
 from config.arrays import FloatArray
+from dynamics.model.memory import presliding
 from identification.export.model import ExportModel
 
 
@@ -18,8 +19,23 @@ def head(model: ExportModel) -> tuple[str, ...]:
     lines = (
         f"Robot {model.robot.name}, identified, written by rid-daq {version('rid-daq')}.",
         *model.origin,
+        *_memory(model),
     )
     return tuple(plain(line) for line in lines)
+
+
+def _memory(model: ExportModel) -> tuple[str, ...]:
+    """Say of friction with memory what a file without states cannot hold."""
+    own = ", ".join(
+        f"{each.parameter.name} = {each.parameter.value:.3g} {each.parameter.unit}"
+        for each in presliding(model.model)
+    )
+    if not own:
+        return ()
+    return (
+        f"Left out: presliding ({own}). Here friction slides by the sign of the speed, which says"
+        " nothing of a joint at rest or turning round.",
+    )
 
 
 def plain(text: str) -> str:

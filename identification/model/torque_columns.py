@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from config.arrays import FloatArray, IntArray
+from dynamics.model.memory import presliding
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.model.transmission import Transmission
 from dynamics.terms.conditions import Conditions
+from dynamics.terms.memory import Memory
 from identification.model.base_parameters import BaseParameters
 
 
@@ -89,8 +91,11 @@ def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> t
     seen = np.zeros(
         (model.chain.n, len(base) + (len(model.nonlinear_names) if slopes else 0)), bool
     )
+    directions = random.uniform(-1.0, 1.0, (2, 20, model.chain.n))
+    own = tuple(distance.joint for distance in presliding(model))
+    memory = Memory(own, *directions[:, :, own], np.ones((20, len(own)), dtype=bool))
     for payload in (False, True):
-        conditions = Conditions(temperature_k=warm, payload=payload)
+        conditions = Conditions(temperature_k=warm, payload=payload, memory=memory)
         columns = torque_columns(model, base, motion, conditions, standard)
         seen |= np.any(columns != 0.0, axis=0)
     return tuple(np.flatnonzero(row) for row in seen)

@@ -29,6 +29,7 @@ from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
+from identification.validation.presliding_choice import PreslidingChoice
 from identification.validation.friction_trials import (
     CondensedTrials,
     Terms,
@@ -72,16 +73,20 @@ class Comparison:
         Each joint's friction terms.
     combined : Trial
         The model with each joint's own terms.
+    presliding : PreslidingChoice or None
+        Which joints' friction has memory besides; None where that was not asked.
     """
 
     joint_names: tuple[str, ...]
     trials: tuple[Trial, ...]
     chosen: tuple[Terms, ...]
     combined: Trial
+    presliding: PreslidingChoice | None = None
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction terms."""
-        return with_friction(robot, self.chosen)
+        robot = with_friction(robot, self.chosen)
+        return robot if self.presliding is None else self.presliding.robot(robot)
 
 
 def choose_friction(

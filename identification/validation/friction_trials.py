@@ -27,6 +27,7 @@ DISTINCT_SIGMAS: Final = 2.0
 _PARAMETERS: Final[dict[FrictionTerm, tuple[str, ...]]] = {
     "load": ("cl",),
     "stribeck": ("fs", "vs"),
+    "presliding": ("dp",),
 }
 """Symbols of the parameters of terms that are not linear, which may end up as nothing at all."""
 

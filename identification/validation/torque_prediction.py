@@ -10,6 +10,7 @@ from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
+from dynamics.model.memory import with_memory
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
@@ -152,7 +153,8 @@ def validate(
             f" {', '.join(names)}: use a model of this robot"
         )
     signals = smooth_nonperiodic(without_torque_filter(recording), cutoff_hz)
-    conditions = Conditions(temperature_k=signals.temperature_k)
+    warmth = Conditions(temperature_k=signals.temperature_k)
+    conditions = with_memory(estimate.model, signals.position, warmth, signals.segment)
     predicted = predict(
         estimate, signals.position, signals.velocity, signals.acceleration, conditions
     )

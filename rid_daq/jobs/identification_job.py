@@ -24,6 +24,7 @@ from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
+from identification.validation.presliding_choice import choose_presliding
 from rid_daq.runs.run_data import RunData
 
 
@@ -128,13 +129,16 @@ def compare_friction(
     robot = one_robot(data)
     if how.loaded:
         raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
-    return choose_friction(
+    signals = signals_of(data, how)
+    comparison = choose_friction(
         robot,
-        signals_of(data, how),
+        signals,
         options=how.options.model,
         standstill_rad_s=how.options.standstill_rad_s,
         watch=watch,
     )
+    memory = choose_presliding(comparison.robot(robot), signals, how.options)
+    return replace(comparison, presliding=memory)
 
 
 def check_otherwise(

@@ -10,6 +10,7 @@ from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from identification.validation.friction_selection import Comparison
+    from identification.validation.presliding_choice import PreslidingChoice
 
 
 class FrictionTrial(Section):
@@ -34,6 +35,22 @@ class FrictionTrial(Section):
     bic: float
 
 
+class MemoryTrial(Section):
+    """What friction with memory is worth, standstill and reversal included.
+
+    Attributes
+    ----------
+    distance : tuple of float or None
+        Presliding distance of each joint that has it [rad or m].
+    without, with_memory : tuple of float
+        RMS error of each joint on what the fit left out [N m or N].
+    """
+
+    distance: tuple[float | None, ...]
+    without: Numbers
+    with_memory: Numbers
+
+
 class ComparisonSection(Section):
     """How candidates of friction terms compare, and what was chosen.
 
@@ -45,23 +62,30 @@ class ComparisonSection(Section):
         The terms of each joint, by its name.
     trials : tuple of FrictionTrial
         The candidates, and last what was chosen, all joints together.
+    memory : MemoryTrial or None
+        The same of friction with memory; None in results of earlier versions.
     """
 
     joints: Texts
     chosen: dict[str, Texts]
     trials: tuple[FrictionTrial, ...]
+    memory: MemoryTrial | None = None
 
     @classmethod
     def of(cls, comparison: Comparison) -> ComparisonSection:
         """Return how candidates compare."""
         return cls(
             joints=comparison.joint_names,
-            chosen=dict(zip(comparison.joint_names, comparison.chosen, strict=True)),
+            chosen=dict(zip(comparison.joint_names, _terms(comparison), strict=True)),
             trials=tuple(
                 FrictionTrial.taken(trial, error=trial.error_nm)
                 for trial in (*comparison.trials, comparison.combined)
             ),
+            memory=None if comparison.presliding is None else _memory(comparison.presliding),
         )
+
+    def _has(self, joint: str, terms: Texts) -> bool:
+        return tuple(term for term in self.chosen[joint] if term != "presliding") == terms
 
     def print(self, console: Console) -> None:
         """Print the candidates, and what each is chosen for."""
@@ -74,7 +98,7 @@ class ComparisonSection(Section):
                     *(number(error, 4) for error in trial.error),
                     f"{trial.aic:.0f}",
                     f"{trial.bic:.0f}",
-                    ", ".join(joint for joint in self.joints if self.chosen[joint] == trial.terms),
+                    ", ".join(joint for joint in self.joints if self._has(joint, trial.terms)),
                 )
                 for trial in self.trials
             ],
@@ -83,3 +107,32 @@ class ComparisonSection(Section):
             "RMS error on moving samples [N m or N]. Each joint has the simplest terms within one"
             " standard error of its best."
         )
+        if self.memory is not None:
+            console.say("Friction with memory, judged with standstill and reversal:")
+            console.table(
+                ("RMS error", *self.joints),
+                [
+                    ("without memory", *(number(e, 4) for e in self.memory.without)),
+                    ("with memory", *(number(e, 4) for e in self.memory.with_memory)),
+                    (
+                        "presliding distance, where it is chosen",
+                        *("-" if d is None else number(d, 3) for d in self.memory.distance),
+                    ),
+                ],
+            )
+
+
+def _terms(comparison: Comparison) -> list[Texts]:
+    memory = comparison.presliding
+    distances = (None,) * len(comparison.chosen) if memory is None else memory.distances
+    return [
+        (*terms, *(() if distance is None else ("presliding",)))
+        for terms, distance in zip(comparison.chosen, distances, strict=True)
+    ]
+
+
+def _memory(choice: PreslidingChoice) -> MemoryTrial:
+    without, remembering = choice.error_nm.tolist()
+    return MemoryTrial(
+        distance=choice.distances, without=tuple(without), with_memory=tuple(remembering)
+    )

@@ -63,3 +63,26 @@ def test_two_motions_agree_on_the_robot_within_their_intervals(
     assert rigid.sum() == 36
     z = (long_run.values - short_run.values) / np.hypot(long_run.sigma, short_run.sigma)
     assert np.mean(np.abs(z[rigid]) < 2.0) >= 0.9
+
+
+def test_friction_with_memory_tells_what_holds_a_joint_at_rest(read: Read) -> None:
+    """The wrist's last joint stands still for half of the other motion, held by friction."""
+    robot = load_robot("ur10e")
+    friction = ("coulomb", "viscous", "presliding")
+    joints = tuple(
+        joint.model_copy(update={"friction": friction, "presliding_distance": 2e-4})
+        for joint in robot.joints
+    )
+    recording = read("20_02_10-30sec_12harm", 635, 3510)
+    estimate = estimate_smoothed(
+        robot.model_copy(update={"joints": joints}), [smooth_nonperiodic(recording, CUTOFF_HZ)]
+    )
+    distances, sigma = estimate.model.nonlinear_values, estimate.nonlinear_sigma
+    assert np.all((distances > 5e-5) & (distances < 1e-3))
+    assert np.all(distances[:4] > 2.0 * sigma[:4])
+    assert np.all(estimate.left_out_fraction < 0.01)
+    other = read("20_01_17-ptp_10_points", 700, 4200)
+    result = validate(estimate, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
+    assert result.passed, result.relative_percent
+    assert result.all_samples_percent[4] < 12.0
+    assert result.all_samples_percent[5] < 25.0

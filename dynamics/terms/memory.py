@@ -1,0 +1,98 @@
+"""`Memory`: the direction of motion that a joint's friction remembers, sample by sample.
+
+A circumstance of a motion, as its load is: which way a joint slides depends on where it came from,
+so that it is computed along the whole path and handed to the terms with each part of it. Terms that
+jump with sign(v) take the remembered direction of joints that have one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray, IntArray
+from dynamics.kernels.presliding import DIRECTION, KNOWN, SLOPE, begin, follow
+from dynamics.terms.term_parameter import NonlinearParameter
+
+
+@dataclass(frozen=True)
+class Presliding:
+    """The presliding distance of a joint (from 0)."""
+
+    joint: int
+    parameter: NonlinearParameter
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What the joints with presliding remember.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        Joints (from 0) with presliding, one a column.
+    direction : ndarray, shape (samples, columns)
+        In place of sign(v), from -1 to 1.
+    slope : ndarray, shape (samples, columns)
+        Its derivative by the presliding distance [1/rad or 1/m].
+    known : ndarray of bool, shape (samples, columns)
+        Whether it depends on the motion alone, and no more on how the joint stood before.
+    """
+
+    joints: tuple[int, ...]
+    direction: FloatArray
+    slope: FloatArray
+    known: BoolArray
+
+    @classmethod
+    def along(
+        cls,
+        presliding: Sequence[Presliding],
+        path: FloatArray,
+        segment: IntArray | None = None,
+        *,
+        periodic: bool = False,
+    ) -> Memory:
+        """Follow a path.
+
+        Parameters
+        ----------
+        presliding : sequence of Presliding
+            The joints' distances.
+        path : ndarray, shape (samples, n)
+            Positions of the actuators, link side, in the order of time [rad or m].
+        segment : ndarray of int64, shape (samples,), optional
+            Number of the segment that a row belongs to; nothing is remembered over a gap.
+        periodic : bool
+            The path is one period of a motion that repeats: it is gone through twice.
+        """
+        out = np.zeros((len(path), len(presliding), 3))
+        starts = [0, len(path)]
+        if segment is not None:
+            starts[1:1] = (np.flatnonzero(np.diff(segment)) + 1).tolist()
+        for column, own in enumerate(presliding):
+            positions = np.ascontiguousarray(path[:, own.joint])
+            for first, end in zip(starts[:-1], starts[1:], strict=True):
+                state = begin()
+                for _ in range(1 + periodic):
+                    follow(
+                        positions[first:end], own.parameter.value, state, out[first:end, column]
+                    )
+        return cls(
+            joints=tuple(own.joint for own in presliding),
+            direction=out[:, :, DIRECTION],
+            slope=out[:, :, SLOPE],
+            known=out[:, :, KNOWN] > 0.0,
+        )
+
+    def of(self, joint: int) -> FloatArray | None:
+        """Return the direction of a joint, (samples,); None where it remembers nothing."""
+        return self.direction[:, self.joints.index(joint)] if joint in self.joints else None
+
+    def part(self, samples: slice) -> Memory:
+        """Return what is remembered in some of the samples."""
+        return Memory(
+            self.joints, self.direction[samples], self.slope[samples], self.known[samples]
+        )

@@ -1,0 +1,26 @@
+"""`NonlinearParameter`: one parameter that the torque is not linear in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NonlinearParameter:
+    """One parameter that the torque is not linear in.
+
+    Attributes
+    ----------
+    name, unit : str
+        What it is called, and its unit.
+    value : float
+        Its value.
+    low, high : float
+        The range that it must stay in.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float

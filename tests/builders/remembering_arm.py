@@ -1,0 +1,119 @@
+"""Recordings of an arm whose friction remembers its way, written without the estimator's kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from config.arrays import FloatArray
+from config.load import load_robot
+from config.robot.robot import FrictionTerm, RobotDescription
+from dynamics.model.robot_model import RobotModel, torque
+from identification.validation.friction_trials import with_friction
+
+STEP_S = 0.005
+CUTOFF_HZ = 10.0
+CLASSICAL: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
+COULOMB_NM = 20.0
+
+
+def arm() -> RobotDescription:
+    """Return the bundled three-axis arm with Coulomb and viscous friction."""
+    return with_friction(load_robot("ir361"), [CLASSICAL] * 3)
+
+
+def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
+    """Return the direction of Iwan's model with many pieces, each one with its own memory.
+
+    The pieces' slip distances are spread evenly up to `distance`. A piece's stretch is the path
+    less where it last slipped to, so that nothing is added up along the way.
+    """
+    slips = distance * np.arange(1, elements + 1) / elements
+    anchors = np.full(elements, path[0])
+    out = np.empty(len(path))
+    for i, q in enumerate(path):
+        anchors = np.where(q - anchors > slips, q - slips, anchors)
+        anchors = np.where(anchors - q > slips, q + slips, anchors)
+        out[i] = np.sum(q - anchors) / np.sum(slips)
+    return out
+
+
+def dahl(path: FloatArray, distance: float) -> FloatArray:
+    """Return the direction of Dahl's model: exponential, without a memory of inner loops."""
+    out, z = np.empty(len(path)), 0.0
+    for i, moved in enumerate(np.diff(path, prepend=path[0])):
+        end = np.sign(moved) if moved else z
+        z = end + (z - end) * np.exp(-abs(moved) / distance)
+        out[i] = z
+    return out
+
+
+def motion(seconds: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q, v, a of a motion with many reversals and some rest, (samples, 3)."""
+    random = np.random.default_rng(seed)
+    t = STEP_S * np.arange(round(seconds / STEP_S))
+    omega = 2.0 * np.pi * np.array([0.07, 0.21, 0.4, 0.63])
+    size = np.array([0.5, 0.25, 0.1, 0.06])[:, np.newaxis] * random.uniform(0.6, 1.4, (4, 3))
+    phase = random.uniform(0.0, 2.0 * np.pi, (4, 3))
+    # The clock of the motion stands still every four seconds: rest without a jump.
+    turn = 2.0 * np.pi * 0.25
+    warped = t - np.sin(turn * t) / turn
+    rate, change = 1.0 - np.cos(turn * t), turn * np.sin(turn * t)
+    angle = omega[:, np.newaxis] * warped[:, np.newaxis, np.newaxis] + phase
+    q = np.sum(size * np.sin(angle), axis=1)
+    by_clock = np.sum(size * omega[:, np.newaxis] * np.cos(angle), axis=1)
+    curve = -np.sum(size * omega[:, np.newaxis] ** 2 * np.sin(angle), axis=1)
+    v = by_clock * rate[:, np.newaxis]
+    a = curve * rate[:, np.newaxis] ** 2 + by_clock * change[:, np.newaxis]
+    return q, v, a
+
+
+def recording(
+    directions: Mapping[int, FloatArray],
+    way: tuple[FloatArray, FloatArray, FloatArray],
+    *,
+    noise_nm: float = 1.0,
+    seed: int = 0,
+) -> SmoothedSignals:
+    """Return a recording of the arm; some joints' Coulomb friction has these directions."""
+    q, v, a = way
+    model = RobotModel.from_description(arm())
+    values = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
+    values[model.parameter_groups["friction"]] = [COULOMB_NM, 8.0] * 3
+    tau = torque(model, q, v, a, values)
+    for joint, direction in directions.items():
+        tau[:, joint] += COULOMB_NM * (direction - np.sign(v[:, joint]))
+    tau += np.random.default_rng(seed).normal(0.0, noise_nm, tau.shape)
+    return signals_of(q, v, a, low_pass(tau, STEP_S, CUTOFF_HZ))
+
+
+def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> SmoothedSignals:
+    """Return arrays as a smoothed recording."""
+    return SmoothedSignals(
+        joint_names=arm().joint_names,
+        time_s=STEP_S * np.arange(len(q)),
+        position=q,
+        velocity=v,
+        acceleration=a,
+        torque_nm=tau,
+        segment=np.zeros(len(q), dtype=np.int64),
+        sample_period_s=STEP_S,
+        cutoff_hz=CUTOFF_HZ,
+    )
+
+
+def with_presliding(joints: Sequence[int], distance: float) -> RobotDescription:
+    """Return the arm whose model has presliding on some joints, begun at a distance."""
+    robot = arm()
+    own = tuple(
+        joint.model_copy(
+            update={
+                "friction": (*joint.friction, *(("presliding",) if j in joints else ())),
+                "presliding_distance": distance,
+            }
+        )
+        for j, joint in enumerate(robot.joints)
+    )
+    return robot.model_copy(update={"joints": own})

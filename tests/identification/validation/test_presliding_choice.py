@@ -1,0 +1,78 @@
+"""Presliding is chosen where the data show it, and only there; its distance comes back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
+from tests.builders.remembering_arm import arm, dahl, iwan, motion, recording, with_presliding
+
+DISTANCE = 0.02
+WAY = motion(40.0, 1)
+
+
+@pytest.fixture(scope="module")
+def choice() -> PreslidingChoice:
+    """Axis 2 remembers by Iwan's many pieces, axis 3 by Dahl's law, axis 1 slides at once."""
+    q = WAY[0]
+    directions = {1: iwan(q[:, 1], DISTANCE), 2: dahl(q[:, 2], DISTANCE / 3.0)}
+    return choose_presliding(arm(), [recording(directions, WAY)])
+
+
+def test_the_joints_that_remember_get_it(choice: PreslidingChoice) -> None:
+    first, second, third = choice.distances
+    assert first is None
+    assert second == pytest.approx(DISTANCE, rel=0.1)
+    assert third is not None and 0.3 * DISTANCE < third < 2.0 * DISTANCE
+    without, remembering = choice.error_nm
+    assert np.all(remembering[1:] < 0.7 * without[1:])
+
+
+def test_the_robot_carries_the_choice(choice: PreslidingChoice) -> None:
+    robot = choice.robot(arm())
+    assert [("presliding" in joint.friction) for joint in robot.joints] == [False, True, True]
+    assert robot.joints[1].presliding_distance == choice.distances[1]
+    assert choice.robot(robot) == robot
+
+
+def test_a_robot_that_slides_at_once_gets_none() -> None:
+    assert choose_presliding(arm(), [recording({}, WAY)]).distances == (None, None, None)
+
+
+def test_a_recording_in_one_piece_is_refused() -> None:
+    with pytest.raises(EstimationError, match="two parts"):
+        choose_presliding(arm(), [recording({}, WAY)], folds=1)
+
+
+def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return the distances of axes 2 and 3 and their deviations from one experiment."""
+    way = motion(20.0, seed)
+    q = way[0]
+    directions = {1: iwan(q[:, 1], DISTANCE), 2: iwan(q[:, 2], DISTANCE / 4.0)}
+    measured = recording(directions, way, noise_nm=6.0, seed=seed)
+    estimate: Estimate = estimate_smoothed(with_presliding((1, 2), 0.01), [measured])
+    return estimate.model.nonlinear_values, estimate.nonlinear_sigma
+
+
+def held(experiments: int) -> tuple[float, FloatArray]:
+    found = [recovered(seed) for seed in range(experiments)]
+    values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
+    truth = DISTANCE * np.array([1.0, 0.25])
+    return float(np.mean(np.abs(values - truth) < 2.0 * sigmas)), np.mean(sigmas, axis=0)
+
+
+def test_its_distance_lies_within_its_interval() -> None:
+    share, sigma = held(4)
+    assert share >= 0.75
+    assert np.all(sigma < 0.2 * DISTANCE), "an interval that says nothing holds everything"
+
+
+@pytest.mark.slow
+def test_two_sigma_hold_the_distances_of_100_experiments() -> None:
+    share, _ = held(100)
+    assert share >= 0.9
