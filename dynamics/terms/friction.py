@@ -154,7 +154,8 @@ class Friction:
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
         """The nonlinear parameters: Stribeck speeds, then presliding distances, by joints."""
-        return tuple(own.parameter for own in (*self.stribeck, *self.presliding))
+        speeds = tuple(speed.parameter for speed in self.stribeck)
+        return (*speeds, *(distance.parameter for distance in self.presliding))
 
     def with_nonlinear(self, values: FloatArray) -> Friction:
         """Return the same friction with other Stribeck speeds and presliding distances."""

@@ -7,6 +7,7 @@ jump with sign(v) take the remembered direction of joints that have one.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -74,12 +75,10 @@ class Memory:
             starts[1:1] = (np.flatnonzero(np.diff(segment)) + 1).tolist()
         for column, own in enumerate(presliding):
             positions = np.ascontiguousarray(path[:, own.joint])
-            for first, end in zip(starts[:-1], starts[1:], strict=True):
+            for first, end in itertools.pairwise(starts):
                 state = begin()
                 for _ in range(1 + periodic):
-                    follow(
-                        positions[first:end], own.parameter.value, state, out[first:end, column]
-                    )
+                    follow(positions[first:end], own.parameter.value, state, out[first:end, column])
         return cls(
             joints=tuple(own.joint for own in presliding),
             direction=out[:, :, DIRECTION],

@@ -93,7 +93,8 @@ def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> t
     )
     directions = random.uniform(-1.0, 1.0, (2, 20, model.chain.n))
     own = tuple(distance.joint for distance in presliding(model))
-    memory = Memory(own, *directions[:, :, own], np.ones((20, len(own)), dtype=bool))
+    direction, steepness = directions[:, :, own]
+    memory = Memory(own, direction, steepness, np.ones((20, len(own)), dtype=bool))
     for payload in (False, True):
         conditions = Conditions(temperature_k=warm, payload=payload, memory=memory)
         columns = torque_columns(model, base, motion, conditions, standard)

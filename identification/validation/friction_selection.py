@@ -29,7 +29,6 @@ from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from identification.validation.presliding_choice import PreslidingChoice
 from identification.validation.friction_trials import (
     CondensedTrials,
     Terms,
@@ -37,6 +36,7 @@ from identification.validation.friction_trials import (
     Trials,
     with_friction,
 )
+from identification.validation.presliding_choice import PreslidingChoice
 
 FOLDS: Final = 6
 

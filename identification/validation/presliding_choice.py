@@ -179,8 +179,8 @@ def _seconds(plain: FittedSignals, full: FittedSignals) -> Iterator[tuple[_Secon
             before = held or (None, None)
             without, remembering = (
                 _Second(
-                    _triangles(block, rows, use, width, structure, own and own.train),
-                    _triangles(block, rows, judged, width, structure, own and own.judge),
+                    _triangles(block, rows, use, width, structure, own.train if own else None),
+                    _triangles(block, rows, judged, width, structure, own.judge if own else None),
                 )
                 for block, use, width, structure, own in zip(
                     blocks, trained, widths, structures, before, strict=True

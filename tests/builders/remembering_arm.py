@@ -9,7 +9,8 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import FloatArray
 from config.load import load_robot
-from config.robot.robot import FrictionTerm, RobotDescription
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from identification.validation.friction_trials import with_friction
 
@@ -93,7 +94,7 @@ def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> 
     """Return arrays as a smoothed recording."""
     return SmoothedSignals(
         joint_names=arm().joint_names,
-        time_s=STEP_S * np.arange(len(q)),
+        time_s=STEP_S * np.arange(len(q), dtype=np.float64),
         position=q,
         velocity=v,
         acceleration=a,

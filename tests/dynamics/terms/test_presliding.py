@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.load import load_robot
-from config.robot.robot import FrictionTerm
+from config.robot.friction_terms import FrictionTerm
 from dynamics.kernels.presliding import DIRECTION, KNOWN, STATE, begin, follow
 from dynamics.model.memory import counted, presliding, with_memory
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
@@ -70,7 +70,7 @@ def test_once_known_it_depends_on_the_motion_alone(path: FloatArray, seed: int) 
     assert state.shape == (STATE,)
 
 
-def test_from_rest_all_of_a_joint_slides_after_the_distance_and_after_a_reversal_after_two() -> None:
+def test_all_of_a_joint_slides_a_distance_after_rest_and_two_after_a_reversal() -> None:
     from_rest = direction(D * np.array([0.0, 0.2, 0.5, 1.0, 2.0]))[:, DIRECTION]
     assert np.all(np.diff(from_rest[:4]) > 0.0)
     assert from_rest[2] > 0.7, "most of the force is there after half of the way"
@@ -156,12 +156,16 @@ def test_a_periodic_motion_remembers_its_last_period_and_a_gap_is_forgotten() ->
     model = model_of()
     t = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)[:, np.newaxis] * np.ones(3)
     once, steady = (with_memory(model, np.sin(t), periodic=p).memory for p in (False, True))
-    assert once is not None and steady is not None
-    assert steady.known.all() and not once.known[0].any()
+    assert once is not None
+    assert steady is not None
+    assert steady.known.all()
+    assert not once.known[0].any()
     np.testing.assert_allclose(steady.direction[0], 1.0)
     segment = np.repeat([0, 1], 50)
     cut = with_memory(model, np.sin(t), segment=segment).memory
-    assert cut is not None and not cut.known[50].any() and cut.known[-1].all()
+    assert cut is not None
+    assert not cut.known[50].any()
+    assert cut.known[-1].all()
     np.testing.assert_array_equal(cut.part(slice(50, None)).direction, cut.direction[50:])
 
 
@@ -171,7 +175,8 @@ def test_samples_at_rest_count_for_joints_with_a_memory_that_is_known() -> None:
     moving = np.zeros((50, 3), dtype=bool)
     assert not counted(Conditions(), moving).any()
     use = counted(with_memory(model, q), moving)
-    assert not use[0].any() and use[-1].all()
+    assert not use[0].any()
+    assert use[-1].all()
 
 
 def test_a_memory_of_another_motion_is_refused() -> None:

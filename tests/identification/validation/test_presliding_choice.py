@@ -28,7 +28,8 @@ def test_the_joints_that_remember_get_it(choice: PreslidingChoice) -> None:
     first, second, third = choice.distances
     assert first is None
     assert second == pytest.approx(DISTANCE, rel=0.1)
-    assert third is not None and 0.3 * DISTANCE < third < 2.0 * DISTANCE
+    assert third is not None
+    assert 0.3 * DISTANCE < third < 2.0 * DISTANCE
     without, remembering = choice.error_nm
     assert np.all(remembering[1:] < 0.7 * without[1:])
 
