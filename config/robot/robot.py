@@ -171,10 +171,10 @@ class Joint(ConfigModel):
     and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
     torque that the gear transmits, and with `presliding` a joint slides only after a distance that
     starts from `presliding_distance` [rad or m] (section 4.1). `efficiency` (0 to 1) is where the
-    estimate of the gear's efficiency starts (5.16, 5.17); without it the gear loses nothing. `torque_constant_nm_per_a` is
-    torque at the link side, gear included, per ampere of the motor, at `reference_temperature_k`;
-    `torque_constant_per_k` is by which share of itself it changes per kelvin (magnets: some -0.001
-    1/K), which drives do not know.
+    estimate of the gear's efficiency starts (5.16, 5.17); without it the gear loses nothing.
+    `torque_constant_nm_per_a` is torque at the link side, gear included, per ampere of the motor,
+    at `reference_temperature_k`; `torque_constant_per_k` is by which share of itself it changes per
+    kelvin (magnets: some -0.001 1/K), which drives do not know.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
