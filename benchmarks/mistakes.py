@@ -127,7 +127,7 @@ def outcomes(sound: Stated) -> Iterator[Outcome]:
 
 def _trial(stated: Stated, robot: RobotDescription) -> Trial | None:
     """Return how well a robot explains a recording; None where stamps of it leave nothing."""
-    recording = _recording(stated, DEGREE if stated.unit == "deg" else 1.0)
+    recording = recording_of(stated, DEGREE if stated.unit == "deg" else 1.0)
     try:
         signals = WiredSignals.of(robot, [smooth_nonperiodic(recording, BAND_HZ)])
     except RidDaqError:
@@ -135,7 +135,8 @@ def _trial(stated: Stated, robot: RobotDescription) -> Trial | None:
     return Condensed.of(signals).trial(np.eye(len(robot.joints)))
 
 
-def _recording(stated: Stated, factor: float) -> Recording:
+def recording_of(stated: Stated, factor: float = 1.0) -> Recording:
+    """Return what is stated as a recording, its positions times a factor."""
     time_s, first = np.unique(stated.time_s, return_index=True)
     rows = len(first)
     return Recording(
@@ -156,7 +157,7 @@ def false_alarms(count: int) -> int:
     """Return in how many sound runs a mistake is found."""
     found = 0
     for sound in sound_runs(count):
-        signals = _recording(
+        signals = recording_of(
             Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm), 1.0
         )
         thinned = WiredSignals.of(sound.robot, [smooth_nonperiodic(signals, BAND_HZ)])

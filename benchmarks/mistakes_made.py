@@ -10,10 +10,12 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.load import load_robot
 from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import Kind
 
 DEGREE: Final = math.pi / 180.0
+OTHERS: Final = {"kr15": "ur10e", "ur10e": "kr15"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,3 +216,22 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         for joint, own in zip(joints, limits, strict=True)
     )
     yield Made("limits in degrees", (), (), of(joints=degrees))
+    other = OTHERS.get(robot.name)
+    if other is not None:
+        file = in_place_of(robot, load_robot(other))
+        yield Made("the file of another robot", (), (), replace(sound, robot=file))
+
+
+def in_place_of(right: RobotDescription, other: RobotDescription) -> RobotDescription:
+    """Return another robot's file with the names and limits of the right one's joints."""
+    joints = (
+        joint.model_copy(
+            update={
+                "name": own.name,
+                "limits": own.limits,
+                "torque_constant_nm_per_a": own.torque_constant_nm_per_a,
+            }
+        )
+        for own, joint in zip(right.joints, other.joints, strict=True)
+    )
+    return other.model_copy(update={"joints": tuple(joints)})

@@ -61,6 +61,9 @@ class Estimate:
         RMS that the measured noise alone would leave there.
     torque_nm : ndarray, shape (n,), or None
         RMS of the measured torque there; None of the external model, and of files of version 0.1.
+    held_out_share : ndarray, shape (n,), or None
+        The residual's share of the torque on parts of the recording that were left out of a plain
+        fit, zero where it is hardly more than on what was fitted; None where nobody looked.
     left_out_fraction : ndarray, shape (n,)
         Share of samples under the standstill speed, left out or with free friction.
     method : "periodic" or "smoothed"
@@ -98,6 +101,7 @@ class Estimate:
     plate: PlateFit | None = None
     nonlinear_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_nm: FloatArray | None = None
+    held_out_share: FloatArray | None = None
     clusters: int | None = None
     periods: int = 0
     cell_name: str = ""
@@ -106,7 +110,7 @@ class Estimate:
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
         covariances = ("covariance_residual", "covariance_jackknife", "covariance_noise")
-        of_joints = ("residual_nm", "left_out_fraction", "noise_nm", "torque_nm")
+        of_joints = ("residual_nm", "left_out_fraction", "noise_nm", "torque_nm", "held_out_share")
         freeze(self, EstimationError, (b,), "values", what="estimate ")
         freeze(self, EstimationError, (b, b), *covariances, what="estimate ")
         freeze(self, EstimationError, (s, s), "nonlinear_covariance", what="estimate ")
@@ -147,7 +151,13 @@ class Estimate:
         """How well it explains the torque of each joint on the data that it was made of."""
         n = len(self.robot.joints)
         torque = np.full(n, np.nan) if self.torque_nm is None else self.torque_nm
-        return grade_fit(self.robot.joint_names, self.residual_nm, torque, self.noise_nm)
+        return grade_fit(
+            self.robot.joint_names,
+            self.residual_nm,
+            torque,
+            self.noise_nm,
+            held_out_share=self.held_out_share,
+        )
 
     @property
     def nonlinear_sigma(self) -> FloatArray:

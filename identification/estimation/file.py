@@ -84,6 +84,7 @@ class EstimateDocument(ConfigModel):
     residual_nm: Row
     noise_nm: Row | None
     torque_nm: Row | None = None
+    held_out_share: Row | None = None
     clusters: int | None = None
     left_out_fraction: Row
     parameters: tuple[_Parameter, ...]

@@ -30,7 +30,9 @@ class FitGrade:
 
     What is graded is the residual that noise does not explain, as a share of the torque: up to 10 %
     is good, more than 30 % is bad. Recordings of industrial robots with the usual friction terms
-    come out at 3 to 10 %, the small joints of a wrist at up to 20 %.
+    come out at 3 to 10 %, the small joints of a wrist at up to 20 %. What is doubtful so is bad
+    where parts of the recording that were left out of a fit leave more than 30 %: then the
+    parameters follow those torques only, as of a robot with other lengths or axes.
 
     Attributes
     ----------
@@ -72,6 +74,7 @@ def grade_fit(
     noise_nm: FloatArray | None = None,
     *,
     of: str = "torque",
+    held_out_share: FloatArray | None = None,
 ) -> tuple[FitGrade, ...]:
     """Grade the fit of every joint.
 
@@ -86,12 +89,22 @@ def grade_fit(
         RMS that the measured noise alone leaves.
     of : str
         What the fit explains, in words.
+    held_out_share : ndarray, shape (n,), optional
+        The residual's share of the torque on parts of the recording that were left out of a fit.
     """
     grades = []
     for j, joint in enumerate(joint_names):
         noise = None if noise_nm is None else float(noise_nm[j])
         residual, torque = float(residual_nm[j]), float(torque_nm[j])
         grade, reason = _grade(residual, torque, noise or 0.0, of)
+        share = 0.0 if held_out_share is None else float(held_out_share[j])
+        if grade is Grade.DOUBTFUL and share > np.hypot(BAD_SHARE, (noise or 0.0) / torque):
+            grade = Grade.BAD
+            reason += (
+                f"; on parts of the recording that were left out of the fit it is"
+                f" {100.0 * share:.0f} %: so do the parameters of a robot file with wrong lengths"
+                " or axes, or of another robot's"
+            )
         grades.append(FitGrade(joint, residual, torque, noise, grade, reason))
     return tuple(grades)
 

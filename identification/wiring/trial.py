@@ -88,12 +88,11 @@ class Condensed:
     @classmethod
     def of(cls, signals: WiredSignals) -> Condensed:
         """Evaluate a robot's regressor, with Coulomb and viscous friction and an offset."""
-        model = _model(signals)
+        model = plain_model(signals)
         q, v, a = signals.joints()
         phi, speed = regressor(model, q, v, a), signals.velocity
         n, p = len(signals.robot.joints), phi.shape[2]
-        slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))  # the same in any unit
-        use = (np.abs(speed) > slowest) & signals.moving
+        use = rows_used(signals)
         products, brakes = np.zeros((n, p + n, p + n)), np.zeros((n, p))
         power = np.zeros((n, n))
         braking = np.array([name.startswith(BRAKES) for name in model.parameter_names])
@@ -131,6 +130,14 @@ class Condensed:
         return Trial(shares, driving)
 
 
-def _model(signals: WiredSignals) -> RobotModel:
+def rows_used(signals: WiredSignals) -> BoolArray:
+    """Return which rows count of each joint, shape (rows, n): those at which it moves."""
+    speed = signals.velocity
+    slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))  # the same in any unit
+    return np.asarray((np.abs(speed) > slowest) & signals.moving)
+
+
+def plain_model(signals: WiredSignals) -> RobotModel:
+    """Return the model that hypotheses are tried with."""
     options = ModelOptions(friction_terms=("coulomb", "viscous", "offset"))
     return replace(options.build(signals.robot), transmission=Transmission())

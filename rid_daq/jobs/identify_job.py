@@ -21,6 +21,7 @@ from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
 from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
 from identification.validation.period_comparison import compare_period
+from identification.wiring.held_out import held_out_share
 from rid_daq.jobs.identification_job import (
     EstimationRequest,
     check_otherwise,
@@ -28,7 +29,7 @@ from rid_daq.jobs.identification_job import (
     estimate_runs,
     gains_of_drives,
 )
-from rid_daq.jobs.wiring_job import diagnose_wiring
+from rid_daq.jobs.wiring_job import diagnose_wiring, wired_signals
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result import NOTHING_JUDGED, Result
 from rid_daq.report.sections.average import AverageSection
@@ -157,7 +158,11 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     comparison = _chosen(data, how, console) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot)
-    estimate = identified.estimate
+    estimate, mistakes = identified.estimate, None
+    if request.diagnose and how.options.model.kind != "external":
+        signals = wired_signals(data, how, first.robot)
+        mistakes = diagnose_wiring(signals, first)
+        estimate = replace(estimate, held_out_share=held_out_share(signals))
     gains = None
     if request.load_mass_kg is not None:
         gains = gains_of_drives(estimate, data, how, *request.load_mass_kg)
@@ -173,9 +178,6 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     findings = _findings(estimate, data, weight)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
     findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
-    mistakes = None
-    if request.diagnose and how.options.model.kind != "external":
-        mistakes = diagnose_wiring(data, how, first.robot)
     before = result_of(first, notes)
     section = EstimateSection.of(estimate, findings=findings, mistakes=mistakes)
     result = before.by_model(

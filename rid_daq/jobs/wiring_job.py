@@ -87,12 +87,10 @@ _IN_CELL: Final[dict[Kind, str]] = {
 }
 
 
-def diagnose_wiring(
+def wired_signals(
     data: Sequence[RunData], how: EstimationRequest, robot: RobotDescription
-) -> tuple[MistakeEntry, ...]:
-    """Try the common mistakes of wiring, units and files on runs of one robot.
-
-    Runs that carried an unknown payload are left out.
+) -> WiredSignals:
+    """Return what runs of one robot say, those left out that carried an unknown payload.
 
     Parameters
     ----------
@@ -103,16 +101,29 @@ def diagnose_wiring(
     robot : RobotDescription
         The robot as its file says it is.
 
+    """
+    empty = [item for item in data if item.folder.run_id not in how.loaded]
+    return WiredSignals.of(robot, signals_of(empty, how))
+
+
+def diagnose_wiring(signals: WiredSignals, run: RunData) -> tuple[MistakeEntry, ...]:
+    """Try the common mistakes of wiring, units and files.
+
+    Parameters
+    ----------
+    signals : WiredSignals
+        What runs of one robot say.
+    run : RunData
+        One of them, which knows the files.
+
     Returns
     -------
     tuple of MistakeEntry
         Empty where none explains the data far better.
     """
-    empty = [item for item in data if item.folder.run_id not in how.loaded]
-    signals = WiredSignals.of(robot, signals_of(empty, how))
-    imported, folder = data[0].import_report is not None, data[0].folder
+    imported, folder = run.import_report is not None, run.folder
     return tuple(
-        mistake_entry(each, robot, imported=imported, folder=folder)
+        mistake_entry(each, signals.robot, imported=imported, folder=folder)
         for each in find_mistakes(signals)
     )
 

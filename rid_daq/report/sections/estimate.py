@@ -10,7 +10,7 @@ import numpy as np
 from identification.regression.fit_grade import Grade
 from identification.wiring.mistakes import Kind
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
@@ -66,6 +66,9 @@ class AxisResidual(Section):
     torque, percent, over_noise : float or None
         RMS torque, in `unit`; the residual in percent of it, and over the noise. Left out in
         results of version 0.1, and where torques say nothing of the fit.
+    held_out_percent : float or None
+        The residual in percent of the torque on parts of the recording that were left out of a
+        plain fit, 0 where it is hardly more than on what was fitted; left out where nobody looked.
     grade, reason : str or None
         "good", "doubtful" or "bad", and what decides it.
     """
@@ -78,6 +81,7 @@ class AxisResidual(Section):
     torque: float | None = None
     percent: float | None = None
     over_noise: float | None = None
+    held_out_percent: float | None = None
     grade: Grade | None = None
     reason: str | None = None
 
@@ -242,11 +246,18 @@ class EstimateSection(Section):
                     torque=finite(fit.torque_nm),
                     percent=fit.percent,
                     over_noise=fit.over_noise,
+                    held_out_percent=None if share is None else 100.0 * float(share),
                     grade=fit.grade,
                     reason=fit.reason,
                 )
-                for joint, fit, left_out in zip(
-                    estimate.robot.joints, estimate.fit, estimate.left_out_fraction, strict=True
+                for joint, fit, left_out, share in zip(
+                    estimate.robot.joints,
+                    estimate.fit,
+                    estimate.left_out_fraction,
+                    [None] * len(estimate.robot.joints)
+                    if estimate.held_out_share is None
+                    else estimate.held_out_share,
+                    strict=True,
                 )
             ),
             findings=None if findings is None else tuple(findings),
@@ -284,6 +295,7 @@ class EstimateSection(Section):
             ],
             red=[axis.grade is Grade.BAD for axis in self.axes],
         )
+        say_doubts(console, self.axes)
         if self.unseen:
             console.say(f"Without any effect on the torques: {', '.join(self.unseen)}")
 

@@ -174,7 +174,12 @@ class JointFriction(Section):
         if self.grade is not None:
             console.verdict(
                 None if self.grade is Grade.GOOD else False,
-                f"{self.joint}: the fit is {self.grade}, {self.reason}",
+                f"{self.joint}: the fit is {self.grade}, {self.reason}"
+                + (
+                    ""
+                    if self.over_noise is None
+                    else f"; its error is {number(self.over_noise, 2)} times the noise"
+                ),
             )
         console.verdict(None, self.sentence)
 

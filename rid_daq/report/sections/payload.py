@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, say_doubts, units
 from rid_daq.report.sections.verdict import Check, Relation, Verdict
 from rid_daq.terminal.console import Console
 
@@ -277,6 +277,7 @@ class PayloadSection(Section):
             ],
             red=[axis.grade is Grade.BAD for axis in self.axes],
         )
+        say_doubts(console, self.axes)
 
 
 def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> Verdict:

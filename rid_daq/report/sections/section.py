@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated
+from typing import Annotated, Protocol
 
 from pydantic import SerializerFunctionWrapHandler, Strict, model_serializer
 
 from config.model import ConfigModel
 from config.robot.robot import Joint
+from identification.regression.fit_grade import Grade
+from rid_daq.terminal.console import Console
 
 Numbers = Annotated[tuple[float, ...], Strict(False)]
 """A row of numbers, such as a curve."""
@@ -40,6 +42,29 @@ class Section(ConfigModel):
 def units(joint: Joint) -> tuple[str, str]:
     """Return the units of a joint's position and of its torque."""
     return ("rad", "N m") if joint.type == "revolute" else ("m", "N")
+
+
+class GradedAxis(Protocol):
+    """An axis whose fit is graded."""
+
+    @property
+    def joint(self) -> str:
+        """Its name."""
+
+    @property
+    def grade(self) -> Grade | None:
+        """How far its fit can be trusted; None where that was not judged."""
+
+    @property
+    def reason(self) -> str | None:
+        """What decides the grade."""
+
+
+def say_doubts(console: Console, axes: Iterable[GradedAxis]) -> None:
+    """Say of every axis whose fit is not good what decides that."""
+    for axis in axes:
+        if axis.grade not in (None, Grade.GOOD):
+            console.say(f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")
 
 
 def thinned(rows: int) -> slice:

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Section, Texts, finite, units
+from rid_daq.report.sections.section import Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
@@ -134,13 +134,14 @@ class ValidationSection(Section):
         """Print the errors axis by axis."""
         console.say(self.sentence)
         console.table(
-            ("axis", "rms torque", "rms error", "relative", "limit", "holds", "fit"),
+            ("axis", "rms torque", "rms error", "relative", "over noise", "limit", "holds", "fit"),
             [
                 (
                     axis.joint,
                     f"{number(axis.rms_torque)} {axis.unit}",
                     f"{number(axis.rms_error)} {axis.unit}",
                     f"{number(axis.relative_error_percent, 3)} %",
+                    "–" if axis.over_noise is None else f"{number(axis.over_noise, 2)} times",
                     "–" if axis.limit_percent is None else f"{axis.limit_percent:g} %",
                     {None: "–", True: "yes", False: "NO"}[axis.passed],
                     axis.grade or "–",
@@ -149,6 +150,7 @@ class ValidationSection(Section):
             ],
             red=[axis.passed is False for axis in self.axes],
         )
+        say_doubts(console, self.axes)
         for finding in self.diagnosis or ():
             console.say(finding)
 

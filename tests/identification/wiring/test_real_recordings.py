@@ -5,15 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from acquisition.imports.import_map import ImportMap, RowRange
 from acquisition.imports.read import import_csv
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
+from identification.regression.fit_grade import BAD_SHARE, GOOD_SHARE
+from identification.wiring.held_out import held_out_share
 from identification.wiring.mistakes import Kind
 from identification.wiring.search import find_mistakes
 from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed
 
 LONG = ("ur-20_02_12-50sec_12harm", 355, 5090)
 SOUND = [
@@ -47,3 +51,19 @@ def test_columns_that_are_swapped_are_found_in_them(real_robot: Path) -> None:
     order = [0, 2, 1, 3, 4, 5]
     (found,) = find_mistakes(replace(sound, torque_nm=sound.torque_nm[:, order]))
     assert (found.mistake.kind, found.mistake.joints) == (Kind.TORQUE_ORDER, (1, 2))
+
+
+@pytest.mark.parametrize(("name", "first", "last"), SOUND[:5])
+def test_a_ur10es_own_file_holds_on_what_was_left_out_of_the_fit(
+    real_robot: Path, name: str, first: int, last: int | None
+) -> None:
+    assert held_out_share(of_ur10e(real_robot, name, first, last)).max() < 0.5 * BAD_SHARE
+
+
+@pytest.mark.parametrize(("name", "first", "last"), SOUND[:2])
+def test_a_kukas_file_does_not_hold_there_on_a_ur10e(
+    real_robot: Path, name: str, first: int, last: int | None
+) -> None:
+    signals = replace(of_ur10e(real_robot, name, first, last), robot=load_robot("kr15"))
+    share = Condensed.of(signals).trial(np.eye(6)).residual_share
+    assert GOOD_SHARE < share[3] < BAD_SHARE < held_out_share(signals)[3]

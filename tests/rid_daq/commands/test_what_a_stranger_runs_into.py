@@ -43,7 +43,7 @@ HELD: dict[str, tuple[str, ...]] = {
     "an encoder's resolution": (MADE,),
     "swapped columns": (
         MADE,
-        MISFIT + "test_swapped_columns_are_told_with_the_keys_to_change",
+        MISFIT + "test_swapped_columns_are_told_with_keys_and_lines_to_change",
     ),
     "another robot's file": (HERE + "test_a_file_of_another_robot_is_told_by_the_residuals",),
     "a torque constant": (

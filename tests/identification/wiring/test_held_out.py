@@ -1,0 +1,59 @@
+"""A robot file with wrong lengths follows torques where it was fitted, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import smooth_nonperiodic
+from benchmarks.mistakes import Stated, recording_of
+from benchmarks.sound_robots import Sound, sound_run
+from config.load import load_robot
+from identification.regression.fit_grade import BAD_SHARE, Grade, grade_fit
+from identification.wiring.held_out import held_out_share
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed
+
+PERIOD = 1000  # rows of the motion's period
+
+
+def signals_of(sound: Sound, rows: int | None = None) -> WiredSignals:
+    stated = Stated(sound.robot, sound.time_s[:rows], sound.position[:rows], sound.torque_nm[:rows])
+    return WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), 10.0)])
+
+
+@pytest.fixture(scope="module", params=["kr15", "ur10e"])
+def sound(request: pytest.FixtureRequest) -> Sound:
+    return sound_run(load_robot(request.param), np.random.default_rng(11))
+
+
+@pytest.mark.parametrize("rows", [PERIOD, None])
+def test_a_sound_robot_holds_on_parts_that_were_left_out(sound: Sound, rows: int | None) -> None:
+    assert held_out_share(signals_of(sound, rows)).max() < 0.5 * BAD_SHARE
+
+
+@pytest.mark.parametrize("rows", [PERIOD, None])
+def test_another_robots_file_does_not_even_where_the_motion_repeats(
+    sound: Sound, rows: int | None
+) -> None:
+    other = load_robot({"kr15": "ur10e", "ur10e": "kr15"}[sound.robot.name])
+    signals = replace(signals_of(sound, rows), robot=other)
+    fitted = Condensed.of(signals).trial(np.eye(6)).residual_share
+    left_out = held_out_share(signals)
+    assert np.any((fitted < BAD_SHARE) & (left_out > BAD_SHARE))
+
+
+def test_joints_that_stand_still_tell_nothing() -> None:
+    sound = sound_run(load_robot("ir361"), np.random.default_rng(1))
+    signals = signals_of(sound, PERIOD)
+    still = replace(signals, velocity=0.0 * signals.velocity, moving=signals.moving & False)
+    assert held_out_share(still).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_what_is_doubtful_is_bad_where_it_does_not_hold_on_what_was_left_out() -> None:
+    residual, torque = np.array([2.8, 2.8, 0.5]), np.full(3, 10.0)
+    fits = grade_fit("abc", residual, torque, held_out_share=np.array([0.29, 0.46, 0.46]))
+    assert [each.grade for each in fits] == [Grade.DOUBTFUL, Grade.BAD, Grade.GOOD]
+    assert "left out of the fit it is 46 %" in fits[1].reason
