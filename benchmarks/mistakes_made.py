@@ -216,9 +216,8 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
         for joint, own in zip(joints, limits, strict=True)
     )
     yield Made("limits in degrees", (), (), of(joints=degrees))
-    other = OTHERS.get(robot.name)
-    if other is not None:
-        file = in_place_of(robot, load_robot(other))
+    if robot.name in OTHERS:
+        file = in_place_of(robot, load_robot(OTHERS[robot.name]))
         yield Made("the file of another robot", (), (), replace(sound, robot=file))
 
 

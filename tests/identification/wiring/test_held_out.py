@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from acquisition.processing.smoothing import smooth_nonperiodic
-from benchmarks.mistakes import Stated, recording_of
+from benchmarks.mistakes import recording_of
+from benchmarks.mistakes_made import Stated
 from benchmarks.sound_robots import Sound, sound_run
 from config.load import load_robot
 from identification.regression.fit_grade import BAD_SHARE, Grade, grade_fit
