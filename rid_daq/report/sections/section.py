@@ -50,14 +50,17 @@ class GradedAxis(Protocol):
     @property
     def joint(self) -> str:
         """Its name."""
+        ...
 
     @property
     def grade(self) -> Grade | None:
         """How far its fit can be trusted; None where that was not judged."""
+        ...
 
     @property
     def reason(self) -> str | None:
         """What decides the grade."""
+        ...
 
 
 def say_doubts(console: Console, axes: Iterable[GradedAxis]) -> None:
