@@ -50,10 +50,8 @@ def test_a_cell_is_cleared_by_one_question_each(
     require_cleared(cell, cleared=False, console=Console(), practise=True)
     said = capsys.readouterr()
     assert said.out.strip() == "The robot will move."
-    assert [each.split("?")[0] for each in said.err.split(": ") if "?" in each] == [
-        "Is nobody in cell ir361",
-        "Is the emergency stop at hand",
-    ]
+    first, second = "Is nobody in cell ir361?", "Is the emergency stop at hand?"
+    assert 0 <= said.err.index(first) < said.err.index(second)
     for answers, refusal in (("ir362\n", "'ir362' is not 'ir361'"), ("ir361\nn\n", "emergency")):
         monkeypatch.setattr("sys.stdin", io.StringIO(answers))
         with pytest.raises(PreflightError, match=refusal):
