@@ -1,4 +1,4 @@
-"""How much closer paths are followed on line: five circles and a path, on the simulated bus.
+"""How far the errors of paths are reduced on line: five circles and a path, on the simulated bus.
 
 Model and velocity loops are identified in the same session; no motion is used for tuning. Each one
 is recorded plainly, then streamed with the compensation computed in the cyclic task.
@@ -52,7 +52,7 @@ def main() -> int:
         "value": round(1e3 * found[FIRST]["mean_m"], 4),
         "unit": "mm mean distance from the circle of 40 cm, compensated on line",
         "ratios": ratios(found),
-        "bar": "closer in the mean and at worst: the circle 8 and 5 times, all others 6 and 4",
+        "bar": "error reduced in the mean and at worst: the circle 8 and 5 times, others 6 and 4",
         "holds": holds,
     }
     print(json.dumps(result))

@@ -1,4 +1,4 @@
-"""How much closer paths are followed: four circles and a path, on the simulated bus.
+"""How far the errors of paths are reduced: four circles and a path, on the simulated bus.
 
 Model and velocity loops are identified in the same session. One circle without compensation tunes
 scale and delay; the others, and the path, are never used. The first circle is then refined.
@@ -77,7 +77,7 @@ def circle_text(own: dict[str, Any], periods: int) -> str:
 
 
 def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> bool:
-    """Print how much closer a motion is followed; return whether mean and worst reach the bar."""
+    """Print how far a motion's error is reduced; return whether mean and worst reach the bar."""
     mean, most = bar
     held: bool = motion["mean_ratio"] >= mean and motion["max_ratio"] >= most
     print(
@@ -90,7 +90,7 @@ def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> boo
 
 
 def ratios(found: dict[str, dict[str, Any]]) -> dict[str, list[float]]:
-    """Return how many times closer each motion is followed, in the mean and at worst."""
+    """Return how many times each motion's error is reduced, in the mean and at worst."""
     return {
         title: [round(motion["mean_ratio"], 1), round(motion["max_ratio"], 1)]
         for title, motion in found.items()
@@ -187,8 +187,8 @@ def main() -> int:
         "value": round(1e3 * found[FIRST]["mean_m"], 4),
         "unit": "mm mean distance from the circle of 40 cm",
         "ratios": ratios(found),
-        "bar": "closer in the mean and at worst: the circle 10 and 6 times, refined 20 and 10, all"
-        " others 6 and 4",
+        "bar": "error reduced in the mean and at worst: the circle 10 and 6 times, refined 20 and"
+        " 10, all others 6 and 4",
         "holds": holds,
     }
     print(json.dumps(result))

@@ -169,11 +169,11 @@ def _verdict(
         *([] if retiming is None or retiming.driven is None else retiming.driven.checks),
     ]
     passed = all(line.passed for line in checks)
-    closer = "" if tracking is None else ", paths are followed many times closer"
+    reduced = "" if tracking is None else ", path errors are reduced many times"
     faster = "" if retiming is None else ", and one is driven faster within all limits"
     return Verdict.of(
         checks,
-        f"Passed: the model predicts the validation run as well as the truth does{closer}{faster}"
+        f"Passed: the model predicts the validation run as well as the truth does{reduced}{faster}"
         if passed
         else "Failed: see the line marked NO",
         f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
@@ -192,6 +192,6 @@ def _path_checks(tracking: TrackingSection) -> list[Check]:
             limits,
             strict=True,
         ):
-            text = f"{what} followed closer {words}"
+            text = f"{what}: error reduced {words}"
             checks.append(Check.of(text, ratio or 0.0, "≥", limit, "times"))
     return checks

@@ -27,6 +27,7 @@ from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.report.formats import measured
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.runs.followed_motion import followed
@@ -193,7 +194,7 @@ def _loop_sentence(loops: list[VelocityLoop], tuning: Tuning) -> str:
         loops, tuning.tuning.scale.tolist(), tuning.tuning.delay_s.tolist(), strict=True
     ):
         parts.append(
-            f"{loop.joint_name} {loop.gain:.4g} ± {2.0 * loop.sigma['gain']:.2g} and"
+            f"{loop.joint_name} {' ± '.join(measured(loop.gain, 2.0 * loop.sigma['gain']))} and"
             f" {1e3 * loop.integral_time_s:.4g} ms"
         )
         if (scale, delay_s) != (1.0, 0.0):

@@ -7,7 +7,7 @@ import typer
 
 from identification.validation.estimate_difference import EstimateDifference
 from rid_daq.jobs.compare_job import Compared, CompareRequest, RunPrediction, compare_models
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import finite
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.console import Console
@@ -86,10 +86,8 @@ def _print(console: Console, compared: Compared, verdict: Verdict) -> None:
         [
             (
                 name,
-                number(float(difference.first[i]), 4),
-                number(2.0 * float(difference.first_sigma[i]), 2),
-                number(float(difference.second[i]), 4),
-                number(2.0 * float(difference.second_sigma[i]), 2),
+                *measured(float(difference.first[i]), 2.0 * float(difference.first_sigma[i])),
+                *measured(float(difference.second[i]), 2.0 * float(difference.second_sigma[i])),
                 difference.units[i],
                 f"{difference.sigmas[i]:+.1f}",
             )

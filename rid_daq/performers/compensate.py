@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from compensation.feedforward.file import TuningEntry
 from rid_daq.jobs.feedforward_job import CompensateRequest, compensate_motion
+from rid_daq.report.formats import measured
 from rid_daq.terminal.console import Console
 
 
@@ -35,11 +36,9 @@ def _print_tuning(console: Console, tuning: TuningEntry, names: tuple[str, ...])
         [
             (
                 name,
-                f"{scale:.4f}",
-                f"{2.0 * scale_std:.4f}",
+                *measured(scale, 2.0 * scale_std),
                 f"{applied:.4f}",
-                f"{1e3 * delay_s:.3f}",
-                f"{2e3 * delay_std_s:.3f}",
+                *measured(1e3 * delay_s, 2e3 * delay_std_s),
                 f"{1e3 * applied_s:.3f}",
             )
             for name, scale, scale_std, applied, delay_s, delay_std_s, applied_s in zip(

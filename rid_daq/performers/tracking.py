@@ -26,10 +26,10 @@ def _print(console: Console, tracked: Tracked) -> None:
             "its own runs",
             "mean [mm]",
             "before",
-            "closer",
+            "reduced",
             "largest [mm]",
             "before",
-            "closer",
+            "reduced",
         ),
         [
             (

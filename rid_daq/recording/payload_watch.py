@@ -18,6 +18,7 @@ from identification.payload.procedures import identify_payload
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
 from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.recording.average_so_far import AverageSoFar
+from rid_daq.report.formats import measured
 
 WarmUpTold = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 
@@ -114,7 +115,8 @@ class MassWatch:
             self._said = str(error)
             return False
         two_sigma = 2.0 * float(estimate.sigma[0])
-        self._said = f"{new.periods} periods: {estimate.reported[0]:.3f} ± {two_sigma:.2g} kg"
+        mass, reach = measured(float(estimate.reported[0]), two_sigma)
+        self._said = f"{new.periods} periods: {mass} ± {reach} kg"
         return self._goal_kg is not None and two_sigma <= self._goal_kg
 
     def sentences(self) -> list[str]:

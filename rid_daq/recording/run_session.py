@@ -223,6 +223,14 @@ class RunSession:
             rows, per_period = (
                 (0, None) if samples is None else (len(samples), samples.samples_per_period)
             )
+            seen = False
+
+            def enough(new: NewPeriods) -> bool:
+                nonlocal seen
+                assert watch is not None
+                seen = seen or watch.enough(new)
+                return seen
+
             self.display.begins(folder.run_id, request.sentence, rows, per_period)
             with self.display.progress(request.role, *total_of(samples)) as shown:
                 outcome = record_motion(
@@ -235,8 +243,9 @@ class RunSession:
                         robot.joint_names,
                         shown.update,
                         (lambda: "") if watch is None else watch.line,
+                        lambda: seen,
                     ),
-                    enough=None if watch is None else watch.enough,
+                    enough=None if watch is None else enough,
                     profiles=DeviceProfiles(
                         self.loaded.amplifier_profile, self.loaded.drive_profile
                     ),

@@ -38,6 +38,36 @@ def number(value: float | int | None, digits: int = 4) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
+def measured(value: float | None, reach: float | None) -> tuple[str, str]:
+    """Return a value and its interval: the interval to two significant digits, both to the same.
+
+    Parameters
+    ----------
+    value, reach : float or None
+        The value, and how far its interval reaches to either side.
+
+    Returns
+    -------
+    tuple of str
+        Such as 9.61 and 0.12, or 1230 and 340; without an interval the value as `number` does.
+    """
+    if value is None or reach is None or not math.isfinite(value):
+        return number(value), number(reach, 2)
+    if not math.isfinite(reach) or reach <= 0.0:
+        return number(value, 6), number(reach, 2)
+    last = math.floor(math.log10(float(f"{reach:.1e}"))) - 1  # the place of the last digit
+    size = max(abs(value), reach)
+    power = math.floor(math.log10(size))
+    if -5 < power < 6:
+        power = 0
+    decimals = max(power - last, 0)
+    texts = (f"{round(each, -last) / 10.0**power:.{decimals}f}" for each in (value, reach))
+    tail = f"·10{str(power).translate(_SUPERSCRIPT)}" if power else ""
+    shown, around = (f"{text}{tail}".replace("-", "\N{MINUS SIGN}") for text in texts)
+    zero = f"{0.0:.{decimals}f}{tail}"
+    return (zero if shown == f"\N{MINUS SIGN}{zero}" else shown), around
+
+
 def duration(seconds: float) -> str:
     """Return a duration [s] as people say it."""
     if seconds < 120.0:

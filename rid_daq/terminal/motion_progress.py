@@ -47,6 +47,7 @@ def progress_shown(
     joint_names: Sequence[str],
     show: Callable[[float, str], None],
     watched: Callable[[], str],
+    seen_enough: Callable[[], bool] = lambda: False,
 ) -> Callable[[Progress], None]:
     """Return what shows the cyclic task's progress, counted as `total_of` counts.
 
@@ -60,15 +61,19 @@ def progress_shown(
         Takes how much is done, and a line about how it goes.
     watched : callable
         Says what is estimated meanwhile; empty where nothing is.
+    seen_enough : callable
+        Says whether the motion ends early: its run-out follows the period under way, and what it
+        leaves out is not counted as done.
     """
     done = 0.0
 
     def update(progress: Progress) -> None:
         nonlocal done
         row = progress.sample_index
-        if row >= 0:
+        left_out = progress.phase is Phase.RUN_OUT and seen_enough()
+        if row >= 0 and not left_out:
             done = float(row) if samples is None else _done(samples, row)
-        line = motion_words(progress)
+        line = motion_words(progress) + (": enough was measured" if left_out else "")
         if progress.state is TaskState.MOVING:
             load = "" if progress.joints is None else load_words(progress.joints, joint_names)
             line = "; ".join(filter(None, (line, load, watched())))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +12,13 @@ import pytest
 from config.errors import ConfigError, EstimationError
 from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.formats import deviation, load_data, read_load_data
+from identification.payload.controllers.formats import (
+    deviation,
+    load_data,
+    read_load_data,
+    rounding,
+)
+from identification.payload.controllers.text import significant
 
 # A body whose numbers are known without a computer. Mass 4 kg, centre of gravity at
 # (10, -20, 100) mm. Principal moments 0.03, 0.05 and 0.06 kg m^2, their axes turned by +30 degrees
@@ -232,3 +239,41 @@ def test_origin_lines_cannot_leave_their_comment() -> None:
     text = load_data(TURNED_ABOUT_Z, LoadFormat.UR, origin)
     assert read_load_data(text, LoadFormat.UR).mass_kg == 4.0
     assert load_data(TURNED_ABOUT_Z, LoadFormat.URDF, ("a --> b",)).count("-->") == 1
+
+
+@pytest.mark.parametrize("form", LoadFormat)
+def test_no_more_digits_are_written_than_are_known(form: LoadFormat) -> None:
+    body = PayloadBody(
+        9.608412345678,
+        np.array([0.0239051234, 0.0898012345, -0.202841234]),
+        np.diag([2.1234567, 2.5, 3.4567891]),
+    )
+    sigma = np.array([0.06, *[0.0006] * 3, *[0.05] * 6])
+    sure = rounding(body, sigma)
+    assert sure == pytest.approx(0.05 * 2.0 * 0.0006 / float(np.linalg.norm(body.centre_m)))
+    text = load_data(body, form, (), sure)
+    found = read_load_data(text, form)
+    assert deviation(body, found, form) <= sure
+    assert found.can_exist
+    values = re.findall(r"\d[\d.]*\d", text.split("9.6", 1)[1])  # from the mass on
+    assert all(len(each.replace(".", "").lstrip("0")) <= 5 for each in values), values
+    assert len(load_data(body, form)) > len(text)
+
+
+def test_what_was_weighed_on_scales_keeps_all_its_digits() -> None:
+    body = PayloadBody(2.80512345, np.zeros(3), np.diag([0.01, 0.011, 0.012]))
+    assert rounding(body, np.zeros(10)) == 0.0
+    assert "M 2.80512345," in load_data(body, LoadFormat.KUKA, (), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "count", "text"),
+    [
+        (1.23456e-5, 3, "0.0000123"),
+        (-123456.0, 3, "-123000"),
+        (-1e-20, 4, "0"),
+        (9.6084, 3, "9.61"),
+    ],
+)
+def test_a_pendant_has_no_exponents(value: float, count: int, text: str) -> None:
+    assert significant(count)(value) == text

@@ -11,7 +11,7 @@ import numpy as np
 from config.errors import EstimationError
 from config.formats.urdf import rotation_of_rpy
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.text import NUMBER, comments, digits, found, numbers
+from identification.payload.controllers.text import NUMBER, Digits, comments, found, numbers
 
 KGF_CM_S2: Final = 0.0980665
 """One kgf cm s^2 in kg m^2: 9.80665 N times 0.01 m times s^2."""
@@ -30,7 +30,7 @@ _FANUC_LINES: Final = (
 )
 
 
-def to_fanuc(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_fanuc(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write a FANUC payload schedule."""
     inertia = body.inertia_kg_m2
     moments = np.diagonal(inertia) / KGF_CM_S2
@@ -61,7 +61,7 @@ def from_fanuc(text: str) -> PayloadBody:
 # Universal Robots: SI, the whole matrix as Ixx, Iyy, Izz, Ixy, Ixz, Iyz in the flange's axes.
 
 
-def to_ur(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_ur(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write Universal Robots' set_target_payload."""
     elements = body.reported[4:]
     if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
@@ -97,7 +97,7 @@ def from_ur(text: str) -> PayloadBody:
 # Franka: SI, 3 x 3 column by column.
 
 
-def to_franka(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_franka(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write Franka's setLoad."""
     document = {
         "about": [
@@ -143,7 +143,7 @@ _STAUBLI_LINES: Final = (
 )
 
 
-def to_staubli(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_staubli(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write a Staubli tool's load."""
     values = np.array(body.reported)
     values[1:4] *= 1e3
@@ -173,7 +173,7 @@ def from_staubli(text: str) -> PayloadBody:
 # URDF: a link of its own, its inertia about the centre of gravity in the frame of <inertial>.
 
 
-def to_urdf(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_urdf(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write a URDF link."""
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     values = dict(zip(names, body.reported[4:], strict=True))

@@ -7,7 +7,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.formats.urdf import rotation_of_rpy, rpy_of_rotation
 from identification.payload.body import PayloadBody
-from identification.payload.controllers.text import NUMBER, comments, digits, found, numbers
+from identification.payload.controllers.text import NUMBER, Digits, comments, found, numbers
 
 
 def _about(mass: float, centre: FloatArray, moments: FloatArray, axes: FloatArray) -> PayloadBody:
@@ -19,7 +19,7 @@ def _about(mass: float, centre: FloatArray, moments: FloatArray, axes: FloatArra
 # KUKA: mm, principal axes turned by A about z, then B about the new y, then C about the new x.
 
 
-def to_kuka(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_kuka(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write KUKA's LOAD_DATA."""
     moments, axes = body.principal
     c, b, a = (np.degrees(angle) for angle in rpy_of_rotation(axes))
@@ -54,7 +54,7 @@ def from_kuka(text: str) -> PayloadBody:
 # ABB: mm, principal axes as a quaternion, scalar first.
 
 
-def to_abb(body: PayloadBody, origin: tuple[str, ...]) -> str:
+def to_abb(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write ABB's loaddata."""
     moments, axes = body.principal
     quaternion = ",".join(digits(q) for q in _quaternion(axes))

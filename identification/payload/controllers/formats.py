@@ -7,12 +7,14 @@ frame); each text says its units and its frame at its top.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
 from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
@@ -34,8 +36,12 @@ from identification.payload.controllers.by_principal_axes import (
     to_abb,
     to_kuka,
 )
+from identification.payload.controllers.text import Digits, significant
 
 PRECISION: Final = 1e-8
+FEWEST_DIGITS: Final = 3
+MOST_DIGITS: Final = 12
+MOST_ROUNDING: Final = 5e-4
 LARGEST_TEXT: Final = 1_000_000
 
 
@@ -43,13 +49,15 @@ LARGEST_TEXT: Final = 1_000_000
 class _Codec:
     """How one format is written and read, and whether it holds products of inertia."""
 
-    write: Callable[[PayloadBody, tuple[str, ...]], str]
+    write: Callable[[PayloadBody, tuple[str, ...], Digits], str]
     read: Callable[[str], PayloadBody]
     whole_inertia: bool = True
 
 
-def load_data(body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = ()) -> str:
-    """Return a payload in a maker's format.
+def load_data(
+    body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = (), sure: float = 0.0
+) -> str:
+    """Return a payload in a maker's format, with no more digits than are known.
 
     Parameters
     ----------
@@ -59,6 +67,9 @@ def load_data(body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = ()) -
         The format.
     origin : tuple of str
         Lines about where the numbers come from; control characters are left out.
+    sure : float
+        How far the text may differ from the body, as `deviation` has it: `rounding` of its
+        interval. All digits are written where it is 0.
 
     Raises
     ------
@@ -71,13 +82,44 @@ def load_data(body: PayloadBody, to: LoadFormat, origin: tuple[str, ...] = ()) -
             " larger than the other two together): no controller gets it"
         )
     lines = tuple("".join(c for c in line if c.isprintable()) for line in origin)
-    text = _CODECS[to].write(body, lines)
-    worst = deviation(body, read_load_data(text, to), to)
-    if worst > PRECISION:
-        raise EstimationError(
-            f"what was written for {to.value} reads back different by {worst:.1e}: nothing is kept"
-        )
-    return text
+    worst = math.inf
+    for count in range(FEWEST_DIGITS if sure > PRECISION else MOST_DIGITS, MOST_DIGITS + 1):
+        text = _CODECS[to].write(body, lines, significant(count))
+        try:
+            found = read_load_data(text, to)
+        except ConfigError:  # so short that it is none
+            continue
+        worst = deviation(body, found, to)
+        if worst <= max(sure, PRECISION) and (found.can_exist or count == MOST_DIGITS):
+            return text
+    raise EstimationError(
+        f"what was written for {to.value} reads back different by {worst:.1e}: nothing is kept"
+    )
+
+
+def rounding(body: PayloadBody, sigma: FloatArray) -> float:
+    """Return how far a text may differ from a body, as `deviation` has it.
+
+    It is a twentieth of the interval of what is known best, at most half of what `read-back`
+    tolerates.
+
+    Parameters
+    ----------
+    body : PayloadBody
+        The payload.
+    sigma : (10,) array
+        Standard deviations of `REPORTED`; 0 of what was known before.
+    """
+    sizes = np.array(
+        [
+            body.mass_kg,
+            *[max(float(np.linalg.norm(body.centre_m)), 1e-3)] * 3,
+            *[float(np.linalg.eigvalsh(body.inertia_kg_m2)[-1])] * 6,
+        ]
+    )
+    shares = 2.0 * sigma / sizes
+    known = shares[shares > 0.0]
+    return min(0.05 * float(known.min()), MOST_ROUNDING) if known.size else 0.0
 
 
 _UNREADABLE: Final = (

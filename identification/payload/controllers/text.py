@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -13,10 +15,25 @@ NUMBER: Final = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 """What a number looks like in a text."""
 
 
-def digits(value: float) -> str:
-    """Write a number so that it reads back to ten digits, never as minus zero."""
-    text = f"{float(value):.12g}"
-    return "0" if text == "-0" else text
+SMALLEST: Final = 1e-15
+"""What is written as 0: what a computer leaves of a sum that is none."""
+
+Digits = Callable[[float], str]
+"""How the numbers of a text are written."""
+
+
+def significant(count: int) -> Digits:
+    """Return what writes a number with so many significant digits, never as minus zero."""
+
+    def digits(value: float) -> str:
+        text = f"{float(value):.{count}g}"
+        if "e" in text and 1e-9 < abs(value) < 1e9:  # no pendant has an exponent
+            decimals = max(count - 1 - math.floor(math.log10(abs(value))), 0)
+            text = f"{float(text):.{decimals}f}"
+            text = text.rstrip("0").rstrip(".") if "." in text else text
+        return "0" if abs(float(text)) < SMALLEST else text
+
+    return digits
 
 
 def comments(mark: str, lines: tuple[str, ...]) -> str:

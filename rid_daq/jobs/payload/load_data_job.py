@@ -16,10 +16,11 @@ from identification.payload.controllers.formats import (
     deviation,
     load_data,
     read_load_data,
+    rounding,
 )
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.options import DEFAULT_RUNS
@@ -80,7 +81,9 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
             " --residual-limit)"
         )
     estimate = judged.estimate
-    text = load_data(estimate.body, request.to, _origin(estimate))
+    text = load_data(
+        estimate.body, request.to, _origin(estimate), rounding(estimate.body, estimate.sigma)
+    )
     write_whole(request.output, text.encode())
     return PayloadExported(estimate, text)
 
@@ -175,9 +178,9 @@ def payload_file(runs: Path, reference: Path) -> Path:
 
 def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:
     where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
-    mass, sigma = estimate.reported[0], estimate.sigma[0]
+    mass, reach = measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
     return (
         f"Payload on {estimate.robot.name} from {', '.join(estimate.run_ids) or 'runs'}{where}.",
-        f"Verdict passed. Measured {mass:.4g} kg, 2 sigma {2 * sigma:.2g} kg; written is the",
+        f"Verdict passed. Measured {mass} kg, 2 sigma {reach} kg; written is the",
         "closest body that can exist.",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured
 from rid_daq.report.sections.section import Section
 from rid_daq.report.sections.verdict import Check
 from rid_daq.terminal.console import Console
@@ -89,13 +89,13 @@ class BaseLoadSection(Section):
     def print(self, console: Console) -> None:
         """Print what the motion does to the floor."""
         console.table(
-            ("reaction", "largest", "± 2σ", "limit", "holds"),
+            ("reaction", "largest", "± 2σ", "unit", "limit", "holds"),
             [
                 (
                     each.name,
-                    f"{number(each.peak)} {each.unit}",
-                    number(2.0 * each.std, 2),
-                    f"{each.limit:g} {each.unit}",
+                    *measured(each.peak, 2.0 * each.std),
+                    each.unit,
+                    f"{each.limit:g}",
                     "yes" if each.held else "NO",
                 )
                 for each in self.components

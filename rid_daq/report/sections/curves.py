@@ -105,7 +105,7 @@ class TorqueCurves(Section):
 
 
 class SpectrumCurve(Section):
-    """RMS torque of an axis a harmonic [N m or N]: measured, left over, and of noise alone."""
+    """RMS torque of an axis a harmonic [N m or N]: measured, residual, and of noise alone."""
 
     joint: str
     measured_nm: Numbers

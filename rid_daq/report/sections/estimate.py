@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.regression.fit_grade import Grade
 from identification.wiring.mistakes import Kind
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
@@ -273,8 +273,11 @@ class EstimateSection(Section):
                 (
                     str(i),
                     each.words,
-                    number(each.value, 5),
-                    "at its bound" if each.at_bound else number(2.0 * each.std, 2),
+                    *(
+                        (number(each.value), "at its bound")
+                        if each.at_bound
+                        else measured(each.value, 2.0 * each.std)
+                    ),
                     each.unit,
                 )
                 for i, each in enumerate(self.parameters, start=1)

@@ -10,7 +10,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import FitGrade, Grade, grade_fit
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts, units
 from rid_daq.terminal.console import Console
 
@@ -148,8 +148,7 @@ class JointFriction(Section):
             [
                 (
                     f"{number(speed, 3)} {self.unit}/s",
-                    f"{number(curve.odd[i])} {torque}",
-                    number(2.0 * curve.odd_std[i], 2),
+                    *_friction(curve, i, torque),
                     *_directions(curve, i),
                 )
                 for i, speed in enumerate(curve.speed)
@@ -163,7 +162,7 @@ class JointFriction(Section):
                     f"{number(fit.rms, 3)} {torque}",
                     number(fit.criterion, 3),
                     ", ".join(
-                        f"{p.name} {number(p.value)} ± {number(2.0 * p.std, 2)} {p.unit}"
+                        f"{p.name} {' ± '.join(measured(p.value, 2.0 * p.std))} {p.unit}"
                         for p in fit.parameters
                     )
                     + (" (at its bound)" if fit.at_bound else ""),
@@ -311,6 +310,11 @@ def _sentence(
 
 def _odd(torque: Callable[[FloatArray], FloatArray], speed: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (torque(speed) - torque(-speed)))
+
+
+def _friction(curve: MeasuredFriction, i: int, unit: str) -> tuple[str, str]:
+    value, reach = measured(curve.odd[i], 2.0 * curve.odd_std[i])
+    return f"{value} {unit}", reach
 
 
 def _directions(curve: MeasuredFriction, i: int) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts, say_doubts, units
 from rid_daq.report.sections.verdict import Check, Relation, Verdict
 from rid_daq.terminal.console import Console
@@ -225,8 +225,11 @@ class PayloadSection(Section):
             [
                 (
                     entry.name,
-                    "not seen" if entry.value is None else number(entry.value, 5),
-                    "–" if entry.std is None else number(2.0 * entry.std, 2),
+                    *(
+                        ("not seen", "–")
+                        if entry.value is None or entry.std is None
+                        else measured(entry.value, 2.0 * entry.std)
+                    ),
                     entry.unit,
                     "known" if entry.known else "",
                 )
@@ -297,9 +300,7 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
     ]
     failed = [line.text for line in checks if not line.passed]
     mass = (
-        f"{estimate.reported[0]:.3f} kg ± {2 * estimate.sigma[0]:.2g} kg (2σ)"
-        if estimate.seen[0]
-        else "a mass that this motion does not show"
+        f"{_mass(estimate)} (2σ)" if estimate.seen[0] else "a mass that this motion does not show"
     )
     headline = (
         f"Failed: {'; '.join(failed)}"
@@ -353,8 +354,18 @@ def _existence(estimate: PayloadEstimate) -> str:
     )
 
 
+def _mass(estimate: PayloadEstimate) -> str:
+    value, reach = measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
+    return f"{value} kg ± {reach} kg"
+
+
+def _known(name: str, value: float, reach: float) -> str:
+    shown, around = measured(value, reach)
+    return f"{name} = {shown} ± {around} (2σ)"
+
+
 def _sentence(estimate: PayloadEstimate) -> str:
-    held = ", ".join(f"{k.name} = {k.value:g} ± {2 * k.sigma:.2g} (2σ)" for k in estimate.known)
+    held = ", ".join(_known(k.name, k.value, 2.0 * k.sigma) for k in estimate.known)
     return (
         f"{_PROCEDURES[estimate.procedure]}: {estimate.equations} equations, friction free in each"
         f" run, condition number {estimate.condition_number:.3g}"

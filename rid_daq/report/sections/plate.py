@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Strict
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.terminal.console import Console
 
@@ -211,7 +211,7 @@ class PlateSection(Section):
 
 def _fit_sentence(plate: PlateFit, weight: Sequence[str]) -> str:
     delays = ", ".join(
-        f"{1e3 * delay:.3f} ± {2e3 * sigma:.3f}"
+        " ± ".join(measured(1e3 * float(delay), 2e3 * float(sigma)))
         for delay, sigma in zip(plate.delay_s, plate.delay_sigma_s, strict=True)
     )
     words = f"The force plate's signals were {delays} ms late, which is made up for"

@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.console import Console
@@ -97,14 +97,12 @@ class PlateZeroSection(Section):
     def print(self, console: Console) -> None:
         """Print the channels' offsets and drifts."""
         console.table(
-            ("channel", "offset", "± 2σ", "drift", "± 2σ"),
+            ("channel", "offset [N]", "± 2σ", "drift [mN/s]", "± 2σ"),
             [
                 (
                     each.name,
-                    f"{each.offset_n:.2f} N",
-                    f"{number(2.0 * each.offset_std_n, 2)} N",
-                    f"{1e3 * each.drift_n_s:.1f} mN/s",
-                    f"{number(2e3 * each.drift_std_n_s, 2)} mN/s",
+                    *measured(each.offset_n, 2.0 * each.offset_std_n),
+                    *measured(1e3 * each.drift_n_s, 2e3 * each.drift_std_n_s),
                 )
                 for each in self.channels
             ],
@@ -150,8 +148,8 @@ def zero_verdict(found: PlateOffset, turn: ZeroTurn, plate: PlateConfig) -> Verd
     ]
     failed = [line.text for line in checks if not line.passed]
     worst = int(np.abs(found.offset_n).argmax())
-    reach = number(2.0 * found.offset_sigma_n[worst], 2)
-    sentence = f"Largest offset {found.offset_n[worst]:.2f} ± {reach} N ({CHANNEL_NAMES[worst]})."
+    offset, reach = measured(float(found.offset_n[worst]), 2.0 * float(found.offset_sigma_n[worst]))
+    sentence = f"Largest offset {offset} ± {reach} N ({CHANNEL_NAMES[worst]})."
     headline = f"Failed: {', '.join(failed)}" if failed else "Passed: the force plate is zeroed"
     return Verdict.of(checks, headline, sentence)
 
@@ -171,6 +169,7 @@ def _how(turn: ZeroTurn) -> str:
 
 def _moment(found: PlateOffset) -> str:
     return ", ".join(
-        f"{WRENCH_NAMES[k]} {found.gravity[k]:.2f} ± {number(2.0 * found.gravity_sigma[k], 2)} N m"
+        f"{WRENCH_NAMES[k]}"
+        f" {' ± '.join(measured(float(found.gravity[k]), 2.0 * float(found.gravity_sigma[k])))} N m"
         for k in (3, 4)
     )

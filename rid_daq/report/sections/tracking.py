@@ -210,10 +210,10 @@ class TrackingSection(Section):
         mean += " at most" if len(after) > 1 else ""
         if not ratios:
             return Verdict.of([], mean, "No run without compensation was given to compare with.")
-        closer = f"{mean}, {number(min(ratios), 3)} times closer than before"
+        reduced = f"{mean}: error reduced {number(min(ratios), 3)} times"
         return Verdict.of(
             [],
-            closer + (" at least" if len(ratios) > 1 else ""),
+            reduced + (" at least" if len(ratios) > 1 else ""),
             "Before is velocity feedforward alone, after is with pre-compensation.",
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade, grade_fit
-from rid_daq.report.formats import number
+from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.loop_curves import (
     CascadeCurves,
     ControllerResponse,
@@ -204,10 +204,8 @@ class VelocityLoopsSection(Section):
             [
                 (
                     axis.joint,
-                    f"{number(axis.gain, 5)} {axis.unit}",
-                    number(2.0 * axis.std["gain"], 2),
-                    number(axis.integral_time_s, 4),
-                    number(2.0 * axis.std["integral_time_s"], 2),
+                    *_gain(axis),
+                    *measured(axis.integral_time_s, 2.0 * axis.std["integral_time_s"]),
                     f"{1e3 * (axis.delay_s + axis.lag_s):.2f}",
                     f"{axis.p_value:.2g}",
                     f"{axis.whiteness:.2g}",
@@ -283,6 +281,11 @@ def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
             " elastic, or stuck; its margins do not hold"
         )
     return found
+
+
+def _gain(axis: AxisLoop) -> tuple[str, str]:
+    gain, reach = measured(axis.gain, 2.0 * axis.std["gain"])
+    return f"{gain} {axis.unit}", reach
 
 
 def _distortion(axis: AxisLoop) -> str:

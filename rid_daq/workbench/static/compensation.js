@@ -77,7 +77,7 @@ async function showPaths(run) {
   const mm = (metres) => `${number(1e3 * metres, 3)} mm`;
   const rows = tracking.motions.map((each) => [
     each.sentence, each.before ? mm(each.before.mean_m) : "–", mm(each.after.mean_m),
-    each.mean_ratio ? `${number(each.mean_ratio, 3)} times closer` : "–",
+    each.mean_ratio ? `error reduced ${number(each.mean_ratio, 3)} times` : "–",
     each.before ? mm(each.before.max_m) : "–", mm(each.after.max_m),
   ]);
   const columns = ["motion", "mean before", "mean after", "", "largest before", "largest after"];

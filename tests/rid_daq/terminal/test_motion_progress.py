@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,25 @@ def test_progress_is_shown_as_it_is_counted(samples: MotionSamples | None, done:
         (0.0, "configuring the drives"),
         (pytest.approx(done), "measuring"),
         (pytest.approx(done), "power off"),
+    ]
+
+
+def test_what_an_early_end_leaves_out_is_not_counted_as_done() -> None:
+    shown: list[tuple[float, str]] = []
+    samples, enough = motion(periodic=True), iter((False, True, True))
+    update = progress_shown(
+        samples, ("axis1",), lambda *what: shown.append(what), lambda: "", lambda: next(enough)
+    )
+    update(at(100))
+    run_out = Progress(state=TaskState.MOVING, phase=Phase.RUN_OUT, sample_index=0, cycles=1)
+    update(replace(run_out, sample_index=150))  # of a motion that is driven whole
+    update(replace(run_out, sample_index=199))
+    update(replace(run_out, sample_index=199))
+    assert [done for done, _ in shown] == [2.0, 3.0, 3.0, 3.0]
+    assert [line for _, line in shown] == [
+        "measuring",
+        "run-out",
+        *["run-out: enough was measured"] * 2,
     ]
 
 
