@@ -1,26 +1,51 @@
-"""Which kind of file one is, by its keys: what is said where another kind was wanted."""
+"""Which kind of file one is, by its keys or its first bytes: said where another was wanted."""
 
 from __future__ import annotations
 
-from config.formats.yaml_tree import YamlTree
+import re
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any, Final
 
-_KEYS = {
-    "a cell": {"can", "axes", "drive_safety"},
-    "a robot": {"kinematics", "joints"},
-    "a plant": {"links", "axes"},
-    "a motion": {"kind", "robot"},
+if TYPE_CHECKING:
+    from config.formats.yaml_tree import YamlTree
+
+_KEYS: Final = (
+    ("a cell file", {"can", "axes", "drive_safety"}),
+    ("a robot file", {"kinematics", "joints"}),
+    ("a plant file", {"links", "axes"}),
+    ("a motion file", {"kind", "robot"}),
+    ("an import map file", {"robot", "columns"}),
+    ("an import map file", {"robot", "joint_states"}),
+)
+_DOCUMENTS: Final = {
+    "rid-daq estimate": "a model by `identify`",
+    "rid-daq payload": "a payload by `payload identify`",
+    "rid-daq velocity loops": "velocity loops by `loop`",
+    "rid-daq feedforward": "a feedforward by `compensate`",
+    "rid-daq result": "the result of a run",
+    "rid-daq payload session": "the state of a payload session",
+    "rid-daq parameters": "a table of parameters by `export`",
+    "rid-daq origins": "the origins of a run's files",
 }
-_WANTED = {
-    "CellConfig": "a cell",
-    "RobotDescription": "a robot",
-    "PlantConfig": "a plant",
-    "MotionFile": "a motion",
-    "ImportMap": "an import map",
-    "FaultScript": "a fault script",
-    "ServoProfile": "a servo profile",
-    "DriveProfile": "a drive profile",
-    "AmplifierProfile": "an amplifier profile",
+_BEGINNINGS: Final = (
+    ("a recording (MCAP)", rb"\x89MCAP"),
+    ("a page (HTML), as reports are", rb"\s*<(!doctype html|html)"),
+    ("a URDF", rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<robot"),
+    ("a PDF", rb"%PDF"),
+    ("an archive (zip)", rb"PK\x03\x04"),
+)
+_WANTED: Final = {
+    "CellConfig": "a cell file",
+    "RobotDescription": "a robot file",
+    "PlantConfig": "a plant file",
+    "MotionFile": "a motion file",
+    "ImportMap": "an import map file",
+    "FaultScript": "a fault script file",
+    "ServoProfile": "a servo profile file",
+    "DriveProfile": "a drive profile file",
+    "AmplifierProfile": "an amplifier profile file",
 }
+_LOOKED_AT: Final = 1 << 16  # bytes
 
 
 def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
@@ -33,8 +58,40 @@ def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
     wanted
         The name of the model that it was read as.
     """
-    keys = tree.data.keys() if isinstance(tree.data, dict) else set()
-    kind = next((kind for kind, needed in _KEYS.items() if needed <= keys), None)
+    kind = _kind_of(tree.data)
     if kind is None or wanted not in _WANTED or kind == _WANTED[wanted]:
         return []
-    return [f"{tree.name}: this is {kind} file; {_WANTED[wanted]} file is wanted here"]
+    return [f"{tree.name}: this is {kind}; {_WANTED[wanted]} is wanted here"]
+
+
+def kind_of_text(data: bytes) -> str | None:
+    """Return which kind of file some bytes are that could not be read as what was wanted."""
+    head = data[:_LOOKED_AT]
+    for kind, beginning in _BEGINNINGS:
+        if re.match(beginning, head, re.IGNORECASE | re.DOTALL):
+            return kind
+    words = {
+        name.decode(): value.decode()
+        for name, value in re.findall(rb'"(kind|schema|format)"\s*:\s*"([ -~]{1,80})"', head)
+    }
+    keys = re.findall(rb"^([A-Za-z_]\w*):", head, re.MULTILINE)
+    return _of_document(words) or _of_keys([key.decode() for key in keys])
+
+
+def _kind_of(data: Any) -> str | None:
+    return (_of_document(data) or _of_keys(data.keys())) if isinstance(data, dict) else None
+
+
+def _of_document(document: dict[str, Any]) -> str | None:
+    """Return what a file of this program says that it is."""
+    found = (document_kind(document.get(key)) for key in ("kind", "schema", "format"))
+    return next((kind for kind in found if kind is not None), None)
+
+
+def document_kind(stated: object) -> str | None:
+    """Return what a file is that states this kind, version and all; None for no such kind."""
+    return _DOCUMENTS.get(re.sub(r" \d+$", "", stated)) if isinstance(stated, str) else None
+
+
+def _of_keys(keys: Collection[Any]) -> str | None:
+    return next((kind for kind, needed in _KEYS if needed <= set(keys)), None)

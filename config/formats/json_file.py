@@ -10,12 +10,13 @@ import json
 import math
 from collections import Counter
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
+from config.formats.file_kinds import document_kind, kind_of_text
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -75,11 +76,22 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
         parse_json(data)
         return model.model_validate_json(data)
     except ConfigError as error:
+        _refuse_kind(path, data, model, what)
         raise ConfigError(f"{path}: not {what}: {error}") from None
     except ValidationError as error:
+        _refuse_kind(path, data, model, what)
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the whole document"
         raise ConfigError(f"{path}: not {what}: {where}: {first['msg']}") from error
+
+
+def _refuse_kind(path: Path, data: bytes, model: type[BaseModel], what: str) -> None:
+    """Refuse a file of another kind by what it is."""
+    kind = kind_of_text(data)
+    literals = [get_args(field.annotation) for field in model.model_fields.values()]
+    own = {document_kind(each) for literal in literals for each in literal}
+    if kind is not None and kind not in own:
+        raise ConfigError(f"{path}: this is {kind}; {what} is wanted here") from None
 
 
 def _integer(digits: str) -> int | float:

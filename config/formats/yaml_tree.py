@@ -18,6 +18,7 @@ from typing import Any
 import yaml
 
 from config.errors import ConfigError
+from config.formats.file_kinds import kind_of_text
 
 MAX_BYTES = 1_000_000
 MAX_NODES = 200_000
@@ -81,10 +82,13 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
     try:
         root = yaml.compose(text.decode("utf-8-sig"), Loader=yaml.SafeLoader)
     except UnicodeDecodeError as error:
-        raise ConfigError(
-            f"{name}: not UTF-8 text (byte {error.start}); is it the right file?"
-        ) from None
+        kind = kind_of_text(text)
+        what = "not UTF-8 text" if kind is None else f"this is {kind}, and not UTF-8 text"
+        raise ConfigError(f"{name}: {what} (byte {error.start}); is it the right file?") from None
     except yaml.MarkedYAMLError as error:
+        kind = kind_of_text(text)
+        if kind is not None:
+            raise ConfigError(f"{name}: this is {kind}, no YAML file") from None
         mark = error.problem_mark or error.context_mark
         where = f"{name}:{mark.line + 1}:{mark.column + 1}" if mark else name
         raise ConfigError(f"{where}: not valid YAML: {error.problem or error.context}") from None

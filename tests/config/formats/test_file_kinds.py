@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from acquisition.imports.import_map import load_import_map
 from acquisition.motion.motion_file import load_motion
 from config.errors import ConfigError
 from config.load import bundled_names, load_bundled_or_path, load_cell, load_robot, read_named
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
+from identification.estimation.file import read_estimate
 
 
 @pytest.fixture
@@ -52,3 +56,59 @@ def test_a_mistake_in_a_file_of_the_right_kind_is_named_by_its_key(files: dict[s
     path.write_text(path.read_text() + "surplus: 1\n")
     with pytest.raises(ConfigError, match="surplus: unknown key"):
         load_cell(str(path))
+
+
+MODEL = json.dumps({"software": "0.1", "kind": "rid-daq estimate", "robot": {}}).encode()
+LOOPS = json.dumps({"format": "rid-daq velocity loops 1"}).encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "kind"),
+    [
+        (b"kind: multipoint\nrobot: ir361\n", "a motion file"),
+        (read_named("ir361", "cells", None)[0], "a cell file"),
+        (LOOPS, "velocity loops by `loop`"),
+        (b"<!DOCTYPE html>\n<html>", "a page (HTML), as reports are"),
+        (b"\x89MCAP0\r\n\xff", "a recording (MCAP)"),
+        (b"<?xml version='1.0'?>\n<!-- made by xacro -->\n<robot name='r'>", "a URDF"),
+    ],
+)
+def test_what_is_given_in_place_of_a_model_is_named(
+    content: bytes, kind: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as refused:
+        read_estimate(path)
+    wanted = "an estimate as `rid-daq identify` writes it"
+    assert str(refused.value) == f"{path}: this is {kind}; {wanted} is wanted here"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (MODEL, "this is a model by `identify`; an import map file is wanted here"),
+        (b"kind: circle\nrobot: ir361\n", "a motion file; an import map file is wanted here"),
+        (b"<html><p>a: b: c</p>", "this is a page (HTML), as reports are, no YAML file"),
+        (b"\x89MCAP0\r\n\xff", "this is a recording (MCAP), and not UTF-8 text"),
+    ],
+)
+def test_what_is_given_in_place_of_a_map_is_named(
+    content: bytes, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "file.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        load_import_map(str(path))
+
+
+def test_a_map_in_place_of_a_cell_is_named_and_a_damaged_model_is_not_called_another(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "file.yaml"
+    path.write_bytes(read_named(bundled_names("maps")[0], "maps", None)[0])
+    with pytest.raises(ConfigError, match="this is an import map file; a cell file is wanted"):
+        load_cell(str(path))
+    path.write_bytes(MODEL)
+    with pytest.raises(ConfigError, match="not an estimate as `rid-daq identify` writes it: "):
+        read_estimate(path)
