@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,23 @@ def test_nothing_of_the_site_is_fetched_from_elsewhere(site: Path) -> None:
         "Coulomb" in (site / "searchindex.js").read_text()
         or "coulomb" in (site / "searchindex.js").read_text()
     )
+
+
+def test_drawings_are_drawn_and_not_shown_as_text(site: Path) -> None:
+    for source in (ROOT / "docs").rglob("*.md"):
+        wanted = source.read_text(encoding="utf-8").count("```mermaid")
+        page = site / source.relative_to(ROOT / "docs").with_suffix(".html")
+        shown = page.read_text(encoding="utf-8")
+        assert shown.count('<div class="drawing"') == wanted, page
+        assert "flowchart LR" not in shown
+    assert "acquisition/session/plate_recorder.py" in (site / "architecture.html").read_text()
+
+
+def test_pictures_are_small_and_each_is_in_a_guide() -> None:
+    taken = {path.name: path for path in (ROOT / "docs" / "pictures").iterdir()}
+    pages = "".join(page.read_text() for page in (ROOT / "docs").rglob("*.md"))
+    assert set(re.findall(r"pictures/([\w-]+\.png)\)", pages)) == set(taken)
+    assert all(path.stat().st_size <= 150_000 for path in taken.values())
 
 
 def test_a_topic_is_a_page_or_says_which_pages_it_may_be(site: Path) -> None:

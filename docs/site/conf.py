@@ -1,10 +1,13 @@
 """How Sphinx makes the documentation site; `docs/site/build.py` runs it."""
 
+import json
+import re
 import tomllib
 from pathlib import Path
 
-from pygments.lexers.special import TextLexer
-from sphinx.highlighting import lexers
+import mermaidx
+from docutils import nodes
+from sphinx.application import Sphinx
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PROJECT = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -17,7 +20,6 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["site", "**/_build"]
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
-lexers["mermaid"] = TextLexer()  # pictures in the repository's own viewer, here their text
 html_theme = "furo"
 html_title = f"rid-daq {version}"
 html_show_sourcelink = False
@@ -27,3 +29,31 @@ html_theme_options = {
     "navigation_with_keys": True,
     "footer_icons": [],
 }
+
+_WIDE_PX, _READABLE_PX = 1400, 960
+_MERMAID = {
+    "theme": "neutral",
+    "fontFamily": "Verdana, DejaVu Sans, sans-serif",  # none is wider than these
+    "flowchart": {"wrappingWidth": 400},
+}
+
+
+def _draw(app: Sphinx, doctree: nodes.document) -> None:
+    """Put a drawing where a page has the text of one, as the repository's own viewer does."""
+    blocks = [
+        each for each in doctree.findall(nodes.literal_block) if each.get("language") == "mermaid"
+    ]
+    for number, block in enumerate(blocks, start=1):
+        text = f"%%{{init: {json.dumps(_MERMAID)}}}%%\n{block.astext()}"
+        drawing = mermaidx.render(text).svg().replace("my-svg", f"drawing-{number}")
+        found = re.search(r"max-width: ([\d.]+)px", drawing)
+        least = _READABLE_PX if found is not None and float(found[1]) > _WIDE_PX else 0
+        frame = "overflow-x: auto; background: #fff; border-radius: .3rem; padding: .5rem"
+        drawing = drawing.replace('style="', f'style="min-width: {least}px; ', 1)
+        html = f'<div class="drawing" style="{frame}" tabindex="0">{drawing}</div>'
+        block.replace_self(nodes.raw("", html, format="html"))
+
+
+def setup(app: Sphinx) -> None:
+    """Let Sphinx draw each page once it is read."""
+    app.connect("doctree-read", _draw)

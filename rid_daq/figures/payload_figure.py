@@ -24,6 +24,7 @@ from rid_daq.figures.panel import (
 AXES: Final = "xyz"
 VIEWS: Final = ((0, 2), (1, 2), (0, 1))
 AXIS_SHARE: Final = 0.3
+PADDING: Final = 0.3
 _COLORS: Final = (RED, GREEN, BLUE)
 
 
@@ -106,7 +107,7 @@ def _view(drawn: CentreOfGravity, data: ColumnDataSource, across: tuple[int, int
         add_hover(plot, dot, {x: names[0], f"{x} ± 2σ": sure[0], y: names[1], f"{y} ± 2σ": sure[1]})
         add_legend(plot, entries)
     for bounds in (plot.x_range, plot.y_range):
-        bounds.update(renderers=framed)
+        bounds.update(renderers=framed, range_padding=PADDING)
     return plot
 
 

@@ -25,6 +25,7 @@ from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.recording.payload_steps import WARM_UP
@@ -81,6 +82,10 @@ def run_drawings(folder: RunFolder) -> tuple[Drawing, ...]:
 def _of_result(result: Result) -> list[Drawing]:
     found: list[Drawing] = []
     curves, estimate = result.curves, result.estimate
+    for i, run in enumerate(result.runs or (), start=1):
+        if run.stop_curve is not None:
+            title = f"{run.stop_curve.joint} before the stop"
+            found.append(Drawing(f"stop-{i}", title, partial(stop_figure, run.stop_curve)))
     if curves is not None and curves.torque is not None:
         title = "Measured and predicted torque"
         found.append(Drawing("fit", title, partial(fit_figure, curves.torque)))

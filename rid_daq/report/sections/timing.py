@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Strict
 
@@ -13,6 +13,9 @@ from rid_daq.report.sections.section import Numbers, Section, Texts
 
 if TYPE_CHECKING:
     from acquisition.session.timing import CycleStatistics
+
+ROUNDING_S: Final = 1e-7
+"""How late cycles are by rounding of simulated time; no real loop wakes up as punctually."""
 
 Counts = Annotated[tuple[int, ...], Strict(False)]
 
@@ -61,7 +64,7 @@ class LoopTiming(Section):
     @property
     def told(self) -> bool:
         """Whether anything is known of how late cycles began: not in simulated time (lock-step)."""
-        return self.lateness_max_s > 0.0
+        return self.lateness_max_s > ROUNDING_S
 
     @classmethod
     def of(cls, role: str, statistics: CycleStatistics) -> LoopTiming:
@@ -116,7 +119,7 @@ def bin_names(edges_us: Sequence[float]) -> list[str]:
 def loop_sentence(statistics: CycleStatistics) -> str:
     """Say how well the cyclic task kept its time."""
     missed = sum(statistics.missed_frames)
-    if statistics.cycles and statistics.lateness_max_s == 0.0:
+    if statistics.cycles and statistics.lateness_max_s <= ROUNDING_S:
         return (
             f"{statistics.cycles} cycles, {statistics.overruns} overruns, {missed} missed answers,"
             " in simulated time (lock-step): how late cycles begin on this computer is not told."

@@ -55,7 +55,7 @@ def test_a_run_has_the_figures_of_what_was_computed_of_it(tmp_path: Path, cell: 
     drawings = run_drawings(folder)
     names = [each.name for each in drawings]
     assert len(set(names)) == len(names)
-    assert names[-1] == "motion"
+    assert (names[0], names[-1]) == ("stop-1", "motion")
     assert {"fit", "spectrum", "parameters", "path-1"} <= set(names)
     item = as_item(drawings[names.index("parameters")].make(), dark=False)
     assert item["doc"]

@@ -1,0 +1,175 @@
+"""Take the pictures of reports and workbench: `python docs/pictures.py [FOLDER]`.
+
+Commands of the tutorials run on simulated cells in a scratch folder; Debian's chromium takes the
+pictures, light and 960 pixels wide. Into FOLDER (`build/pictures`) go reports and every page of the
+workbench, into `docs/pictures` those that the guides show. It takes some minutes. The tests keep
+pictures of every page of the workbench at three widths, light and dark, too, where
+`RID_DAQ_SCREENSHOTS` names a folder.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from playwright.sync_api import Browser, Locator, ViewportSize, sync_playwright
+
+from rid_daq.workbench.menu import MENU
+
+DOCS: Final = Path(__file__).resolve().parent
+SHOWN: Final = DOCS / "pictures"
+LARGEST_BYTES: Final = 150_000
+PROGRAM: Final = (sys.executable, "-P", "-m", "rid_daq")
+FLAGS: Final = ("--no-sandbox", "--disable-gpu", "--no-first-run")
+PAGE: Final[ViewportSize] = {"width": 960, "height": 640}
+
+FAULT: Final = "drives: [{kind: reversed, joint: axis2, at_cycle: 400}]\n"
+COMMANDS: Final = (
+    ("design ir361 -o excitation.yaml --period 5 --periods 6 --seed 1", 0),
+    ("design ir361 -o other.yaml --period 4 --periods 3 --seed 2", 0),
+    ("record ir361 excitation.yaml --label identified", 0),
+    ("record ir361 other.yaml --label validated", 0),
+    ("record ir361 other.yaml --label stopped --faults fault.yaml", 5),
+    ("identify identified -o model.json", 0),
+    ("validate model.json validated", 0),
+    ("payload kr15 --payload medium --label payload --periods 3 --warm-up 2 --yes", 0),
+)
+"""What is run in the scratch folder, and its exit code."""
+
+
+class Shot(NamedTuple):
+    """A part of a report that is taken besides the whole of it.
+
+    Attributes
+    ----------
+    run : str
+        The run's label.
+    plot : str
+        The kind of plot.
+    height_px : int
+        How much of it from its top, 0 for all.
+    """
+
+    run: str
+    plot: str
+    height_px: int = 0
+
+
+SHOTS: Final = {
+    "fit": Shot("validated", "fit", 460),
+    "spectrum": Shot("identified", "spectrum"),
+    "stop": Shot("stopped", "stop"),
+    "centre": Shot("payload", "centre"),
+}
+REPORTS: Final = ("identified", "validated", "stopped", "payload")
+GUIDES: Final = ("fit", "stop", "centre", "workbench")
+"""What `docs/pictures` holds."""
+
+
+def take(folder: Path) -> None:
+    """Take all pictures into a folder, and those of the guides into `docs/pictures`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="rid-daq-pictures-") as scratch:
+        work = Path(scratch)
+        (work / "fault.yaml").write_text(FAULT, encoding="utf-8")
+        for words, code in COMMANDS:
+            print(f"$ rid-daq {words}", flush=True)  # noqa: T201
+            found = subprocess.call([*PROGRAM, *words.split()], cwd=work, stdout=subprocess.DEVNULL)
+            if found != code:
+                raise SystemExit(f"exit code {found}, expected {code}")
+        with chromium() as browser:
+            take_reports(browser, work, folder)
+            take_workbench(browser, work, folder)
+    SHOWN.mkdir(exist_ok=True)
+    for name in GUIDES:
+        size = (folder / f"{name}.png").stat().st_size
+        if size > LARGEST_BYTES:
+            raise SystemExit(f"{name}.png has {size} bytes, at most {LARGEST_BYTES} are kept")
+        shutil.copy(folder / f"{name}.png", SHOWN)
+
+
+def take_reports(browser: Browser, work: Path, folder: Path) -> None:
+    """Take each report, and the plots that `SHOTS` names."""
+    page = browser.new_page(viewport=PAGE)
+    for run in REPORTS:
+        page.goto(report_of(work / "runs", run).as_uri())
+        for plot in page.locator("[data-plot]").all():
+            plot.scroll_into_view_if_needed()
+            plot.locator('.live[data-figure-state="shown"]').wait_for()
+        page.evaluate("scrollTo(0, 0)")
+        (folder / f"report-{run}.png").write_bytes(page.screenshot(full_page=True))
+        for name, shot in SHOTS.items():
+            if shot.run == run:
+                place = page.locator(f'[data-plot^="{shot.plot}-"] .live > div').last
+                (folder / f"{name}.png").write_bytes(taken(place, shot.height_px))
+
+
+def take_workbench(browser: Browser, work: Path, folder: Path) -> None:
+    """Take every page of a served cell's workbench."""
+    words = "serve ir361 --listen 127.0.0.1:0 --json"
+    with subprocess.Popen(
+        [*PROGRAM, *words.split()], cwd=work, stdout=subprocess.PIPE, text=True
+    ) as service:
+        assert service.stdout is not None
+        said = ""
+        while not said.endswith("}\n"):
+            said += service.stdout.readline()
+        try:
+            page = browser.new_page(viewport=PAGE)
+            url = json.loads(said)["url"]
+            page.goto(url)
+            for entry in MENU:
+                page.goto(f"{url.split('/?')[0]}/cells/ir361{entry.path}")
+                page.locator("#lease-take").wait_for()
+                page.wait_for_load_state("networkidle")
+                name = entry.path.strip("/").replace("/", "-") or "cell"
+                (folder / f"page-{name}.png").write_bytes(page.screenshot(full_page=True))
+                if not entry.path:
+                    (folder / "workbench.png").write_bytes(page.screenshot())
+        finally:
+            service.send_signal(signal.SIGTERM)
+
+
+def taken(place: Locator, height_px: int) -> bytes:
+    """Return a picture of a part of a page, or of its top."""
+    place.scroll_into_view_if_needed()
+    box = place.bounding_box()
+    assert box is not None
+    scroll = place.page.evaluate("scrollY")
+    height = min(box["height"], height_px or box["height"])
+    return place.page.screenshot(
+        full_page=True,
+        clip={"x": box["x"], "y": box["y"] + scroll, "width": box["width"], "height": height},
+    )
+
+
+def report_of(runs: Path, label: str) -> Path:
+    """Return the report of the run of a label."""
+    for manifest in runs.glob("*/manifest.json"):
+        if json.loads(manifest.read_text(encoding="utf-8"))["label"] == label:
+            return manifest.with_name("report.html")
+    raise SystemExit(f"{runs}: no run {label!r}")
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Start Debian's chromium."""
+    path = shutil.which("chromium")
+    if path is None:
+        raise SystemExit("chromium is needed; on Debian: apt install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+if __name__ == "__main__":
+    take(Path(sys.argv[1]) if len(sys.argv) > 1 else DOCS.parent / "build" / "pictures")
