@@ -7,7 +7,7 @@ import { answerJob, ask, beginJob, lease, now, on, page } from "./service.js";
 const KINDS = {
   check: "Check", reset: "Reset", axes: "Axis test", jog: "Jog", plate_zero: "Zero the plate",
   record: "Record", payload: "Payload session", stream: "Stream", design: "Design", identify: "Identify",
-  validate: "Validate", friction: "Friction", loop: "Velocity loop", compensate: "Compensate",
+  validate: "Validate", friction: "Friction", loop: "Velocity loop", retime: "Retime", compensate: "Compensate",
   refine: "Refine", recover: "Recover", tracking: "Tracking", compare: "Compare", payload_identify: "Payload", export: "Export",
   payload_export: "Load data", payload_read_back: "Read back", payload_certificate: "Certificate",
 };

@@ -7,16 +7,28 @@ import re
 import signal
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
-from rid_daq.service.records import JobState
+from rid_daq.service.records import Job, JobState
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.motion_texts import MULTISINE
 from tests.rid_daq.service.conftest import ServedProcess
-from tests.rid_daq.service.moving import begin_motion, taken
-from tests.rid_daq.workbench.conftest import OpenPage
+from tests.rid_daq.service.moving import begin_motion, taken, until
+from tests.rid_daq.workbench.conftest import OpenPage, give_back, take_cell
 
 pytestmark = pytest.mark.slow
+
+TURNS = """
+kind: circle
+robot: ir361
+centre_m: [0.575, -0.078, -1.724]
+radius_m: 0.1
+speed_m_s: 0.4
+near: [0.1, -0.1, 0.4]
+periods: 2
+transient_periods: 1
+ramp_s: 0.5
+"""
 
 
 @pytest.fixture(scope="module")
@@ -62,10 +74,9 @@ def test_a_run_that_a_crash_has_left_is_recovered(
     expect(page.locator("#runs tbody tr")).to_have_count(1)
 
 
-@pytest.mark.usefixtures("identified")
-def test_velocity_loops_are_measured_and_a_feedforward_is_made_by_them(
-    open_page: OpenPage, served_pages: ServedProcess
-) -> None:
+@pytest.fixture(scope="module")
+def multisine_run(served_pages: ServedProcess) -> str:
+    """A recorded multisine of the served arm, which is ready to move again."""
     (served_pages.folder / "multisine.yaml").write_text(MULTISINE)
     client = served_pages.client
     with client, client.lease("ir361") as cell:
@@ -73,6 +84,16 @@ def test_velocity_loops_are_measured_and_a_feedforward_is_made_by_them(
         asked = {"motion": "multisine.yaml", "label": "multisine"}
         run = cell.run("record", asked, cleared=True).require_done().job.run
     assert run is not None
+    return run
+
+
+@pytest.mark.usefixtures("identified")
+def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_streamed(
+    open_page: OpenPage, served_pages: ServedProcess, multisine_run: str
+) -> None:
+    """By the buttons of the page, step by step; each file that one makes is the next one's."""
+    run = multisine_run
+    (served_pages.folder / "turns.yaml").write_text(TURNS)
     page = open_page(width=820)
     page.get_by_role("link", name="Compensation", exact=True).click()
     page.locator("#loop-run").select_option(run)
@@ -87,8 +108,54 @@ def test_velocity_loops_are_measured_and_a_feedforward_is_made_by_them(
     expect(page.locator(figure).first).to_be_visible()
     expect(page.locator("#loop")).to_have_value(f"runs/{run}/loops.json")
     assert (served_pages.folder / "runs" / run / "loops.json").is_file()
+    page.locator("#motion").select_option("turns.yaml")
     page.locator("#make").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
     expect(page.locator("#feedforward")).to_have_value("feedforward.json")
     page.locator("#compare").click()  # of a run with itself
     expect(page.locator("#job [role=alert]")).to_contain_text("Before and after are the same run")
+
+    take_cell(page)
+    buttons = ("#drive-plain", "#drive")
+    runs = [moved(page, served_pages, button, "Record: done") for button in buttons]
+    page.locator("#before").select_option(runs[0])
+    expect(page.locator("#after")).to_have_value(runs[1])
+    page.locator("#compare").click()
+    expect(page.locator("#job .verdict.end")).to_contain_text("Tracking: done")
+    row = page.locator("#path-result tbody tr").first
+    expect(row).to_contain_text("times closer")
+    closer = float(row.locator("td").nth(3).inner_text().split()[0])
+    assert closer > 10.0
+
+    expect(page.locator("#refine-run")).to_have_value(runs[1])
+    page.locator("#refine").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Refine: done")
+    expect(page.locator("#feedforward")).to_have_value("refined.json")
+    expect(page.locator("#job .next")).to_contain_text("refine")
+    assert (served_pages.folder / "refined.json").is_file()
+
+    expect(page.locator("#compensated")).to_be_checked()
+    streamed = moved(page, served_pages, "#stream", "Stream: done")
+    assert streamed not in runs
+    assert newest(served_pages).request["options"] == {"compensated": True}
+    give_back(page)
+
+
+def moved(page: Page, served: ServedProcess, button: str, end: str) -> str:
+    """Press a button that moves the robot, wait for the job's end, and return its run."""
+    before = newest(served).id
+    page.locator(button).click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    until(lambda: newest(served).id != before)
+    with served.client as client:
+        run = client.follow(newest(served)).require_done().job.run
+    assert run is not None
+    expect(page.locator("#after")).to_have_value(run)  # the page offers it
+    expect(page.locator("#job .verdict.end")).to_have_text(end)
+    return run
+
+
+def newest(served: ServedProcess) -> Job:
+    """Return the job that was begun last."""
+    with served.client as client:
+        return Job.model_validate(client.ask("GET", "/jobs?limit=1")[0])
