@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
+import signal
+from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -96,6 +100,50 @@ def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_
     expect(words).to_have_text("You do not have this cell any more. Nobody has this cell.")
     expect(page.locator("#lease-take")).to_be_visible()
     problems.clear()  # the browser's own words on what it could not reach
+
+
+def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
+    open_page: OpenPage, served_pages: ServedProcess, motion: str, problems: list[str]
+) -> None:
+    """Its process is stopped, as by a debugger or a tablet that is out of memory.
+
+    The connection stays open, and nobody is there any more who could let go of anything.
+    """
+    (served_pages.folder / "motion.yaml").write_text(motion)
+    page = open_page()
+    take_cell(page)
+    checked(page)
+    job = begin(page, served_pages, "stop", 1.0)
+    run_out(page, served_pages)
+    with frozen(page), served_pages.client as client:
+        over = client.follow(client.job(job.id))
+        assert over.job.state.value == "stopped"
+        assert over.document is not None
+        assert over.document["stop"]["code"] == "CLIENT_LOST"
+        assert client.cell(CELL).lease is None
+    expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
+    words = page.locator("#lease-words")
+    expect(words).to_have_text("You do not have this cell any more. Nobody has this cell.")
+    problems.clear()  # the browser's own words on a lease that is gone
+
+
+@contextlib.contextmanager
+def frozen(page: Page) -> Iterator[None]:
+    """Stop the processes that show pages, for as long as the `with` lasts."""
+    browser = page.context.browser
+    assert browser is not None
+    session = browser.new_browser_cdp_session()
+    told = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    showing = [int(each["id"]) for each in told if each["type"] == "renderer"]
+    assert showing
+    try:
+        for pid in showing:
+            os.kill(pid, signal.SIGSTOP)
+        yield
+    finally:
+        for pid in showing:
+            os.kill(pid, signal.SIGCONT)
+        session.detach()
 
 
 def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not(
