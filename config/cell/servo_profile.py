@@ -19,6 +19,7 @@ ObjectName = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h:[0-9A-F]{2}$")]
 FamilyObject = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$")]
 Mode = Literal["cyclic_velocity", "profile_velocity", "cyclic_position", "interpolated_position"]
 VelocityUnit = Literal["increments_per_s", "rpm", "0.1rpm"]
+Watch = Literal["heartbeat", "life_guarding"]
 Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
 
 BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
@@ -76,6 +77,9 @@ class ServoProfile(ConfigModel):
     `drive_safety` says, or, with `torque_limit_written: false`, read and shown; null: there is
     none. `deceleration_rad_s2` is the joint's where the drive has no 6085h that could be set.
 
+    `watch` is how drive and computer notice each other's silence: by heartbeats (1016h, 1017h), or,
+    of a drive without 1016h, by life guarding (100Ch, 100Dh), in which it is asked for its state.
+
     A simulated drive of the family lacks the objects of `lacks`, does not let those of `read_only`
     be written, and has those of `settings` besides.
     """
@@ -96,6 +100,7 @@ class ServoProfile(ConfigModel):
     torque_limit: TorqueObject | None = TorqueObject(object="6072h:00")
     torque_limit_written: bool = True
     deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")] | None = None
+    watch: Watch = "heartbeat"
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()
     read_only: tuple[ObjectName, ...] = ()

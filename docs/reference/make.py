@@ -113,7 +113,8 @@ def drive_objects() -> str:
         object_name, index = f"{each.index:04X}h:{each.subindex:02X}", f"{each.index:04X}"
         instead = without[each.lack] if each.lack != "red" else REPLACED_BY.get(index)
         if each.watchdog and each.lack == "red":
-            instead = "cannot be used, unless `allow_drive_without_watchdog` names it"
+            instead = REPLACED_BY.get(index, "cannot be used")
+            instead += "; unless `allow_drive_without_watchdog` names it"
         rows.append(f"| {object_name} | {each.name} | {instead or without['red']} |")
     return "\n".join(rows) + "\n"
 

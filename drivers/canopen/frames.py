@@ -11,11 +11,15 @@ EMCY_BASE = 0x080
 SDO_ANSWER_BASE = 0x580
 SDO_REQUEST_BASE = 0x600
 HEARTBEAT_BASE = 0x700
+REMOTE_FLAG = 0x4000_0000  # as SocketCAN has it
 LSS_MASTER_COB_ID = 0x7E5  # CiA 305
 
 
 class Frame(NamedTuple):
-    """A classic CAN data frame with an 11-bit identifier: identifier and up to 8 bytes."""
+    """A classic CAN frame with an 11-bit identifier: identifier and up to 8 bytes.
+
+    With `REMOTE_FLAG` in its identifier it asks for as many bytes as it has, and carries none.
+    """
 
     cob_id: int
     data: bytes

@@ -1,14 +1,32 @@
-"""Heartbeat, sent and watched (CiA 301, 7.2.8.3.2), and the consumer entry of 1016h."""
+"""Heartbeat, sent and watched (CiA 301, 7.2.8.3.2), and the consumer entry of 1016h.
+
+Life guarding stands in its place where a node has no 1016h (CiA 301, 7.2.8.3.1): the master asks
+for the node's state by remote frames; the node answers, and misses the questions.
+"""
 
 from __future__ import annotations
 
-from drivers.canopen.frames import Frame, heartbeat_cob_id
+from drivers.canopen.frames import REMOTE_FLAG, Frame, heartbeat_cob_id
 from drivers.canopen.nmt import NmtState
 
 
 def heartbeat_frame(node_id: int, state: NmtState) -> Frame:
     """Return a heartbeat; with `NmtState.INITIALISING` it is the boot-up message."""
     return Frame(heartbeat_cob_id(node_id), bytes((state,)))
+
+
+TOGGLE_BIT = 0x80
+"""Alternates in answers to guarding, so that a controller that repeats the last one is found."""
+
+
+def guard_request(node_id: int) -> Frame:
+    """Return the remote frame that asks a node for its state."""
+    return Frame(REMOTE_FLAG | heartbeat_cob_id(node_id), bytes(1))
+
+
+def guard_answer(node_id: int, state: NmtState, toggle: bool) -> Frame:
+    """Return a node's answer."""
+    return Frame(heartbeat_cob_id(node_id), bytes((state | TOGGLE_BIT * toggle,)))
 
 
 def consumer_entry(node_id: int, timeout_ms: int) -> int:
@@ -49,10 +67,14 @@ class HeartbeatConsumer:
         The state of the last heartbeat's byte, None before the first.
     lost
         Whether the heartbeat has timed out and has not come back since.
+    guarded
+        Whether it is asked for: then one with the toggle bit of the last is none.
     """
 
-    def __init__(self, timeout_s: float) -> None:
+    def __init__(self, timeout_s: float, *, guarded: bool = False) -> None:
         self._timeout_s = timeout_s
+        self.guarded = guarded
+        self._toggle = -1
         self._last_s: float | None = None
         self.state: int | None = None
         self.lost = False
@@ -61,9 +83,13 @@ class HeartbeatConsumer:
         """Begin to watch now [s], whether or not a heartbeat has been heard."""
         self._last_s = now_s
         self.lost = False
+        self._toggle = -1
 
-    def heard(self, state: int, now_s: float) -> None:
-        """Take a heartbeat that arrived at `now_s` [s]."""
+    def heard(self, state: int, now_s: float, toggle: int = 0) -> None:
+        """Take a heartbeat that arrived at `now_s` [s], or a guarded node's answer."""
+        if self.guarded and toggle == self._toggle:
+            return
+        self._toggle = toggle
         self.state = state
         self._last_s = now_s
         self.lost = False

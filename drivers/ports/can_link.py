@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from config.cell.cell import CanBusConfig
 from config.errors import TransportError
-from drivers.canopen.frames import Frame
+from drivers.canopen.frames import REMOTE_FLAG, Frame
 from drivers.ports.can_ports import Arrival, FramePort, PythonCanPort
 from drivers.ports.clock import Clock, MonotonicClock
 from drivers.ports.python_can import can, not_opened, open_bus
@@ -61,6 +61,11 @@ class CanLink:
         """How many frames the computer had to drop, as far as the bus counts them."""
         return int(getattr(self._port, "lost_frames", 0))
 
+    def take_remote_frames(self) -> None:
+        """Hand remote frames on from now on, with `REMOTE_FLAG`: devices are asked by them."""
+        if isinstance(self._port, PythonCanPort | SocketCanPort):
+            self._port.takes_remote_frames = True
+
     def fileno(self) -> int:
         """Return a descriptor to wait at, -1 where there is none."""
         try:
@@ -81,7 +86,8 @@ class CanLink:
             The bus did not take one of them.
         """
         if self._echoes is not None:
-            self._echoes.update((cob_id, bytes(data)) for cob_id, data in frames)
+            data_frames = (frame for frame in frames if not frame[0] & REMOTE_FLAG)
+            self._echoes.update((cob_id, bytes(data)) for cob_id, data in data_frames)
         try:
             self._port.send_frames(frames)
         except (can.CanError, OSError) as error:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from config.errors import TransportError
+from drivers.canopen.frames import REMOTE_FLAG
 from drivers.ports.python_can import can
 
 BUS_OFF = 0x040
@@ -72,6 +73,11 @@ class PythonCanPort:
         The open bus.
     simulated : bool
         Whether its messages' time stamps are in the link's (simulated) time.
+
+    Attributes
+    ----------
+    takes_remote_frames : bool
+        Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices want them.
     """
 
     def __init__(self, bus: can.BusABC, *, simulated: bool) -> None:
@@ -79,13 +85,14 @@ class PythonCanPort:
         self._simulated = simulated
         self.channel_info = bus.channel_info
         self.time_stamped = False
+        self.takes_remote_frames = False
         self.shutdown = bus.shutdown
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
         """Send frames; see `FramePort`."""
         failed: Exception | None = None
         for cob_id, data in frames:
-            message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+            message = _message(cob_id, data)
             try:
                 self._bus.send(message)
             except (can.CanError, OSError) as error:
@@ -101,10 +108,24 @@ class PythonCanPort:
         if message.is_error_frame:
             refuse_bus_off(message.arbitration_id, self.channel_info)
             return ()
-        if message.is_extended_id or message.is_remote_frame or message.is_fd:
+        remote = message.is_remote_frame
+        if message.is_extended_id or message.is_fd or (remote and not self.takes_remote_frames):
             return ()
         time_s = message.timestamp if self._simulated else time.monotonic()
+        if remote:
+            return (Arrival(REMOTE_FLAG | message.arbitration_id, bytes(message.dlc), time_s),)
         return (Arrival(message.arbitration_id, bytes(message.data), time_s),)
+
+
+def _message(cob_id: int, data: bytes | bytearray) -> can.Message:
+    if cob_id & REMOTE_FLAG:
+        return can.Message(
+            arbitration_id=cob_id & ~REMOTE_FLAG,
+            is_remote_frame=True,
+            dlc=len(data),
+            is_extended_id=False,
+        )
+    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
 
 
 def refuse_bus_off(error_class: int, channel: str) -> None:

@@ -104,6 +104,8 @@ class SocketCanPort:
     lost_frames
         How many frames the kernel dropped because they were not read in time, and how many times
         the controller reported that it had to.
+    takes_remote_frames
+        Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices want them.
     error_frames
         How many error frames came (error-passive, arbitration lost, ...); bus-off is an error.
 
@@ -119,6 +121,7 @@ class SocketCanPort:
         self.channel_info = f"socketcan {channel}"
         self.lost_frames = 0
         self.error_frames = 0
+        self.takes_remote_frames = False
         self._dropped = 0
         self._stamps = KernelStamps(*both_clocks())
         self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
@@ -187,6 +190,8 @@ class SocketCanPort:
                 time_s = self._note(ancillary, now_ns)
                 if can_id < 0x800:
                     arrived.append(Arrival(can_id, payload[:length], time_s))
+                elif self.takes_remote_frames and can_id ^ REMOTE_FLAG < 0x800:
+                    arrived.append(Arrival(can_id, bytes(length), time_s))
                 elif can_id & ERROR_FLAG:
                     self._error_frame(can_id, payload)
         except BlockingIOError:

@@ -17,7 +17,7 @@ from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
-from drivers.canopen.heartbeat import HeartbeatProducer, heartbeat_frame
+from drivers.canopen.heartbeat import HeartbeatProducer, guard_request, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
 from drivers.interfaces.servo_axes import DriveEvent, DriveSetting
 from drivers.ports.can_link import CanLink
@@ -93,7 +93,10 @@ class CanServoAxes:
         check_bus_load(cell)
         self.joint_names = robot.joint_names
         nodes = [axis.node_id for axis in self._axes]
-        self.watch = DriveWatch(self.joint_names, nodes, cell.drive_safety)
+        guarded = [
+            axis.node_id for axis in self._axes if cell.servo_of(axis).watch == "life_guarding"
+        ]
+        self.watch = DriveWatch(self.joint_names, nodes, cell.drive_safety, guarded)
         self.cyclic = CyclicExchange(
             link,
             nodes,
@@ -115,6 +118,7 @@ class CanServoAxes:
         self.last_heartbeat_s = -math.inf
         self._heartbeats = HeartbeatProducer(cell.drive_safety.master_heartbeat_ms / 1000.0)
         self._heartbeat = heartbeat_frame(cell.drive_safety.master_node_id, NmtState.OPERATIONAL)
+        self._guarding = [guard_request(node) for node in guarded]
 
     def bring_up(self) -> None:
         """Reset, configure and read back every drive (CiA 301 order); no power, no motion.
@@ -190,11 +194,15 @@ class CanServoAxes:
             ) from error
         return True
 
-    def send_heartbeat(self, now_s: float) -> None:
-        """Send this computer's heartbeat when it is due at `now_s` [s]."""
+    def send_heartbeat(self, now_s: float, *, asking: bool = True) -> None:
+        """Send this computer's heartbeat when it is due at `now_s` [s].
+
+        Drives that are watched by life guarding are asked for their state with it; not `asking`
+        leaves them without, which is their silence to this computer and its silence to them.
+        """
         if self._heartbeats.due(now_s):
             self.last_heartbeat_s = now_s
-            self._link.send(self._heartbeat)
+            self._link.send_frames((self._heartbeat, *(self._guarding if asking else ())))
 
     def take_events(self) -> tuple[DriveEvent, ...]:
         """Return what the drives reported since the last call, at most 64 events."""

@@ -53,6 +53,7 @@ def bus_load(cell: CellConfig) -> float:
         drive_heartbeat_s=safety.drive_heartbeat_ms / 1000.0,
         frame_bytes=TRIMMED_BYTES if trimmed else FULL_BYTES,
         status_s=STATUS_EVENT_MS / 1000.0 if trimmed else math.inf,
+        guarded=sum(cell.servo_of(axis).watch == "life_guarding" for axis in cell.axes),
     )
 
 

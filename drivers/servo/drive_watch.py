@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -24,7 +24,7 @@ from drivers.canopen.frames import (
     sdo_answer_cob_id,
     sdo_request_cob_id,
 )
-from drivers.canopen.heartbeat import HeartbeatConsumer
+from drivers.canopen.heartbeat import TOGGLE_BIT, HeartbeatConsumer
 from drivers.canopen.nmt import NmtState, state_name
 from drivers.device_text import printable
 from drivers.interfaces.servo_axes import DriveEvent, EventKind
@@ -46,6 +46,8 @@ class DriveWatch:
         The axes, base to flange.
     safety : DriveSafety
         The cell's time limits and the node id of this computer.
+    guarded : collection of int, optional
+        The drives that are asked for their state, and send no heartbeat by themselves.
 
     Attributes
     ----------
@@ -64,6 +66,7 @@ class DriveWatch:
         joint_names: Sequence[str],
         node_ids: Sequence[int],
         safety: DriveSafety,
+        guarded: Collection[int] = (),
     ) -> None:
         self._joint_names = tuple(joint_names)
         timeout_s = safety.drive_heartbeat_timeout_ms / 1000.0
@@ -80,7 +83,9 @@ class DriveWatch:
             self._masters_own[sdo_request_cob_id(node)] = f"SDO requests to node {node}"
             for number in (1, 2):
                 self._masters_own[rpdo_cob_id(node, number)] = f"commands to node {node}"
-        self.heartbeats = tuple(HeartbeatConsumer(timeout_s) for _ in node_ids)
+        self.heartbeats = tuple(
+            HeartbeatConsumer(timeout_s, guarded=node in guarded) for node in node_ids
+        )
         self.boot_ups = [0] * len(node_ids)
         self.unexpected_frames = 0
         self.dropped_events = 0
@@ -198,7 +203,7 @@ class DriveWatch:
             )
             return
         state = data[0] & 0x7F
-        self.heartbeats[axis].heard(state, now_s)
+        self.heartbeats[axis].heard(state, now_s, data[0] & TOGGLE_BIT)
         if state == NmtState.INITIALISING:
             self.boot_ups[axis] += 1
             if self._armed:

@@ -80,7 +80,9 @@ def eds_findings(
         *safety_requirements(cell, profile, _ANY_MOTOR, _ANY_UNITS, 1.0),
     ):
         found = eds.get(requirement.index, requirement.subindex)
-        if found is None and requirement.lack == "shown":
+        if requirement.lack == "shown" and (
+            found is None or _only_of_another_size(requirement, found)
+        ):
             continue
         lack = _lack(requirement, found)
         beyond = _out_of_limits(requirement, found)
@@ -95,6 +97,12 @@ def eds_findings(
     for pdo in cyclic_pdos(axis.node_id, cell.exchange, profile):
         findings += _pdo_findings(eds, pdo, axis.node_id)
     return tuple(findings)
+
+
+def _only_of_another_size(requirement: Requirement, found: EdsObject) -> bool:
+    """Return whether an object that is only read, as far as it is there, has another size."""
+    sized = found.bits is not None and not found.faults and found.bits != 8 * requirement.size
+    return sized and not requirement.written and requirement.index != _MODES
 
 
 def _unknown(profile: ServoProfile) -> Iterator[EdsFinding]:

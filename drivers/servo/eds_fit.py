@@ -17,12 +17,13 @@ from config.formats.eds_object import EdsObject, is_signed
 from config.formats.yaml_tree import dump_yaml
 from drivers.canopen.sdo import object_name
 from drivers.servo.eds_check import EdsFinding, eds_findings
+from drivers.servo.requirements import GUARD_TIME, LIFE_TIME_FACTOR
 
 MOST_LINES = 10
 
 SAFETY_OBJECTS: Final = frozenset(
-    ("1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00", "6041h:00",
-     "6084h:00", "6085h:00")
+    ("100Ch:00", "100Dh:00", "1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00",
+     "6041h:00", "6084h:00", "6085h:00")
 )  # fmt: skip
 """What protects people: without one of these a drive is not used, whatever the cell file says."""
 
@@ -156,6 +157,8 @@ def _keys_for(
         keys = {"torque": torques.pop(0)}
     elif limit is not None and name == limit.object:
         keys = _limit_keys(profile, eds)
+    elif name == "1016h:01" and all(eds.get(*each) for each in (GUARD_TIME, LIFE_TIME_FACTOR)):
+        keys = {"watch": "life_guarding"}
     elif name == "6085h:00":
         keys = {"deceleration_rad_s2": 10.0}
     elif name in _OF_MODES and profile.mode != _MODES[-1]:

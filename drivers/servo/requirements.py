@@ -1,7 +1,8 @@
 """What a drive must hold before motion: `Requirement`, the safety settings and the two PDOs.
 
 The heartbeat consumer (1016h) with abort connection (6007h) is what stops a drive when this
-computer dies; the RPDO's event timer (1400h:05) does it once more where a drive has it.
+computer dies; the RPDO's event timer (1400h:05) does it once more where a drive has it. A drive
+without 1016h may have life guarding in its place (100Ch, 100Dh): it is always tried before motion.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ TARGETS: Final[dict[Mode, tuple[int, int]]] = {
 }
 """What the set-points are written to."""
 INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
+GUARD_TIME, LIFE_TIME_FACTOR = (0x100C, 0), (0x100D, 0)
 RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)
 
 _MILLI = 1000.0
@@ -218,16 +220,11 @@ def safety_requirements(
         The torque limit cannot be said in the numbers of its object.
     """
     safety, mode = cell.drive_safety, profile.mode
-    master = consumer_entry(safety.master_node_id, safety.master_heartbeat_timeout_ms)
     return (
         Requirement(0x1005, 0, 4, "SYNC identifier", 0x80, mask=0x4000_07FF, write=False,
                     lack="shown"),
         Requirement(0x1006, 0, 4, "SYNC period [us]", lack="shown"),
-        Requirement(0x1017, 0, 2, "heartbeat period [ms]", safety.drive_heartbeat_ms),
-        Requirement(
-            0x1016, 1, 4, "watch on this computer's heartbeat", master,
-            watchdog=True, hexadecimal=True,
-        ),
+        *_watches(cell, profile),
         Requirement(0x1029, 1, 1, "reaction to a communication error", 0, lack="shown"),
         Requirement(
             0x6007, 0, 2, "abort connection", safety.abort_connection,
@@ -269,6 +266,27 @@ def safety_requirements(
             )
             for extra in profile.settings
         ),
+    )  # fmt: skip
+
+
+def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
+    """Yield what makes drive and computer notice each other's silence.
+
+    A node that sends its heartbeat is not guarded (CiA 301, 7.2.8.3): 1017h must be 0 then.
+    """
+    safety = cell.drive_safety
+    timeout_ms, period_ms = safety.master_heartbeat_timeout_ms, safety.master_heartbeat_ms
+    if profile.watch == "life_guarding":
+        yield Requirement(0x1017, 0, 2, "heartbeat period [ms]", 0, lack="shown")
+        yield Requirement(*GUARD_TIME, 2, "guard time [ms]", period_ms, watchdog=True)
+        factor = timeout_ms // period_ms
+        yield Requirement(*LIFE_TIME_FACTOR, 1, "life time [guard times]", factor, watchdog=True)
+        return
+    yield Requirement(0x1017, 0, 2, "heartbeat period [ms]", safety.drive_heartbeat_ms)
+    master = consumer_entry(safety.master_node_id, timeout_ms)
+    yield Requirement(
+        0x1016, 1, 4, "watch on this computer's heartbeat", master,
+        watchdog=True, hexadecimal=True,
     )  # fmt: skip
 
 

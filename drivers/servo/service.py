@@ -110,10 +110,13 @@ class DriveService:
     def silence_drives(self) -> None:
         """Switch the drives' own heartbeats off until the next bring-up: a trial of our watch.
 
+        Those that are asked for their state are silent when nobody asks.
+
         Raises
         ------
         DeviceTimeoutError, TransportError
             A drive does not answer, or the bus is gone.
         """
-        for port in self.ports():
-            port.write(0x1017, 0, bytes(2))
+        for port, consumer in zip(self.ports(), self._watch.heartbeats, strict=True):
+            if not consumer.guarded:
+                port.write(0x1017, 0, bytes(2))

@@ -33,6 +33,7 @@ from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits, MotorRatings, PowerState, state_of
 from drivers.servo.requirements import (
     INCREMENTS,
+    LIFE_TIME_FACTOR,
     Requirement,
     cyclic_pdos,
     identity_requirement,
@@ -55,8 +56,8 @@ Verdict = Literal["ok", "red", "allowed", "shown"]
 class SetupResult:
     """What was found out about one drive; `units` is None where they could not be read.
 
-    `left_to_trial` are the objects of its reactions that it does not have: what it does is not
-    known before its watches were tried.
+    `left_to_trial` are the objects of its reactions that it does not have, and that of life
+    guarding: what it does is not known before its watches were tried.
     """
 
     joint: str
@@ -97,6 +98,8 @@ class DriveSetup:
         self._cell = cell
         self._profile = cell.servo_of(axis)
         self._left_to_trial: list[str] = []
+        if self._profile.watch == "life_guarding":  # what it does is for the maker to choose
+            self._left_to_trial.append(object_name(*LIFE_TIME_FACTOR))
         self._port = SdoPort(link, axis.node_id, others, write_log=write_log)
         self._settings: list[DriveSetting] = []
         self._held: dict[tuple[int, int], int] = {}

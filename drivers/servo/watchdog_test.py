@@ -1,8 +1,9 @@
 """`WatchTrial`: both heartbeat watches let run out once, with the axes at rest, to see them act.
 
 A setting that reads back right is a promise; this sees it kept. First each drive's heartbeat is
-switched off: this computer must notice. Then this computer's own is withheld while everything else
-goes on: each drive must leave its state by itself, a quick stop where it was powered.
+switched off, and none is asked for its state: this computer must notice. Then this computer's own
+is withheld, and its questions, while everything else goes on: each drive must leave its state by
+itself, a quick stop where it was powered.
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
     due_s = clock.now_s()
     while clock.now_s() < since_s + patience_s and any(map(math.isnan, noticed.values())):
         due_s = _cycle(axes, clock, cell, due_s)
-        axes.send_heartbeat(clock.now_s())
+        axes.send_heartbeat(clock.now_s(), asking=False)
         axes.quick_stop()  # the drives watch for set-points; this one moves nothing
         for event in axes.take_events():
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):

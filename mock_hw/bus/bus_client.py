@@ -41,6 +41,7 @@ class BusClient:
 
     def __init__(self, link: CanLink, ended: Callable[[], bool]) -> None:
         self._link = link
+        link.take_remote_frames()
         self._ended = ended
         self._outbox: list[tuple[int, bytes]] = []
         self.now_ns = time.monotonic_ns()

@@ -14,7 +14,7 @@ from pathlib import Path
 from config.errors import TransportError
 from drivers.ports.can_ports import Arrival
 from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
-from mock_hw.bus.wire_time import STANDARD_MASK
+from mock_hw.bus.wire_time import REMOTE_FLAG, STANDARD_MASK
 
 _READ_BYTES = 4096
 
@@ -83,9 +83,9 @@ class LawicelPort:
             termios.tcflush(self._other, termios.TCIFLUSH)
         self._write(answers)
         return [
-            Arrival(frame.can_id, frame.data, time.monotonic())
+            Arrival(frame.can_id, frame.data or bytes(frame.length), time.monotonic())
             for frame in frames
-            if frame.can_id <= STANDARD_MASK
+            if frame.can_id & ~REMOTE_FLAG <= STANDARD_MASK
         ]
 
     def shutdown(self) -> None:

@@ -16,7 +16,7 @@ from drivers.canopen.frames import (
     Frame,
     sdo_request_cob_id,
 )
-from drivers.canopen.heartbeat import heartbeat_frame, parse_consumer_entry
+from drivers.canopen.heartbeat import guard_request, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.sdo_server import SdoServer
 from drivers.servo.cia402 import ControlWord, PowerState
@@ -30,6 +30,7 @@ from mock_hw.drive.errors import (
     SYNC_LOST,
     ErrorLog,
 )
+from mock_hw.drive.master_watch import MasterWatch
 from mock_hw.drive.object_dictionary import Key, ObjectDictionary
 from mock_hw.drive.pdos import DrivePdo, PdoTable
 from mock_hw.drive.power_stage import DriveClock, PowerStage
@@ -98,8 +99,8 @@ class SimulatedDrive:
         self._boot_s = now_s + BOOT_S
         self._beat_s = math.inf
         self._sync_deadline_s = math.inf
-        self._watched: dict[int, float] = {}
-        self._silent_s: dict[int, float] = {}
+        self._master = MasterWatch(self.objects, self.clock, identity)
+        self._guard_cob_id = guard_request(identity.node_id).cob_id
         self.beats = True
         self.watches = True
         self.ignores_quick_stop = False
@@ -115,7 +116,7 @@ class SimulatedDrive:
             self.power.next_s,
             self.axis.following.due_s,
             self._sync_deadline_s,
-            *self._silent_s.values(),
+            self._master.next_s,
         )
         for pdo in self._pdos.timed:
             due_s = min(due_s, pdo.deadline_s)
@@ -142,8 +143,7 @@ class SimulatedDrive:
             if self.beats:
                 self._send(heartbeat_frame(self.node_id, self.nmt))
         self.power.advance(now_s)
-        for node_id in [node for node, due_s in self._silent_s.items() if now_s >= due_s]:
-            del self._silent_s[node_id]
+        for _ in range(self._master.silent(now_s)):
             self._lose_master(HEARTBEAT_LOST)
         if now_s >= self.axis.following.due_s:
             self.axis.following.due_s = math.inf
@@ -173,7 +173,7 @@ class SimulatedDrive:
         pdo = self._pdos.received.get(cob_id)
         if pdo is not None:
             return pdo.synchronous
-        return cob_id not in (NMT_COB_ID, SYNC_COB_ID, self._sdo_cob_id)
+        return cob_id not in (NMT_COB_ID, SYNC_COB_ID, self._sdo_cob_id, self._guard_cob_id)
 
     def receive(self, frame: Frame, now_s: float) -> None:
         """Take a frame that was on the bus at `now_s` [s]."""
@@ -185,8 +185,11 @@ class SimulatedDrive:
             command = parse_nmt(frame, self.node_id)
             if command is not None:
                 self._obey(command)
+        elif cob_id == self._guard_cob_id:
+            self._answer_guarding()
         elif cob_id > HEARTBEAT_BASE:
-            self._hear(cob_id - HEARTBEAT_BASE)
+            if self._master.hear(cob_id - HEARTBEAT_BASE, now_s):
+                self._tell(self._errors.leave(HEARTBEAT_LOST))
         elif cob_id == self._sdo_cob_id and self.nmt is not NmtState.STOPPED:
             self.axis.refresh()
             for answer in self._sdo.handle(frame, now_s):
@@ -238,17 +241,16 @@ class SimulatedDrive:
         self._sdo.reset()
         self._arm_pdos()
         self._outbox.clear()
-        self._watched.clear()
-        self._silent_s.clear()
+        self._master.forget()
         self._beat_s = math.inf
         self._boot_s = self._now_s + self.clock.lasts(BOOT_S)
 
-    def _hear(self, node_id: int) -> None:
-        """Take a heartbeat; watching begins with the first one (CiA 301, 7.2.8.3.2)."""
-        timeout_s = self._watched.get(node_id)
-        if timeout_s is not None:
-            self._silent_s[node_id] = self._now_s + self.clock.lasts(timeout_s)
+    def _answer_guarding(self) -> None:
+        answer = self._master.answer(self.nmt, self._now_s)
+        if answer is not None:
             self._tell(self._errors.leave(HEARTBEAT_LOST))
+            if self.beats:
+                self._send(answer)
 
     # ---- what a fault does to it ------------------------------------------------------------
 
@@ -381,14 +383,9 @@ class SimulatedDrive:
         elif key == (od.ERROR_HISTORY, 0):
             self._errors.clear_history()
         elif index == od.HEARTBEAT_CONSUMER:
-            self._watch_heartbeats()
+            self._master.read_entries()
         elif 0x1400 <= index < 0x1C00:
             self._arm_pdos()
-
-    def _watch_heartbeats(self) -> None:
-        entries = [self.objects[od.HEARTBEAT_CONSUMER, n] for n in range(1, od.CONSUMERS + 1)]
-        self._watched = dict(filter(None, map(parse_consumer_entry, entries)))
-        self._silent_s.clear()
 
 
 def _is_quick_stop(keys: tuple[Key, ...], values: tuple[int, ...]) -> bool:

@@ -33,6 +33,8 @@ SYNC_PERIOD_US = (0x1006, 0)
 STORE = (0x1010, 1)
 STORES_ON_COMMAND = 1
 STORE_WORD = int.from_bytes(b"save", "little")
+GUARD_TIME = (0x100C, 0)
+LIFE_TIME_FACTOR = (0x100D, 0)
 HEARTBEAT_CONSUMER = 0x1016
 HEARTBEAT_PRODUCER = (0x1017, 0)
 COMMUNICATION_ERROR = (0x1029, 1)
@@ -202,6 +204,9 @@ def _communication_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield Entry(*SYNC_PERIOD_US, "SYNC period [us]", "I", 0, "rw")
     yield Entry(0x1008, 0, "device name", "s", b"rid-daq simulated servo drive")
     yield Entry(0x100A, 0, "software version", "s", b"1.0")
+    if identity.profile.watch == "life_guarding":
+        yield Entry(*GUARD_TIME, "guard time [ms]", "H", 0, "rw")
+        yield Entry(*LIFE_TIME_FACTOR, "life time factor", "B", 0, "rw")
     yield Entry(0x1010, 0, "ways to store", "B", 1)
     yield Entry(*STORE, "store all", "I", STORES_ON_COMMAND, "rw", "", frozenset((STORE_WORD,)))
     yield Entry(0x1014, 0, "EMCY identifier", "I", emcy_cob_id(node_id))

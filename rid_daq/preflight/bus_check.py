@@ -17,10 +17,10 @@ from drivers.servo.watchdog_test import WatchTrial, acts_within_s, try_watches
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
 _DRIVE = (
-    "this drive went on without this computer: it must not be moved; see its manual on 1016h and"
-    " 6007h, or name its node in drive_safety.allow_drive_without_watchdog"
+    "this drive went on without this computer: it must not be moved; see its manual on 1016h,"
+    " or 100Ch and 100Dh, and 6007h, or name its node in drive_safety.allow_drive_without_watchdog"
 )
-_COMPUTER = "this drive's heartbeat ended and was not missed: check 1017h in the drive"
+_COMPUTER = "this drive fell silent and was not missed: check 1017h in the drive, or 100Ch"
 
 Verdict = Literal["ok", "red", "allowed", "shown"]
 

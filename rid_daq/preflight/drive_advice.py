@@ -22,6 +22,8 @@ _ANOTHER_DRIVE = (
 )
 
 _ALWAYS: Final[dict[str, str]] = {
+    "100C": _WATCH,
+    "100D": _WATCH,
     "1016": _WATCH,
     "1018": _ANOTHER_DRIVE,
     "6007": _WATCH,
@@ -34,6 +36,8 @@ _ALWAYS: Final[dict[str, str]] = {
     " direction in the axis say how it turns",
 }
 REPLACED_BY: Final[dict[str, str]] = {
+    "1016": "name watch: life_guarding in the axis's servo, where the drive has 100Ch and 100Dh",
+    "1017": "name watch: life_guarding in the axis's servo, where the drive has 100Ch and 100Dh",
     "608F": "name encoder_increments, of the motor's encoder, in the axis's servo",
     "6076": "name rated_torque_nm, of the motor's data sheet, in the axis's servo",
     "6075": "name rated_current_a, of the motor's data sheet, in the axis's servo",
@@ -69,7 +73,9 @@ def next_action(setting: DriveSetting) -> str:
     if setting.next_action:
         return setting.next_action
     if index in _ALWAYS:
-        return _ALWAYS[index].format(object=f"{index}h")
+        always = _ALWAYS[index].format(object=f"{index}h")
+        missing = index in REPLACED_BY and "not in this drive" in setting.found
+        return f"{always}; or {REPLACED_BY[index]}" if missing else always
     if "not in this drive" in setting.found:
         otherwise = "the drive does not have this object: name its profile, or what stands for the"
         return REPLACED_BY.get(index, f"{otherwise} object, in the axis's servo")

@@ -21,7 +21,7 @@ from acquisition.task.ring import Ring
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
 from config.errors import RidDaqError
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
-from drivers.canopen.frames import Frame
+from drivers.canopen.frames import REMOTE_FLAG, Frame
 from drivers.cell import Cell
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
@@ -100,7 +100,8 @@ class ObedientCell(can.BusABC):
             self.drives.append(SimulatedDrive(identity, self.axes[-1]))
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        frame = Frame(msg.arbitration_id, bytes(msg.data))
+        remote = REMOTE_FLAG if msg.is_remote_frame else 0
+        frame = Frame(remote | msg.arbitration_id, bytes(msg.data))
         for drive in self.drives:
             drive.receive(frame, self.now_s)
         self._take()

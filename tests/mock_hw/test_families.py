@@ -17,7 +17,9 @@ from config.errors import PreflightError
 from config.formats.eds import parse_eds
 from config.load import bundled_names, load_bundled_or_path
 from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from drivers.canopen.frames import Frame
 from drivers.cell import Cell
+from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
 from drivers.servo.eds_check import eds_findings
 from drivers.servo.watchdog_test import WatchTrial, prove_watches, try_watches
@@ -134,6 +136,66 @@ def test_one_that_does_not_stop_without_this_computer_is_never_moved() -> None:
         trial = try_watches(open_cell.axes, open_cell.clock, cell)[1]
         assert (trial.joint, trial.how) == ("elbow", "operation enabled")
         assert math.isnan(trial.acted_s)
+
+
+GUARDED = ServoProfile(
+    watch="life_guarding", lacks=("1016h", "1017h", "1029h", "1400h:05", "6007h", "605Ah", "605Eh")
+)
+
+
+def test_a_drive_with_life_guarding_in_place_of_heartbeats_is_moved() -> None:
+    cell = cell_of(GUARDED, ServoProfile())
+    moves(cell)
+    trials = tried(cell)
+    assert all(trial.acted_s <= 0.088 for trial in trials), trials
+    assert all(trial.noticed_s <= 0.108 for trial in trials), trials
+    assert trials[0].how == "fault"
+
+
+def test_life_guarding_is_proven_before_every_motion_whatever_the_drive_has() -> None:
+    cell = cell_of(ServoProfile(watch="life_guarding", lacks=("1016h",)), ServoProfile())
+    with opened(cell) as (open_cell, bus):
+        open_cell.axes.bring_up()
+        assert open_cell.axes.left_to_trial == ("base",)
+        assert bus.drives[0].objects[od.HEARTBEAT_PRODUCER] == 0
+        assert bus.drives[0].objects[od.GUARD_TIME] == 25
+        assert bus.drives[0].objects[od.LIFE_TIME_FACTOR] == 3
+        bus.drives[0].watches = False
+        with pytest.raises(PreflightError, match=r"does not stop in time: base \(node 1\): op"):
+            prove_watches(open_cell.axes, open_cell.clock, cell)
+
+
+@pytest.mark.parametrize("lacking", ["100Ch", "100Dh"])
+def test_a_drive_with_neither_watch_is_refused(lacking: str) -> None:
+    other = ServoProfile(watch="life_guarding", lacks=("1016h", lacking))
+    with (
+        opened(cell_of(other, ServoProfile())) as (open_cell, _),
+        pytest.raises(PreflightError, match=f"{lacking}:00 is not in this drive"),
+    ):
+        open_cell.axes.bring_up()
+
+
+@pytest.mark.parametrize("stale", [False, True])
+def test_a_guarded_drive_that_no_longer_answers_is_noticed(stale: bool) -> None:
+    """A controller that repeats the last answer while its program hangs is silent too."""
+    cell = cell_of(GUARDED, ServoProfile())
+    with opened(cell) as (open_cell, bus):
+        axes, clock = open_cell.axes, open_cell.clock
+        axes.bring_up()
+        axes.start()
+        due_s = axes.enable()
+        bus.drives[0].beats = False
+        since_s, noticed_s = clock.now_s(), math.inf
+        while clock.now_s() < since_s + 0.3 and math.isinf(noticed_s):
+            clock.sleep_until(due_s := due_s + cell.cycle_time_s)
+            axes.exchange()
+            if stale:
+                axes.watch.handle(Frame(0x701, b"\x85"), clock.now_s())
+            axes.command(np.zeros(2))
+            axes.send_heartbeat(clock.now_s())
+            lost = [e for e in axes.take_events() if e.kind is EventKind.HEARTBEAT_LOST]
+            noticed_s = min((event.time_s for event in lost), default=math.inf)
+        assert noticed_s - since_s <= 0.14
 
 
 def test_profile_velocity_a_current_for_the_torque_and_units_of_the_makers() -> None:

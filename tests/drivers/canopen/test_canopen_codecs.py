@@ -13,6 +13,8 @@ from drivers.canopen.heartbeat import (
     HeartbeatConsumer,
     HeartbeatProducer,
     consumer_entry,
+    guard_answer,
+    guard_request,
     heartbeat_frame,
     parse_consumer_entry,
 )
@@ -103,6 +105,17 @@ class TestHeartbeat:
         assert consumer.lost
         consumer.heard(5, 100.3)
         assert not consumer.lost
+
+    def test_a_guarded_node_is_heard_while_its_toggle_bit_alternates(self) -> None:
+        # CiA 301, 7.2.8.3.1
+        assert guard_request(3) == (0x4000_0703, b"\0")
+        assert guard_answer(3, NmtState.OPERATIONAL, True) == (0x703, b"\x85")
+        consumer = HeartbeatConsumer(0.1, guarded=True)
+        for number, time_s in enumerate((1.0, 1.05, 1.1, 1.15)):
+            consumer.heard(5, time_s, 0x80 * (number % 2))
+            assert not consumer.expired(time_s + 0.09)
+        consumer.heard(5, 1.2, 0x80)
+        assert consumer.expired(1.251), "an answer that is repeated is none"
 
 
 class TestEmergency:

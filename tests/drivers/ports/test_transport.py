@@ -12,6 +12,7 @@ import pytest
 from config.cell.cell import CanBusConfig, CellConfig, DriveSafety
 from config.errors import TransportError
 from drivers.canopen.frames import SYNC, Frame
+from drivers.canopen.heartbeat import guard_request
 from drivers.ports.can_link import CanLink, open_can
 from drivers.ports.clock import MonotonicClock
 from drivers.servo.cyclic_exchange import CyclicExchange
@@ -53,6 +54,16 @@ def test_a_deadline_that_has_passed_still_takes_what_waits(link: CanLink, peer: 
     assert link.receive(float("-inf")) is None
     peer.send(message(0x181))
     assert link.receive(link.clock.now_s() - 5.0) == Frame(0x181, b"")
+
+
+def test_a_device_may_be_asked_by_a_remote_frame(link: CanLink, peer: can.BusABC) -> None:
+    link.send(guard_request(3))
+    asked = peer.recv(1.0)
+    assert asked is not None
+    assert (asked.arbitration_id, asked.is_remote_frame, asked.dlc) == (0x703, True, 1)
+    link.take_remote_frames()
+    peer.send(message(0x703, is_remote_frame=True, dlc=1))
+    assert link.receive(link.clock.now_s() + 1.0) == guard_request(3)
 
 
 def test_only_classic_data_frames_are_handed_on(link: CanLink, peer: can.BusABC) -> None:

@@ -59,9 +59,24 @@ def test_the_watch_on_this_computer_protects_people_and_an_answer_does_not(
 ) -> None:
     fit, missing = lacks(cell, {"1016sub1": None, "6041": "6 ro 0"})
     assert missing == {"1016h:01": True, "6041h:00": True}
+    fit, missing = lacks(cell, {"1016sub1": None, "100C": "6 rw 0"})
+    assert missing == {"1016h:01": True}
     fit, missing = lacks(cell, {"6064": "4 ro 0"})
     assert missing == {"6064h:00": False}
     assert not fit.concerns_safety
+
+
+def test_life_guarding_stands_for_the_watch_on_this_computer(cell: CellConfig) -> None:
+    guarding: dict[str, str | None] = {"100C": "6 rw 0", "100D": "5 rw 0"}
+    fit, missing = lacks(cell, {"1016sub1": None, "1017": None} | guarding)
+    assert missing == {}
+    assert fit.keys == {"watch": "life_guarding"}
+    fit, missing = lacks(cell, {"1016sub1": None} | guarding | {"100D": "5 const 0"})
+    assert missing == {"100Dh:00": True}
+
+
+def test_what_is_only_read_may_have_another_size(cell: CellConfig) -> None:
+    assert lacks(cell, {"60B2": "4 ro 1"})[0].accepted
 
 
 def test_a_ramp_to_set_points_protects_nobody(cell: CellConfig) -> None:

@@ -41,6 +41,19 @@ def test_a_drive_without_6007h_is_ready_by_its_trial(
 
 
 @pytest.mark.slow
+def test_drives_with_life_guarding_are_ready_by_their_trial(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    guarded = "servo: {watch: life_guarding, lacks: [1016h, 1017h, 1400h:05]}\n"
+    lines = checked(tmp_path, guarded, capsys, 0)
+    held = {line["what"]: line["found"] for line in lines if line["what"].startswith("100")}
+    assert held["100Ch:00 guard time [ms]"] == "25"
+    assert held["100Dh:00 life time [guard times]"] == "3"
+    trials = [line for line in lines if "acts after, powered" in line["what"]]
+    assert {line["verdict"] for line in trials} == {"ok"}
+
+
+@pytest.mark.slow
 def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

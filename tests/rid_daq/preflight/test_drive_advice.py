@@ -1,0 +1,34 @@
+"""What a person is told to do about a drive's object that is red."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.interfaces.servo_axes import DriveSetting
+from rid_daq.preflight.drive_advice import next_action
+
+GUARDED = "name watch: life_guarding in the axis's servo, where the drive has 100Ch and 100Dh"
+
+
+def red(name: str, found: str) -> DriveSetting:
+    return DriveSetting(
+        joint="axis1",
+        node_id=1,
+        object_name=name,
+        name="an object",
+        required="80",
+        found=found,
+        verdict="red",
+    )
+
+
+@pytest.mark.parametrize("name", ["1016h:01", "1017h:00"])
+def test_a_drive_without_heartbeats_may_be_guarded(name: str) -> None:
+    assert GUARDED in next_action(red(name, "not in this drive"))
+
+
+@pytest.mark.parametrize("name", ["1016h:01", "100Ch:00", "100Dh:00"])
+def test_a_watch_that_is_not_taken_leaves_a_drive_that_goes_on(name: str) -> None:
+    advice = next_action(red(name, "0"))
+    assert "would not stop when this computer dies" in advice
+    assert GUARDED not in advice
