@@ -23,7 +23,8 @@ STORE: Final[Address] = (0x1010, 1)
 STORE_WORD: Final = b"save"
 
 COMMUNICATION_SETTINGS: Final[tuple[int, ...]] = (
-    *(0x1005, 0x1006, 0x1007, 0x1012, 0x1014, 0x1015, 0x1016, 0x1017, 0x1019, 0x1029),
+    *(0x1005, 0x1006, 0x1007, 0x100C, 0x100D, 0x1012, 0x1014, 0x1015, 0x1016, 0x1017),
+    *(0x1019, 0x1029),
     *(
         family + number - 1
         for family in (RPDO_COMMUNICATION, RPDO_MAPPING, TPDO_COMMUNICATION, TPDO_MAPPING)

@@ -68,10 +68,10 @@ def test_the_watch_on_this_computer_protects_people_and_an_answer_does_not(
 
 def test_life_guarding_stands_for_the_watch_on_this_computer(cell: CellConfig) -> None:
     guarding: dict[str, str | None] = {"100C": "6 rw 0", "100D": "5 rw 0"}
-    fit, missing = lacks(cell, {"1016sub1": None, "1017": None} | guarding)
+    fit, missing = lacks(cell, {"1016sub1": None, "1017": None, **guarding})
     assert missing == {}
     assert fit.keys == {"watch": "life_guarding"}
-    fit, missing = lacks(cell, {"1016sub1": None} | guarding | {"100D": "5 const 0"})
+    fit, missing = lacks(cell, {"1016sub1": None, **guarding, "100D": "5 const 0"})
     assert missing == {"100Dh:00": True}
 
 
