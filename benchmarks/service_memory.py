@@ -24,7 +24,8 @@ from typing import Final
 from websockets.sync.client import unix_connect
 
 from acquisition.task.control_block import ControlBlock
-from benchmarks.service import MOTION, PATIENCE_S, Served, serving
+from benchmarks.service import MOTION, Served, serving
+from benchmarks.service_stops import PATIENCE_S
 from rid_daq.service.records import Job
 from rid_daq.service.sockets import socket_of
 
