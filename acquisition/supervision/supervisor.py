@@ -75,7 +75,7 @@ class Supervisor:
         self._late_answers.clear()
         self._second_answers.begin(answers.second_answers.tolist())
         self._encoders.begin()
-        self._command = [0.0] * len(position)  # of the cycle before
+        self._wanted = [0.0] * len(position)  # speeds of the cycle before
         self._target = position
         self._target_velocity = [0.0] * len(position)
 
@@ -101,7 +101,7 @@ class Supervisor:
         )
         if reason is None:
             self._target, self._target_velocity = cycle.target.position, cycle.target.velocity
-            self._command = cycle.command
+            self._wanted = _wanted_speeds(cycle)
         return reason
 
     def _check_events(self, events: Sequence[DriveEvent]) -> StopReason | None:
@@ -175,7 +175,7 @@ class Supervisor:
                 return self._following_error(i, error, allowed)
             if self._coupling is None:
                 reason = self._encoders.check(
-                    i, self._command[i], velocity, torque_nm, cycle.periods
+                    i, self._wanted[i], velocity, torque_nm, cycle.periods
                 )
                 if reason is not None:
                     return reason
@@ -188,7 +188,7 @@ class Supervisor:
         if not all(cycle.valid):
             return None
         velocities = coupling.to_motors(self._positions.velocity).tolist()
-        commands = coupling.to_motors(self._command).tolist()
+        commands = coupling.to_motors(self._wanted).tolist()
         for i, (velocity, command) in enumerate(zip(velocities, commands, strict=True)):
             limit = self._velocity_limit[i]
             if not -limit <= velocity <= limit:
@@ -289,3 +289,14 @@ class Supervisor:
             value=value,
             limit=limit,
         )
+
+
+def _wanted_speeds(cycle: Cycle) -> list[float]:
+    """Return what is commanded, but for what pre-compensation adds to hold a torque."""
+    target = cycle.target
+    return [
+        command if feedforward == velocity else command - feedforward + velocity
+        for command, feedforward, velocity in zip(
+            cycle.command, target.feedforward, target.velocity, strict=True
+        )
+    ]

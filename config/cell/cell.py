@@ -119,7 +119,8 @@ class Supervision(ConfigModel):
     A stuck encoder stands still for `stuck_encoder_cycles` while more than
     `stuck_encoder_velocity_rad_s` is commanded; or while less is, and the torque has changed by
     `stuck_encoder_torque_fraction` of the joint's limit since it stands: stiction gives way before.
-    What a joint was braked by is measured late, and does not count for so many cycles.
+    What a joint was braked by is measured late, and does not count for so many cycles; what
+    pre-compensation adds to the command does not count at all.
 
     Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
     `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR). As far beyond its

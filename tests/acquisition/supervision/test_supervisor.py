@@ -128,6 +128,40 @@ def stuck(joint: int, since: int) -> Fault:
     return fault
 
 
+def at_rest_in_stiction(feedforward: float) -> Fault:
+    """A set-point at rest, with what pre-compensation commands to hold the joint's torque."""
+
+    def fault(cycle: Cycle) -> None:
+        where = SPEED * T
+        cycle.target = SetPoint([where] * 3, [0.0] * 3, [feedforward] * 3, cycle.number, 5)
+        cycle.position = [where] * 3
+        cycle.command = [feedforward] * 3
+
+    return fault
+
+
+def compensated_to_nothing(cycle: Cycle) -> None:
+    """A motion whose pre-compensation takes all its speed out of the command."""
+    cycle.target = SetPoint(cycle.target.position, [SPEED] * 3, [0.0] * 3, cycle.number, 3)
+    cycle.command = [0.0] * 3
+    stuck(1, 10)(cycle)
+
+
+def test_what_pre_compensation_commands_at_rest_is_no_wish_to_move(
+    cell: CellConfig, robot: RobotDescription
+) -> None:
+    """It holds a torque; a joint that stands is where it should be."""
+    at_rest = Watch(cell, robot, SPEED * T)
+    assert at_rest.run(at_rest_in_stiction(0.4)) == (None, None)
+
+
+def test_an_encoder_is_stuck_whatever_pre_compensation_adds(watch: Watch) -> None:
+    number, reason = watch.run(compensated_to_nothing)
+    assert number == 14
+    assert reason is not None
+    assert (reason.code, reason.joint) == (StopCode.STUCK_ENCODER, "joint2")
+
+
 def in_fault(joint: int, since: int) -> Fault:
     def fault(cycle: Cycle) -> None:
         if cycle.number >= since:
