@@ -16,12 +16,11 @@ from rid_daq.demo.demo_story import DEMO_CELL, Motions
 from rid_daq.demo.demo_timing import TimingMotions
 from rid_daq.demo.parallel import run_stories
 from rid_daq.report.result import Result, WithoutUnmodelled
-from rid_daq.report.sections.estimate import TruthCase
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.tracking import TrackingSection
-from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.validation import TruthCase, ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.session.session import unfinished

@@ -12,7 +12,7 @@ from bokeh.plotting import figure
 
 from rid_daq.figures.palette import BLUE, RED, SKY
 from rid_daq.figures.panel import add_hover, add_legend, beside, layout, panel, source
-from rid_daq.report.sections.estimate import TruthCase
+from rid_daq.report.sections.validation import TruthCase
 
 NUMBER: Final = "parameter number"
 OFF: Final = "(estimate - truth) / σ [1]"

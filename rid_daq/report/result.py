@@ -12,7 +12,7 @@ from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.base_load import BaseLoadSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
-from rid_daq.report.sections.estimate import EstimateSection, TruthCase
+from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report.sections.payload import PayloadSection
 from rid_daq.report.sections.plate import PlateSection
@@ -23,7 +23,7 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.section import Section, Texts
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.tracking import TrackingSection
-from rid_daq.report.sections.validation import ValidationSection
+from rid_daq.report.sections.validation import TruthCase, ValidationSection
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.session.versions import software_versions

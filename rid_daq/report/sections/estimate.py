@@ -10,7 +10,7 @@ import numpy as np
 from identification.regression.fit_grade import Grade
 from identification.wiring.mistakes import Kind
 from rid_daq.report.formats import measured, number
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
+from rid_daq.report.sections.section import Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
@@ -375,37 +375,3 @@ def _sentence(estimate: Estimate) -> str:
         " data after the other (cluster jackknife), so that they hold for model error as well; what"
         " measured noise or white residuals alone would say stands beside them."
     )
-
-
-class TruthCase(Section):
-    """How the parameters of one simulated robot compare with the truth.
-
-    Attributes
-    ----------
-    title, sentence : str
-        Which robot, and what was found.
-    inside, of : int
-        Parameters inside their two-sigma intervals, of so many.
-    deviation_sigmas : tuple of float
-        How far each is off, in standard deviations.
-    """
-
-    title: str
-    sentence: str
-    inside: int
-    of: int
-    deviation_sigmas: Numbers
-
-    @classmethod
-    def compared(cls, title: str, estimate: EstimateSection) -> TruthCase:
-        """Return how an estimate whose truth is known compares with it."""
-        parameters = [each for each in estimate.parameters if each.deviation_sigmas is not None]
-        inside = sum(bool(each.inside_two_sigma) for each in parameters)
-        return cls(
-            title=title,
-            sentence=f"{title}: {inside} of {len(parameters)} true values lie inside the two-sigma"
-            f" interval ({100.0 * inside / len(parameters):.0f} %).",
-            inside=inside,
-            of=len(parameters),
-            deviation_sigmas=tuple(each.deviation_sigmas or 0.0 for each in parameters),
-        )

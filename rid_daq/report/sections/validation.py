@@ -1,4 +1,4 @@
-"""`ValidationSection`: predicted against measured torque, axis by axis."""
+"""`ValidationSection`, `TruthCase`: predicted against measured torque, estimated against true."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import number
-from rid_daq.report.sections.section import Section, Texts, finite, say_doubts, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from identification.validation.torque_prediction import Validation
+    from rid_daq.report.sections.estimate import EstimateSection
 
 
 class AxisError(Section):
@@ -180,3 +181,37 @@ def _axis(
         grade=fit.grade if limits else None,
         reason=fit.reason if limits else None,
     )
+
+
+class TruthCase(Section):
+    """How the parameters of one simulated robot compare with the truth.
+
+    Attributes
+    ----------
+    title, sentence : str
+        Which robot, and what was found.
+    inside, of : int
+        Parameters inside their two-sigma intervals, of so many.
+    deviation_sigmas : tuple of float
+        How far each is off, in standard deviations.
+    """
+
+    title: str
+    sentence: str
+    inside: int
+    of: int
+    deviation_sigmas: Numbers
+
+    @classmethod
+    def compared(cls, title: str, estimate: EstimateSection) -> TruthCase:
+        """Return how an estimate whose truth is known compares with it."""
+        parameters = [each for each in estimate.parameters if each.deviation_sigmas is not None]
+        inside = sum(bool(each.inside_two_sigma) for each in parameters)
+        return cls(
+            title=title,
+            sentence=f"{title}: {inside} of {len(parameters)} true values lie inside the two-sigma"
+            f" interval ({100.0 * inside / len(parameters):.0f} %).",
+            inside=inside,
+            of=len(parameters),
+            deviation_sigmas=tuple(each.deviation_sigmas or 0.0 for each in parameters),
+        )

@@ -28,9 +28,9 @@ from rid_daq.figures.palette import (
     dark_colours,
 )
 from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
-from rid_daq.report.sections.estimate import TruthCase
 from rid_daq.report.sections.friction import JointFriction
 from rid_daq.report.sections.timing import bin_names
+from rid_daq.report.sections.validation import TruthCase
 from rid_daq.terminal.console import printable
 
 MEASURED, PREDICTED, WRONG = INK, BLUE, RED
