@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -24,6 +25,7 @@ from config.process.shortage import as_named, require_memory
 from config.process.termination import TERMINATION, ending_signals, signals_deferred
 from rid_daq.terminal.console import Console, documents_written, output_error, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
+from rid_daq.terminal.fitted import fitted
 from rid_daq.terminal.option_sections import SectionedCommand
 
 # Small factorisations gain nothing from threads of BLAS, and lose much where the cores are busy.
@@ -179,7 +181,9 @@ def run(arguments: Sequence[str]) -> int:
     command = typer.main.get_command(root)
     ending = ending_of(lambda: command(args=list(arguments), prog_name="rid-daq"))
     if ending.said:
-        typer.echo(f"rid-daq: {printable(ending.message)}", err=True)
+        message = f"rid-daq: {printable(ending.message)}"
+        columns = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
+        typer.echo(message if columns is None else fitted(message, columns), err=True)
     if ending.code and "--json" in arguments and documents_written() == written:
         problem = {"kind": ending.kind, "message": ending.message, "exit_code": ending.code}
         Console(as_json=True).document({"error": problem})

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.formats.interval import plus_minus
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
@@ -48,7 +49,7 @@ class WeakParameter:
     @property
     def sentence(self) -> str:
         """The finding in words."""
-        interval = f"{self.value:.3g} ± {2 * self.sigma:.2g} {self.unit}"
+        interval = plus_minus(self.value, 2.0 * self.sigma, self.unit)
         text = f"{self.expression} = {interval} is poorly determined"
         if not self.motion:
             return f"{text}; it is small, and no motion of one or two joints would show it better."

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.formats.interval import plus_minus
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.accuracy.identifiability import joint_motions
@@ -57,7 +58,7 @@ class PayloadFinding:
             if not self.motion:
                 return f"{said}, nor by any other of one or two joints; hold it as known"
             return f"{said}; {self.motion} would show it"
-        value = f"{self.name} = {self.value:.3g} ± {2 * self.sigma:.2g} {self.unit}"
+        value = f"{self.name} = {plus_minus(self.value, 2.0 * self.sigma, self.unit)}"
         said = f"{value} is poorly determined"
         if not self.motion or self.gain is None:
             return f"{said}; no motion of one or two joints would show it much better"

@@ -83,7 +83,7 @@ class JointDiagnosis:
                 f"{100.0 * self.suspect_share:.0f} % of it follows {self.suspect} ({self.remedy})"
             )
         elif self.white_p < WHITE_P:
-            parts.append("what is left is no noise, and follows nothing that this program knows")
+            parts.append("what is left is not noise, and follows nothing that this program knows")
         elif not math.isnan(self.white_p):
             parts.append("what is left looks like noise")
         return "; ".join(parts) + "."

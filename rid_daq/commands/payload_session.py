@@ -78,7 +78,7 @@ def session(
             min=0.0,
             max=100.0,
             callback=plausible_as(RehearsalPercent),
-            help="Its speed [%]; 0 skips it.",
+            help="Speed of a first, slow period [%]; 0 skips it.",
         ),
     ] = 25.0,
     warm_up_percent: Annotated[
@@ -87,7 +87,7 @@ def session(
             "--warm-up",
             min=0.0,
             callback=plausible_as(WarmUpPercent),
-            help="Warm at this change a period [%]; 0 skips it.",
+            help="Warm where friction changes less a period [%]; 0 skips it.",
         ),
     ] = 1.0,
     warm_up_periods: Annotated[

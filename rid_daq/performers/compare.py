@@ -89,7 +89,7 @@ def _print(console: Console, compared: Compared, verdict: Verdict) -> None:
                 *measured(float(difference.first[i]), 2.0 * float(difference.first_sigma[i])),
                 *measured(float(difference.second[i]), 2.0 * float(difference.second_sigma[i])),
                 difference.units[i],
-                f"{difference.sigmas[i]:+.1f}",
+                f"{round(float(difference.sigmas[i]), 1) + 0.0:+.1f}",
             )
             for i, name in enumerate(difference.names)
         ],

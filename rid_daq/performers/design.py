@@ -26,9 +26,9 @@ def perform(request: DesignRequest, console: Console) -> None:
     refuse_output(request.output, request.overwrite)
     designed = design_motion(request, console)
     _print(console, designed, request)
-    then = ", then rid-daq loop latest" if request.kind is Kind.MULTISINE else ""
-    then = ", then rid-daq loop latest" if request.kind is Kind.MULTISINE else ""
-    console.next_step("record", request.cell, request.output, then=then)
+    console.next_step("record", request.cell, request.output)
+    if request.kind is Kind.MULTISINE:
+        console.next_step("loop", "latest", first=" then")
     if designed.found is not None and designed.found.exit_code:
         raise typer.Exit(designed.found.exit_code)
 

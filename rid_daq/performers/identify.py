@@ -71,5 +71,5 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
             " --despite-misfit. Correct the files, then identify again.",
         )
         return
-    unused = ", with a run that was not used here"
-    console.next_step("validate", identified.model, "RUN", then=unused)
+    unused = ", RUN being one that was not used here"
+    console.next_step("validate", identified.model, "RUN", first=unused)

@@ -111,7 +111,7 @@ class AccuracyWatch:
         """Say how well the model fits the torques so far; empty before that is known."""
         if self.running is None:
             return ""
-        shares = " ".join(f"{share:.1f}" for share in self.running.relative_percent)
+        shares = ", ".join(f"{share:.1f}" for share in self.running.relative_percent)
         return f"the model fits the torques of {self._followed} periods to {shares} %"
 
     def sentences(self) -> list[str]:

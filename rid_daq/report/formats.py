@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+from config.formats.interval import interval, minus, raised
 
 
 def number(value: float | int | None, digits: int = 4) -> str:
@@ -33,9 +33,8 @@ def number(value: float | int | None, digits: int = 4) -> str:
         text = f"{float(text):.0f}"
     elif "e" in text:
         mantissa, exponent = text.split("e")
-        power = str(int(exponent)).translate(_SUPERSCRIPT)
-        return f"{mantissa}·10{power}".replace("-", "\N{MINUS SIGN}")
-    return text.replace("-", "\N{MINUS SIGN}")
+        return minus(f"{mantissa}·10{raised(int(exponent))}")
+    return minus(text)
 
 
 def measured(value: float | None, reach: float | None) -> tuple[str, str]:
@@ -55,17 +54,7 @@ def measured(value: float | None, reach: float | None) -> tuple[str, str]:
         return number(value), number(reach, 2)
     if not math.isfinite(reach) or reach <= 0.0:
         return number(value, 6), number(reach, 2)
-    last = math.floor(math.log10(float(f"{reach:.1e}"))) - 1  # the place of the last digit
-    size = max(abs(value), reach)
-    power = math.floor(math.log10(size))
-    if -5 < power < 6:
-        power = 0
-    decimals = max(power - last, 0)
-    texts = (f"{round(each, -last) / 10.0**power:.{decimals}f}" for each in (value, reach))
-    tail = f"·10{str(power).translate(_SUPERSCRIPT)}" if power else ""
-    shown, around = (f"{text}{tail}".replace("-", "\N{MINUS SIGN}") for text in texts)
-    zero = f"{0.0:.{decimals}f}{tail}"
-    return (zero if shown == f"\N{MINUS SIGN}{zero}" else shown), around
+    return interval(value, reach)
 
 
 def duration(seconds: float) -> str:

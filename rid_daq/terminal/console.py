@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 import typer
 
 from config.errors import ConfigError, PreflightError
+from rid_daq.terminal.fitted import fitted
 from rid_daq.terminal.progress_bar import MovingBar, counted
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ T = TypeVar("T")
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 
+_WIDEST = 1 << 16  # columns, where nobody knows how many
 _NAME_LENGTH = 26  # a run id; what is longer may be broken into lines
 
 
@@ -127,11 +129,13 @@ class Console:
     def say(self, text: str = "") -> None:
         """Write a sentence for people; nothing with `--json`."""
         if not self.as_json:
-            _write(printable(text))
+            columns = self.columns
+            text = printable(text)
+            _write(text if columns is None else fitted(text, columns))
 
-    def next_step(self, *words: object, then: str = "") -> None:
-        """Write the command that comes next, as a shell takes it."""
-        self.say(f"Next: {as_command(*words)}{then}")
+    def next_step(self, *words: object, first: str = "") -> None:
+        """Write the command that comes next, as a shell takes it; `first` is what to do before."""
+        self.say(f"Next{first}: {as_command(*words)}")
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write the sentence that matters, green or red on a terminal."""
@@ -142,7 +146,8 @@ class Console:
         from rich.text import Text
 
         style = "bold" if passed is None else "bold green" if passed else "bold red"
-        RichConsole().print(Text(printable(text), style=style))
+        shown = fitted(printable(text), self.columns or _WIDEST)
+        RichConsole().print(Text(shown, style=style), soft_wrap=True)
 
     def document(self, document: Mapping[str, object] | BaseModel) -> None:
         """Write the command's result for programs; nothing without `--json`."""

@@ -33,6 +33,7 @@ SHARED: dict[str, tuple[str, ...]] = {
         "--warm-up-periods",
         "--i-have-cleared-the-cell",
         "--without-axis-test",
+        "--practise",
         "--yes",
     ),
     "Live page": ("--live", "--listen", "--token", "--certificate"),

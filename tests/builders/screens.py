@@ -1,0 +1,185 @@
+"""Screens: what commands show on a terminal, as lines and as SVG in a light and a dark theme.
+
+`python -m tests.builders.screens FOLDER` writes the help of every command and what the main ones
+say on a simulated cell, at 80 and at 120 columns.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from unittest.mock import patch
+
+import typer
+from rich.console import Console as RichConsole
+from rich.terminal_theme import DEFAULT_TERMINAL_THEME, MONOKAI, TerminalTheme
+from rich.text import Text
+
+from rid_daq.app import COMMANDS, LazyCommands, root, run
+from rid_daq.terminal.console import Console
+
+WIDTHS: Final = (80, 120)
+THEMES: Final[dict[str, TerminalTheme]] = {"light": DEFAULT_TERMINAL_THEME, "dark": MONOKAI}
+TITLE: Final = 50  # characters
+_ESCAPE = re.compile(r"\x1b\[[0-9;]*m")
+
+
+@dataclass(frozen=True)
+class Screen:
+    """What one command shows at one width.
+
+    Attributes
+    ----------
+    words : tuple of str
+        The command line, without the program's name.
+    columns : int
+        Width of the terminal.
+    text : str
+        What is written there, colours and all.
+    """
+
+    words: tuple[str, ...]
+    columns: int
+    text: str
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines without colours."""
+        return _ESCAPE.sub("", self.text).splitlines()
+
+    def svg(self, theme: TerminalTheme) -> str:
+        """Return it as a picture."""
+        drawn = RichConsole(
+            record=True, width=self.columns, file=io.StringIO(), force_terminal=True, height=100
+        )
+        drawn.print(Text.from_ansi(self.text))
+        named = [word for word in self.words if "/" not in word]
+        return drawn.export_svg(title=f"rid-daq {' '.join(named)}"[:TITLE], theme=theme)
+
+    def write(self, folder: Path) -> None:
+        """Write it in both themes."""
+        folder.mkdir(parents=True, exist_ok=True)
+        name = "-".join(word.strip("-") for word in self.words if "/" not in word) or "rid-daq"
+        for theme, colours in THEMES.items():
+            path = folder / f"{name[:60]}-{self.columns}-{theme}.svg"
+            path.write_text(self.svg(colours), encoding="utf-8")
+
+
+@contextlib.contextmanager
+def terminal(columns: int) -> Iterator[io.StringIO]:
+    """Let everything that is written go to a terminal of so many columns, and yield it."""
+    size = {"COLUMNS": str(columns), "LINES": "100", "FORCE_COLOR": "1", "TERM": "xterm-256color"}
+    shown = io.StringIO()
+    with (
+        patch.dict(os.environ, size),
+        patch.object(Console, "is_terminal", True),
+        contextlib.redirect_stdout(shown),
+    ):
+        os.environ.pop("NO_COLOR", None)
+        yield shown
+
+
+def command_lines() -> list[tuple[str, ...]]:
+    """Return every command, and every command of a group."""
+    group = typer.main.get_command(root)
+    assert isinstance(group, LazyCommands)
+    context = typer.Context(group)
+    found: list[tuple[str, ...]] = [()]
+    for name in COMMANDS:
+        found.append((name,))
+        found += [
+            (name, inner) for inner in getattr(group.get_command(context, name), "commands", ())
+        ]
+    return found
+
+
+def helps(columns: int) -> list[Screen]:
+    """Return the help of every command."""
+    screens = []
+    for words in command_lines():
+        with terminal(columns) as shown:
+            assert run([*words, "--help"]) == 0
+        screens.append(Screen((*words, "--help"), columns, shown.getvalue()))
+    return screens
+
+
+Call = Callable[[Console], None]
+
+
+def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
+    """Run a command, and return what it lets a console do, to be done again at any width."""
+    calls: list[Call] = []
+
+    def noting(name: str) -> Callable[..., None]:
+        def note(_console: Console, *arguments: Any, **named: Any) -> None:
+            calls.append(lambda again: getattr(again, name)(*arguments, **named))
+
+        return note
+
+    with contextlib.ExitStack() as stack:
+        for name in ("say", "verdict", "table"):
+            stack.enter_context(patch.object(Console, name, noting(name)))
+        stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+        code = run(list(words))
+    assert code in codes, (words, code)
+    return calls
+
+
+def replayed(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
+    """Return the screen of a command by what it let a console do; quick ones are run again."""
+    with terminal(columns) as shown:
+        if words[0] == "runs":
+            run(list(words))
+        else:
+            for call in calls:
+                call(Console())
+    return Screen(tuple(words), columns, shown.getvalue())
+
+
+def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
+    """Run the main commands on the simulated cell, small, and give what each said."""
+    runs, motion = ["--runs", str(folder / "runs")], str(folder / "motion.yaml")
+    small = ["--method", "two-harmonic", "--tries", "3", "--period", "4", "--periods", "3"]
+    model = str(folder / "model.json")
+    for words in (
+        ["init", str(folder / "mine")],
+        ["check", "ir361", "--seconds", "0.1", *runs],
+        ["check", "ir361", "--seconds", "0.1", "--all", *runs],
+        ["design", "ir361", "-o", motion, *small],
+        ["record", "ir361", motion, "--label", "first", *runs],
+        ["record", "ir361", motion, "--label", "second", "--seed", "2", *runs],
+        ["average", "first", *runs],
+        ["identify", "first", "-o", model, "--no-diagnose", *runs],
+        ["validate", model, "second", *runs],
+        ["identify", "second", "--no-diagnose", *runs],
+        ["compare", model, "second", *runs],
+        ["export", model, "--to", "urdf", "-o", str(folder / "robot.urdf"), *runs],
+        ["runs", *runs],
+        ["runs", "--verify", *runs],
+        ["recover", "first", *runs],
+    ):
+        yield words, said_by(words, (0, 1, 6))
+
+
+def main(folder: Path) -> None:
+    """Write all screens."""
+    for columns in WIDTHS:
+        for screen in helps(columns):
+            screen.write(folder / "help")
+    with tempfile.TemporaryDirectory(prefix="rid-screens-") as name:
+        for number, (words, calls) in enumerate(story(Path(name)), start=1):
+            for columns in WIDTHS:
+                replayed(words, calls, columns).write(folder / f"{number:02d}")
+    sys.stdout.write(f"{len(list(folder.rglob('*.svg')))} screens in {folder}\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,49 @@
+"""What commands show fits the terminal: help and output, at 80 and 120 columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rich.cells import cell_len
+
+from rid_daq.app import COMMANDS
+from tests.builders.screens import THEMES, WIDTHS, helps, replayed, story
+
+
+def too_wide(lines: list[str], columns: int) -> list[str]:
+    """Return the lines that a terminal must break, but commands and paths that are pasted."""
+    return [
+        line
+        for line in lines
+        if cell_len(line) > columns and not line.strip().startswith(("rid-daq ", "/"))
+    ]
+
+
+@pytest.mark.parametrize("columns", WIDTHS)
+def test_the_help_of_every_command_fits(columns: int) -> None:
+    screens = helps(columns)
+    assert {screen.words[0] for screen in screens} == {*COMMANDS, "--help"}
+    for screen in screens:
+        assert too_wide(screen.lines, columns) == [], screen.words
+        assert len(screen.lines) > 5
+
+
+def test_a_screen_is_a_picture_in_either_theme() -> None:
+    screen = next(each for each in helps(80) if each.words == ("stop", "--help"))
+    light, dark = (screen.svg(theme) for theme in THEMES.values())
+    assert light.startswith("<svg")
+    assert "quick" in light
+    assert light != dark
+
+
+@pytest.mark.slow
+def test_what_commands_say_on_a_simulated_cell_fits(tmp_path: Path) -> None:
+    count = 0
+    for words, calls in story(tmp_path):
+        for columns in WIDTHS:
+            screen = replayed(words, calls, columns)
+            assert screen.lines, words
+            assert too_wide(screen.lines, columns) == [], words
+            count += 1
+    assert count >= 30
