@@ -33,13 +33,13 @@ PAGE: Final[ViewportSize] = {"width": 960, "height": 640}
 
 FAULT: Final = "drives: [{kind: reversed, joint: axis2, at_cycle: 400}]\n"
 COMMANDS: Final = (
-    ("design ir361 -o excitation.yaml --period 5 --periods 6 --seed 1", 0),
+    ("demo", 0),
     ("design ir361 -o other.yaml --period 4 --periods 3 --seed 2", 0),
-    ("record ir361 excitation.yaml --label identified", 0),
-    ("record ir361 other.yaml --label validated", 0),
     ("record ir361 other.yaml --label stopped --faults fault.yaml", 5),
-    ("identify identified -o model.json", 0),
-    ("validate model.json validated", 0),
+    ("design ir361 --kind constant-velocity -o steady.yaml", 0),
+    ("record ir361 steady.yaml --label steady", 0),
+    ("friction steady", 0),
+    ("plate zero ir361 --label zero", 0),
     ("payload kr15 --payload medium --label payload --periods 3 --warm-up 2 --yes", 0),
 )
 """What is run in the scratch folder, and its exit code."""
@@ -64,14 +64,16 @@ class Shot(NamedTuple):
 
 
 SHOTS: Final = {
-    "fit": Shot("validated", "fit", 460),
-    "spectrum": Shot("identified", "spectrum"),
+    "fit": Shot("demo", "fit", 422),
+    "path": Shot("demo", "path", 392),
+    "spectrum": Shot("demo", "spectrum"),
+    "friction": Shot("steady", "friction"),
     "stop": Shot("stopped", "stop"),
     "centre": Shot("payload", "centre"),
 }
-REPORTS: Final = ("identified", "validated", "stopped", "payload")
-GUIDES: Final = ("fit", "stop", "centre", "workbench")
-"""What `docs/pictures` holds."""
+REPORTS: Final = ("demo", "stopped", "steady", "zero", "payload")
+GUIDES: Final = ("fit", "path", "stop", "centre", "friction", "workbench")
+"""What `docs/pictures` holds: README, index and guides show them."""
 
 
 def take(folder: Path) -> None:
@@ -101,14 +103,15 @@ def take_reports(browser: Browser, work: Path, folder: Path) -> None:
     page = browser.new_page(viewport=PAGE)
     for run in REPORTS:
         page.goto(report_of(work / "runs", run).as_uri())
-        for plot in page.locator("[data-plot]").all():
-            plot.scroll_into_view_if_needed()
-            plot.locator('.live[data-figure-state="shown"]').wait_for()
+        for place in page.locator("[data-plot]").all():
+            place.scroll_into_view_if_needed()
+            place.locator('.live[data-figure-state="shown"]').wait_for()
         page.evaluate("scrollTo(0, 0)")
         (folder / f"report-{run}.png").write_bytes(page.screenshot(full_page=True))
         for name, shot in SHOTS.items():
             if shot.run == run:
-                place = page.locator(f'[data-plot^="{shot.plot}-"] .live > div').last
+                plot = page.locator(f'[data-plot^="{shot.plot}-"]').first
+                place = plot.locator(".live > div").last
                 (folder / f"{name}.png").write_bytes(taken(place, shot.height_px))
 
 
