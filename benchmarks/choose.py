@@ -29,7 +29,7 @@ from dynamics.model.robot_model import RobotModel, torque
 from dynamics.model.standstill import moving as moves
 from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
-from identification.estimation.estimate import predict
+from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
@@ -98,14 +98,22 @@ class ExhaustiveTrials:
 
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
         """Return each joint's terms that the data do not tell from nothing."""
+        estimate, small = self._small(friction)
+        return doubtful_terms(self.robot, friction, small | set(estimate.model.nonlinear_at_bound))
+
+    def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
+        """Return which joints' offset is told from zero."""
+        estimate, small = self._small(friction)
+        offsets = [f"fo_{name}" for name in self.robot.joint_names]
+        return tuple(name in estimate.base.names and name not in small for name in offsets)
+
+    def _small(self, friction: Sequence[Terms]) -> tuple[Estimate, set[str]]:
         estimate = estimate_smoothed(with_friction(self.robot, friction), self.parts)
-        model = estimate.model
-        names = (*estimate.base.names, *model.nonlinear_names)
-        values = np.append(estimate.values, model.nonlinear_values)
+        names = (*estimate.base.names, *estimate.model.nonlinear_names)
+        values = np.append(estimate.values, estimate.model.nonlinear_values)
         sigmas = np.append(estimate.sigma, estimate.nonlinear_sigma)
         small = np.flatnonzero(np.abs(values) < DISTINCT_SIGMAS * sigmas)
-        names_of_small = {names[i] for i in small} | set(model.nonlinear_at_bound)
-        return doubtful_terms(self.robot, friction, names_of_small)
+        return estimate, {names[i] for i in small}
 
 
 def squares(fit: FittedSignals, part: SmoothedSignals) -> list[FloatArray]:

@@ -6,7 +6,9 @@ within one standard error of the best terms' (the one-standard-error rule: Breim
 the standard error being that of the difference, second by second. Friction acts on its own joint,
 so joints choose one by one: first all with the same terms, then each with fewer beside the others.
 What they choose together is not taken if the same terms on all joints are better. A term is not
-taken if the data do not tell its nonlinear parameters from zero, or leave them at their bounds.
+taken if the data do not tell its nonlinear parameters from zero, or leave them at their bounds. An
+offset that they do tell from zero stays, whatever the seconds gain: without it the offset is taken
+for gravity, and in other poses it is not.
 Information criteria stand beside it: AIC (Akaike 1974) and BIC (Schwarz 1978), with as many
 independent values as the band holds.
 """
@@ -185,6 +187,13 @@ def select(
             left = [row for row in rows if not refused[j] & set(row.terms)] or rows[:1]
             chosen[j] = left[_simplest(left, j)].terms
         chosen, combined = lightened(chosen, [j for j in joints if doubtful[j]])
+    bare = [j for j in joints if "offset" not in chosen[j] and (*chosen[j], "offset") in candidates]
+    if bare:
+        tried = [(*terms, "offset") if j in bare else terms for j, terms in enumerate(chosen)]
+        told = trials.offsets_told(tried)
+        if any(told[j] for j in bare):
+            chosen = [tried[j] if told[j] else chosen[j] for j in joints]
+            combined = trials.of(chosen)
     return Comparison(joint_names, tuple(rows), tuple(chosen), combined)
 
 

@@ -17,7 +17,7 @@ from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
-from identification.estimation.condensed import CondensedRecordings
+from identification.estimation.condensed import CondensedFit, CondensedRecordings
 from identification.estimation.options import EstimationOptions
 
 Terms = tuple[FrictionTerm, ...]
@@ -68,6 +68,10 @@ class Trials(Protocol):
     @abstractmethod
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
         """Return each joint's terms whose parameters are not told from zero, or at a bound."""
+
+    @abstractmethod
+    def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
+        """Return which joints have an offset that the data tell from zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,17 +150,27 @@ class CondensedTrials:
 
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
         """Return each joint's terms that the data do not tell from nothing; see `Trials`."""
+        fit, small = self._small(friction)
+        return doubtful_terms(self.robot, friction, small | set(fit.model.nonlinear_at_bound))
+
+    def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
+        """Return which joints' offset is told from zero; see `Trials`."""
+        fit, small = self._small(friction)
+        offsets = [f"fo_{joint.name}" for joint in self.robot.joints]
+        return tuple(name in fit.base.names and name not in small for name in offsets)
+
+    def _small(self, friction: Sequence[Terms]) -> tuple[CondensedFit, set[str]]:
+        """Return the fit of these terms, and its parameters that are not told from zero."""
         problem = self.data.problem(with_friction(self.robot, friction))
         fit = problem.fit()
         names = (*fit.base.names, *fit.model.nonlinear_names)
         values = np.append(fit.values, fit.model.nonlinear_values)
         sigma = np.sqrt(np.diagonal(problem.covariance(fit)))
-        small = {
+        return fit, {
             name
             for name, value, own in zip(names, values, sigma, strict=True)
             if abs(value) < DISTINCT_SIGMAS * own
         }
-        return doubtful_terms(self.robot, friction, small | set(fit.model.nonlinear_at_bound))
 
 
 def doubtful_terms(

@@ -144,7 +144,11 @@ def test_both_ways_doubt_the_same_terms() -> None:
     robot = load_robot("ir361")
     trials = CondensedTrials.begin(robot, parts, [CLASSICAL, loaded[0]], EstimationOptions())
     expected = ((), ("load",), ("load",))
-    assert trials.doubtful(loaded) == ExhaustiveTrials(robot, parts).doubtful(loaded) == expected
+    slow = ExhaustiveTrials(robot, parts)
+    assert trials.doubtful(loaded) == slow.doubtful(loaded) == expected
+    shifted: Joints = ((*CLASSICAL, "offset"),) * 3
+    trials = CondensedTrials.begin(robot, parts, [CLASSICAL, shifted[0]], EstimationOptions())
+    assert trials.offsets_told(shifted) == slow.offsets_told(shifted)
 
 
 @dataclass
@@ -153,6 +157,7 @@ class Table:
 
     errors: dict[Joints, tuple[float, float]]
     doubted: dict[Joints, Joints] = field(default_factory=dict)
+    told: tuple[bool, bool] = (False, False)
 
     def of(self, friction: Sequence[Terms], name: Terms = ()) -> Trial:
         mean = np.array(self.errors[tuple(friction)])
@@ -161,6 +166,9 @@ class Table:
 
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
         return self.doubted.get(tuple(friction), ((), ()))
+
+    def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
+        return tuple("offset" in t and told for t, told in zip(friction, self.told, strict=True))
 
 
 LOAD: Terms = (*CLASSICAL, "load")
@@ -197,6 +205,17 @@ def test_in_place_of_a_refused_term_a_joint_takes_the_simplest_good_one_without_
     table = Table(errors, {(LOAD, LOAD): (("load",), ())})
     found = select(("a", "b"), [CLASSICAL, LOAD, cubic, rich], table)
     assert found.chosen == (cubic, LOAD)
+
+
+def test_an_offset_that_is_told_from_zero_stays_though_it_gains_nothing_here() -> None:
+    shifted = (*CLASSICAL, "offset")
+    errors: dict[Joints, tuple[float, float]] = {
+        (a, b): (1.0, 1.0) for a in (CLASSICAL, shifted) for b in (CLASSICAL, shifted)
+    }
+    found = select(("a", "b"), [CLASSICAL, shifted], Table(errors, told=(False, True)))
+    assert found.chosen == (CLASSICAL, shifted)
+    found = select(("a", "b"), [CLASSICAL], Table(errors, told=(True, True)))
+    assert found.chosen == (CLASSICAL, CLASSICAL)
 
 
 def test_nothing_to_leave_out_is_told(signals: SmoothedSignals) -> None:
