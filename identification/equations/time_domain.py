@@ -52,7 +52,8 @@ class TimeBlock:
     rhs : ndarray, shape (rows, n)
         Torque [N m or N].
     use : ndarray of bool, shape (rows, n)
-        Where the joint moves fast enough for its friction to be known, or remembers it.
+        Where the joint moves fast enough for its friction to be known, or remembers it and is not
+        in the middle of a pause.
     moving : ndarray of bool, shape (rows, n)
         Where it moves fast enough.
     event : ndarray of int64, shape (rows,)
@@ -106,7 +107,8 @@ def time_blocks(
 
     Where friction has memory the rows at rest and at reversal count, at which the model's torque
     changes faster than the low-passed measurement can: then the columns are low-passed alike, as
-    they are with `low_passed`.
+    they are with `low_passed`. Of a pause only the rows within a period of the cut-off from motion
+    count: what follows is the same value again, for as long as the pause lasts.
     """
     first_event = 0
     for run in runs:
@@ -114,19 +116,33 @@ def time_blocks(
         first_event = int(event[-1]) + 1
         whole = with_memory(model, signals.position, run.conditions, signals.segment)
         run = replace(run, conditions=whole)
+        moves = moving(model, signals.velocity, standstill_rad_s)
+        use = counted(whole, moves) & _near(moves, signals)
         for rows in _blocks(signals.segment):
             if low_passed or whole.memory is not None:
                 columns = _low_passed_columns(model, base, run, rows, standard)
             else:
                 columns = _columns(model, base, run, rows, standard)
-            moves = moving(model, signals.velocity[rows], standstill_rad_s)
             yield TimeBlock(
                 columns=columns,
                 rhs=signals.torque_nm[rows],
-                use=counted(whole.part(rows), moves),
-                moving=moves,
+                use=use[rows],
+                moving=moves[rows],
                 event=event[rows],
             )
+
+
+def _near(moves: BoolArray, signals: SmoothedSignals) -> BoolArray:
+    """Return which rows are within a period of the cut-off from one that moves, (samples, n)."""
+    reach = math.ceil(1.0 / (signals.cutoff_hz * signals.sample_period_s))
+    near = np.zeros_like(moves)
+    edges = (np.flatnonzero(np.diff(signals.segment)) + 1).tolist()
+    for first, end in pairwise([0, *edges, len(moves)]):
+        counts = np.cumsum(np.vstack([np.zeros_like(moves[:1], int), moves[first:end]]), axis=0)
+        rows = np.arange(end - first)
+        before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, end - first)
+        near[first:end] = counts[after] > counts[before]
+    return near
 
 
 def _blocks(segment: IntArray) -> Iterator[slice]:

@@ -43,6 +43,7 @@ from identification.validation.presliding_choice import PreslidingChoice
 FOLDS: Final = 6
 
 CLASSICAL: Final[Terms] = ("coulomb", "viscous")
+OFFSET: Final[Terms] = ("offset",)
 FRICTION_CANDIDATES: Final[tuple[Terms, ...]] = (
     CLASSICAL,
     (*CLASSICAL, "offset"),
@@ -187,9 +188,9 @@ def select(
             left = [row for row in rows if not refused[j] & set(row.terms)] or rows[:1]
             chosen[j] = left[_simplest(left, j)].terms
         chosen, combined = lightened(chosen, [j for j in joints if doubtful[j]])
-    bare = [j for j in joints if "offset" not in chosen[j] and (*chosen[j], "offset") in candidates]
+    bare = [j for j in joints if chosen[j] + OFFSET in candidates]
     if bare:
-        tried = [(*terms, "offset") if j in bare else terms for j, terms in enumerate(chosen)]
+        tried = [terms + OFFSET if j in bare else terms for j, terms in enumerate(chosen)]
         told = trials.offsets_told(tried)
         if any(told[j] for j in bare):
             chosen = [tried[j] if told[j] else chosen[j] for j in joints]

@@ -354,6 +354,8 @@ _OUTPUTS = {
 
 def _sentence(estimate: Estimate) -> str:
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
+    remembers = any("presliding" in joint.friction for joint in estimate.robot.joints)
+    pauses = ", but of joints with presliding the middle of pauses alone" if remembers else ""
     way = {
         "ml": "Least squares weighted by noise (maximum likelihood)",
         "ls": "Least squares without weights",
@@ -371,7 +373,7 @@ def _sentence(estimate: Estimate) -> str:
         f" {estimate.equations} equations,"
         f" condition number {estimate.condition_number:.3g}. Below"
         f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
-        f" used for it ({left_out} % of each axis). Intervals are by leaving out one part of the"
+        f" used for it{pauses} ({left_out} % of each axis). Intervals are by leaving out one part of the"
         " data after the other (cluster jackknife), so that they hold for model error as well; what"
         " measured noise or white residuals alone would say stands beside them."
     )

@@ -80,7 +80,7 @@ def test_friction_with_memory_tells_what_holds_a_joint_at_rest(read: Read) -> No
     distances, sigma = estimate.model.nonlinear_values, estimate.nonlinear_sigma
     assert np.all((distances > 5e-5) & (distances < 1e-3))
     assert np.all(distances[:4] > 2.0 * sigma[:4])
-    assert np.all(estimate.left_out_fraction < 0.01)
+    assert np.all(estimate.left_out_fraction < 0.06), "the middle of pauses alone"
     other = read("20_01_17-ptp_10_points", 700, 4200)
     result = validate(estimate, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
     assert result.passed, result.relative_percent

@@ -5,12 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
-from tests.builders.remembering_arm import arm, dahl, iwan, motion, recording, with_presliding
+from tests.builders.remembering_arm import (
+    STEP_S,
+    arm,
+    dahl,
+    iwan,
+    motion,
+    recording,
+    signals_of,
+    with_presliding,
+)
 
 DISTANCE = 0.02
 WAY = motion(40.0, 1)
@@ -60,6 +70,21 @@ def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
 
 
+def paused(measured: SmoothedSignals, seconds: float) -> SmoothedSignals:
+    """Return a recording that ends with a rest, at which the motors relax by a fifth."""
+    rows = round(seconds / STEP_S)
+
+    def resting(values: FloatArray, factor: float) -> FloatArray:
+        return np.concatenate([values, np.tile(factor * values[-1], (rows, 1))])
+
+    return signals_of(
+        resting(measured.position, 1.0),
+        resting(measured.velocity, 0.0),
+        resting(measured.acceleration, 0.0),
+        resting(measured.torque_nm, 0.8),
+    )
+
+
 def held(experiments: int) -> tuple[float, FloatArray]:
     found = [recovered(seed) for seed in range(experiments)]
     values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
@@ -77,3 +102,17 @@ def test_its_distance_lies_within_its_interval() -> None:
 def test_two_sigma_hold_the_distances_of_100_experiments() -> None:
     share, _ = held(100)
     assert share >= 0.9
+
+
+def test_a_pause_counts_the_same_however_long_it_is() -> None:
+    """A minute of rest is one observation, not thousands: it may not outvote what moves."""
+    q = WAY[0]
+    measured = recording({1: iwan(q[:, 1], DISTANCE)}, WAY)
+    robot = with_presliding((1,), 0.01)
+    short_rest, long_rest = (
+        estimate_smoothed(robot, [paused(measured, seconds)]) for seconds in (1.0, 60.0)
+    )
+    np.testing.assert_allclose(long_rest.values, short_rest.values, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        long_rest.model.nonlinear_values, short_rest.model.nonlinear_values, rtol=1e-6
+    )
