@@ -374,6 +374,6 @@ def _sentence(estimate: Estimate) -> str:
         f" condition number {estimate.condition_number:.3g}. Below"
         f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
         f" used for it{pauses} ({left_out} % of each axis). Intervals are by leaving out one part"
-        " of the data after the other (cluster jackknife), so that they hold for model error as well; what"
-        " measured noise or white residuals alone would say stands beside them."
+        " of the data after the other (cluster jackknife), so that they hold for model error as"
+        " well; what measured noise or white residuals alone would say stands beside them."
     )
