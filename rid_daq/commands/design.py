@@ -35,8 +35,9 @@ def design(
     kind: Annotated[
         Kind,
         typer.Option(
-            help="Excitation; friction alone: runs at constant speed, or the excitation there and"
-            " back in time; or a multisine for the velocity loops."
+            help="An excitation shows a robot's parameters; runs at constant speed, or an"
+            " excitation there and back in time (reversed), show friction alone; a multisine shows"
+            " the velocity loops."
         ),
     ] = Kind.EXCITATION,
     method: Annotated[
@@ -104,7 +105,7 @@ def design(
     slow: Annotated[
         bool, typer.Option("--slow/--no-slow", help="Multisines: a slow sine beneath.")
     ] = True,
-    seed: Annotated[int, typer.Option(min=0, help="Where they are drawn from.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="What is drawn by chance comes from it.")] = 0,
     overwrite: Overwrite = False,
     service: Service = None,
     as_json: AsJson = False,

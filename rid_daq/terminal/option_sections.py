@@ -53,8 +53,8 @@ SHARED: dict[str, tuple[str, ...]] = {
 
 OWN: dict[str, dict[str, tuple[str, ...]]] = {
     "design": {
-        "Search": ("--method", "--criterion", "--for", "--starts", "--budget", "--tries"),
-        "Multisines": ("--band", "--grid", "--phases", "--realisations", "--slow", "--seed"),
+        "Search": ("--method", "--criterion", "--for", "--starts", "--budget", "--tries", "--seed"),
+        "Multisines": ("--band", "--grid", "--phases", "--realisations", "--slow"),
     },
     "payload identify": {"Payload": ("--known", "--torque-constant-sigma")},
     "retime": {"Limits": ("--torque-rate", "--jerk", "--rms-torque", "--base-limits", "--mass")},

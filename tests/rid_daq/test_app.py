@@ -74,38 +74,6 @@ def test_the_list_of_commands_is_shown_without_importing_any(
     assert "emergency stop is required" in " ".join(shown.stdout.split())
 
 
-def test_bash_completes_commands_without_importing_any(tmp_path: Path) -> None:
-    program = tmp_path / "rid-daq"  # the script, which says what it has imported
-    program.write_text(
-        f"#!{sys.executable}\nimport atexit, sys\n"
-        "from rid_daq.app import main\n"
-        "heavy = {'numpy', 'pinocchio', 'rid_daq.commands.record'}\n"
-        "told = lambda: print('heavy:', sorted(heavy & set(sys.modules)), file=sys.stderr)\n"
-        "atexit.register(told)\n"
-        "main()\n"
-    )
-    program.chmod(0o700)
-    typed = (
-        'eval "$(_RID_DAQ_COMPLETE=source_bash rid-daq)"; complete -p rid-daq;'
-        "COMP_WORDS=(rid-daq re) COMP_CWORD=1; _rid_daq_completion rid-daq;"
-        'echo "${COMPREPLY[*]}"'
-    )
-    root = str(Path(app.__file__).resolve().parents[1])
-    path = f"{tmp_path}:{os.environ['PATH']}"
-    done = subprocess.run(
-        ["bash", "--norc", "-c", typed],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120.0,
-        env={**os.environ, "PATH": path, "PYTHONPATH": root},
-    )
-    complete, names = done.stdout.splitlines()
-    assert complete.endswith("-F _rid_daq_completion rid-daq")
-    assert sorted(names.split()) == sorted(name for name in COMMANDS if name.startswith("re"))
-    assert done.stderr.splitlines() == ["heavy: []"] * 2
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [

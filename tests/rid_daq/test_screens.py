@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 from rich.cells import cell_len
 
 from rid_daq.app import COMMANDS
-from tests.builders.screens import THEMES, WIDTHS, helps, replayed, story
+from tests.builders.screens import THEMES, WIDTHS, Screen, helps, replayed, story
+
+
+def keep(screen: Screen, folder: str) -> None:
+    """Write a screen beside the screenshots of pages, where they are wanted."""
+    if "RID_DAQ_SCREENSHOTS" in os.environ:
+        screen.write(Path(os.environ["RID_DAQ_SCREENSHOTS"]) / "terminal" / folder)
 
 
 def too_wide(lines: list[str], columns: int) -> list[str]:
@@ -25,6 +32,7 @@ def test_the_help_of_every_command_fits(columns: int) -> None:
     screens = helps(columns)
     assert {screen.words[0] for screen in screens} == {*COMMANDS, "--help"}
     for screen in screens:
+        keep(screen, "help")
         assert too_wide(screen.lines, columns) == [], screen.words
         assert len(screen.lines) > 5
 
@@ -43,6 +51,7 @@ def test_what_commands_say_on_a_simulated_cell_fits(tmp_path: Path) -> None:
     for words, calls in story(tmp_path):
         for columns in WIDTHS:
             screen = replayed(words, calls, columns)
+            keep(screen, f"{count // len(WIDTHS) + 1:02d}")
             assert screen.lines, words
             assert too_wide(screen.lines, columns) == [], words
             count += 1

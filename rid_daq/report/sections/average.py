@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
+from rid_daq.report.formats import number
 from rid_daq.report.sections.section import Section, units
 from rid_daq.terminal.console import Console
 
@@ -98,8 +99,8 @@ class AverageSection(Section):
             [
                 (
                     axis.joint,
-                    f"{axis.torque_noise:.4g} {axis.torque_unit}",
-                    f"{axis.position_noise:.3g} {axis.unit}",
+                    f"{number(axis.torque_noise)} {axis.torque_unit}",
+                    f"{number(axis.position_noise, 3)} {axis.unit}",
                 )
                 for axis in self.axes
             ],

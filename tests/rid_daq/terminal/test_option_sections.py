@@ -45,7 +45,7 @@ def test_every_option_that_stands_in_a_section_is_one_of_the_program() -> None:
 
 
 def test_a_command_may_say_otherwise_where_an_option_belongs() -> None:
-    assert sections("design")["--seed"] == "Multisines"
+    assert sections("design")["--seed"] == "Search"
     assert sections("record")["--seed"] == "Simulated cells"
 
 
