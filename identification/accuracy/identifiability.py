@@ -128,9 +128,11 @@ def few_findings(estimate: Estimate) -> tuple[str, ...]:
     if clusters is None or clusters >= FEW_CLUSTERS:
         return ()
     parts = "bins of the spectrum" if estimate.method == "periodic" else "seconds of motion"
+    wider = widening(clusters)
+    told = f"{wider:.2g} times wider for that, and rough" if wider >= 1.05 else "rough"
     return (
-        f"The intervals rest on {clusters} {parts} only. They are {widening(clusters):.2g} times"
-        f" wider for that, and rough: record longer ({FEW_CLUSTERS} are enough).",
+        f"The intervals rest on {clusters} {parts} only. They are {told}: record longer"
+        f" ({FEW_CLUSTERS} are enough).",
     )
 
 
