@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final, get_args
 
 from pydantic import Field, RootModel
 
@@ -32,6 +32,11 @@ AnyMotion = Annotated[
     | TimedPathMotion,
     Field(discriminator="kind"),
 ]
+MOTION_KINDS: Final = tuple(
+    str(get_args(motion.model_fields["kind"].annotation)[0])
+    for motion in get_args(get_args(AnyMotion)[0])
+)
+"""What the key `kind` may say."""
 
 
 class MotionFile(RootModel[AnyMotion]):

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from acquisition.motion.motion_file import MOTION_KINDS
 from rid_daq.service.service import CellService
 
 HEAD_BYTES: Final = 4096
-_MOTION = re.compile(
-    rb"^kind:\s*[\"']?(fourier|multipoint|constant_velocity|reversed|multisine|circle|path"
-    rb"|joint_path|joint_table)\b",
-    re.MULTILINE,
-)
+_KINDS: Final = "|".join(sorted(MOTION_KINDS, key=len, reverse=True))
+_MOTION = re.compile(rf"^kind:\s*[\"']?({_KINDS})\b".encode(), re.MULTILINE)
 _ROBOT = re.compile(rb"^robot:\s*[\"']?([\w.-]+)", re.MULTILINE)
 _JSON: Final = (
     (b'"rid-daq estimate"', "models"),

@@ -1,7 +1,7 @@
 // Compensation: velocity loops, feedforward, paths before and after, refinement, streaming.
 import { element, find, table } from "./dom.js";
 import { ask, on } from "./service.js";
-import { WorkPanel, completeRuns, figuresOf, findingList, gradeOf, nameOf, number, offer, options, press, runWords, wanted } from "./work.js";
+import { WorkPanel, completeRuns, figuresOf, findingList, gradeOf, nameOf, number, numberOf, offer, options, press, runWords, wanted } from "./work.js";
 
 const told = (text) => ({ passed: null, text });
 const panel = new WorkPanel(find("job"), { ended });
@@ -50,7 +50,12 @@ function margins(each) {
   return `${phase}, ${gain}`;
 }
 
-// ---- 2: feedforward
+// ---- 2: timing, feedforward
+press("retime", panel, "retime", () => panel.begin("retime", {
+  motion: motionOf(), model: value("model", "A model: identify the robot first. It"),
+  margin: numberOf("kept-free", { least: 0 }) / 100, output: nameOf("timed-name", ".yaml"), overwrite: true,
+}));
+
 press("make", panel, "compensate", () => {
   const asks = { motion: value("motion", "A motion"), ...byModel(), output: nameOf("feedforward-name", ".json"), overwrite: true };
   const reference = find("reference").value;
@@ -103,6 +108,7 @@ async function ended(job, document) {
     await showLoops(document.run);
     offer(find("loop"), `runs/${document.run}/loops.json`);
   }
+  if (job.kind === "retime" && document) offer(find("motion"), document.motion);
   if ((job.kind === "compensate" || job.kind === "refine") && document) {
     offer(find("feedforward"), document.feedforward);
   }

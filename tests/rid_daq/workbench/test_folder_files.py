@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from acquisition.motion.motion_file import MOTION_KINDS
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.workbench.folder_files import folder_files
@@ -32,3 +35,10 @@ def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
     assert [each.path for each in found.models] == ["runs/01A/model.json"]
     assert [each.path for each in found.loops] == ["runs/01A/loops.json"]
     assert found.feedforwards == ()
+
+
+@pytest.mark.parametrize("kind", sorted(MOTION_KINDS))
+def test_motions_of_every_kind_are_offered(kind: str, tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    (tmp_path / "it.yaml").write_text(MOTION.replace("fourier", kind))
+    assert [each.kind for each in folder_files(service, "ir361").motions] == [kind]

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from rid_daq.service.records import Job, JobState
 from tests.builders.identified_run import arm_in_motion, identified_run
-from tests.builders.motion_texts import MULTISINE
+from tests.builders.motion_texts import MULTISINE, PICK
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import begin_motion, taken, until
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, take_cell
@@ -94,6 +94,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     """By the buttons of the page, step by step; each file that one makes is the next one's."""
     run = multisine_run
     (served_pages.folder / "turns.yaml").write_text(TURNS)
+    (served_pages.folder / "pick.yaml").write_text(PICK)
     page = open_page(width=820)
     page.get_by_role("link", name="Compensation", exact=True).click()
     page.locator("#loop-run").select_option(run)
@@ -122,10 +123,11 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     expect(page.locator("#after")).to_have_value(runs[1])
     page.locator("#compare").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Tracking: done")
-    row = page.locator("#path-result tbody tr").first
-    expect(row).to_contain_text("times closer")
-    closer = float(row.locator("td").nth(3).inner_text().split()[0])
-    assert closer > 10.0
+    reduced = page.locator("#path-result tbody tr").first.locator("td").nth(3)
+    expect(reduced).to_contain_text("times")
+    found = re.search(r"[\d.]+", reduced.inner_text())
+    assert found is not None
+    assert float(found[0]) > 10.0
 
     expect(page.locator("#refine-run")).to_have_value(runs[1])
     page.locator("#refine").click()
@@ -139,6 +141,17 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     assert streamed not in runs
     assert newest(served_pages).request["options"] == {"compensated": True}
     give_back(page)
+
+    page.locator("#motion").select_option("pick.yaml")
+    page.get_by_text("First time the motion").click()
+    page.locator("#retime").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
+    expect(page.locator("#job .said")).to_contain_text("% shorter")
+    expect(page.locator("#motion")).to_have_value("timed.yaml")
+    page.reload()
+    expect(page.locator("#motion option[value='timed.yaml']")).to_have_text(
+        "timed.yaml (timed path)"
+    )
 
 
 def moved(page: Page, served: ServedProcess, button: str, end: str) -> str:
