@@ -145,7 +145,8 @@ def restore_drive(
     -------
     tuple of RestoredSetting
         What differed, or is not known. Entries of a PDO's mapping beyond the number of its objects
-        are written back too, but a drive need not take them: they say nothing.
+        are written back too, but a drive need not take them: they say nothing. What the drive does
+        not have was not written either: it is left out.
 
     Raises
     ------
@@ -178,6 +179,7 @@ def restore_drive(
     results += [
         RestoredSetting(saved.node_id, address, None, why, why)
         for address, why in saved.unknown.items()
+        if _read(port, address) is not None
     ]
     return tuple(sorted(results, key=lambda result: result.address))
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +22,11 @@ from drivers.canopen.frames import Frame
 from drivers.cell import Cell
 from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
+from drivers.servo.drive_settings import restore_drive
 from drivers.servo.eds_check import eds_findings
+from drivers.servo.sdo_port import SdoPort
 from drivers.servo.watchdog_test import WatchTrial, prove_watches, try_watches
+from drivers.settings.write_log import WriteLog, read_write_log
 from mock_hw.drive import objects as od
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
@@ -280,3 +284,18 @@ class TestBundledFamilies:
         identity = DriveIdentity(1, INCREMENTS, Fraction(100), 1000, cell.servo_of(cell.axes[0]))
         sheet = parse_eds(drive_eds(identity, "d.eds", datetime(2026, 1, 2)).encode(), "d.eds")
         assert [f for f in eds_findings(sheet, cell, cell.axes[0]) if f.verdict == "red"] == []
+
+
+def test_what_a_family_lacks_is_neither_written_nor_to_be_undone(tmp_path: Path) -> None:
+    cell = cell_of(GUARDED, ServoProfile())
+    bus = ObedientCell(cell, robot(), INCREMENTS)
+    link, log = CanLink(bus), WriteLog(tmp_path / "writes.jsonl", durable=False)
+    windows = [drive.objects[od.FOLLOWING_ERROR_WINDOW] for drive in bus.drives]
+    with Cell(cell, robot(), link, log) as open_cell:
+        open_cell.axes.bring_up()
+        assert [drive.objects[od.FOLLOWING_ERROR_WINDOW] for drive in bus.drives] != windows
+        for saved in read_write_log(log.path):
+            port = SdoPort(link, saved.node_id, lambda frame, now_s: None)
+            restored = restore_drive(port, saved, dry_run=False)
+            assert [each.name for each in restored if not each.restored] == []
+        assert [drive.objects[od.FOLLOWING_ERROR_WINDOW] for drive in bus.drives] == windows
