@@ -9,6 +9,7 @@ itself, a quick stop where it was powered.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from config.cell.cell import CellConfig
@@ -108,6 +109,7 @@ def acts_within_s(cell: CellConfig) -> float:
 def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[str, float]:
     """Switch the drives' heartbeats off; return how long it took to notice each [s]."""
     noticed = dict.fromkeys(axes.joint_names, math.nan)
+    reported: dict[str, set[int]] = {joint: set() for joint in axes.joint_names}
     axes.bring_up()
     axes.start()
     since_s = clock.now_s()
@@ -121,7 +123,21 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
         for event in axes.take_events():
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):
                 noticed[event.joint] = event.time_s - since_s
+            elif event.kind is EventKind.EMERGENCY:
+                reported[event.joint].add(event.code)
+    _reset_unasked(axes, reported)
     return noticed
+
+
+def _reset_unasked(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None:
+    """Reset drives that are in fault since nobody asked for their state, and nothing else is wrong.
+
+    What else a drive has reported meanwhile stays, for the next `bring_up` to name.
+    """
+    states = zip(axes.joint_names, axes.service.power_states(), strict=True)
+    faulty = [reported[joint] for joint, state in states if state.faulty]
+    if faulty and all(codes == {HEARTBEAT_LOST} for codes in faulty):
+        axes.service.reset_faults()
 
 
 def _silent_computer(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from fractions import Fraction
@@ -147,13 +147,17 @@ GUARDED = ServoProfile(
 )
 
 
-def test_a_drive_with_life_guarding_in_place_of_heartbeats_is_moved() -> None:
+@pytest.mark.fault(18)
+def test_a_drive_with_life_guarding_in_place_of_heartbeats_is_moved(
+    measured: Callable[[str], None],
+) -> None:
     cell = cell_of(GUARDED, ServoProfile())
     moves(cell)
     trials = tried(cell)
     assert all(trial.acted_s <= 0.088 for trial in trials), trials
     assert all(trial.noticed_s <= 0.108 for trial in trials), trials
     assert trials[0].how == "fault"
+    measured(f"life guarding: stops {1e3 * trials[0].acted_s:.0f} ms after the last question")
 
 
 def test_life_guarding_is_proven_before_every_motion_whatever_the_drive_has() -> None:
@@ -167,6 +171,25 @@ def test_life_guarding_is_proven_before_every_motion_whatever_the_drive_has() ->
         bus.drives[0].watches = False
         with pytest.raises(PreflightError, match=r"does not stop in time: base \(node 1\): op"):
             prove_watches(open_cell.axes, open_cell.clock, cell)
+
+
+def test_a_guarded_drive_that_goes_into_fault_without_power_too_is_tried_to_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cell = cell_of(GUARDED, ServoProfile())
+    with opened(cell) as (open_cell, bus):
+        drive = bus.drives[0]
+        monkeypatch.setattr(drive, "_lose_master", drive._fault)
+        trials = try_watches(open_cell.axes, open_cell.clock, cell)
+        assert all(trial.acted_s <= 0.088 and trial.noticed_s <= 0.108 for trial in trials)
+
+        def fail_otherwise(code: int) -> None:
+            drive._fault(code)
+            drive._fault(0x3210)
+
+        monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
+        with pytest.raises(PreflightError, match="3210h"):  # a fault that is none of the trial's
+            try_watches(open_cell.axes, open_cell.clock, cell)
 
 
 @pytest.mark.parametrize("lacking", ["100Ch", "100Dh"])
