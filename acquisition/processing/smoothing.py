@@ -44,6 +44,9 @@ class SmoothedSignals:
         to this band is worth about 2 cutoff_hz values a second.
     temperature_k : ndarray, shape (samples, joints), or None
         Temperature of each drive [K], where it was recorded.
+    torque_bandwidth_hz : float or None
+        Where the torque was low-passed before it was recorded, where that is known: it holds less
+        than the position then.
     """
 
     joint_names: tuple[str, ...]
@@ -56,6 +59,7 @@ class SmoothedSignals:
     sample_period_s: float
     cutoff_hz: float
     temperature_k: FloatArray | None = None
+    torque_bandwidth_hz: float | None = None
 
     def __post_init__(self) -> None:
         freeze(self, DataQualityError, (None,), "time_s")

@@ -107,8 +107,9 @@ def time_blocks(
 
     Where friction has memory the rows at rest and at reversal count, at which the model's torque
     changes faster than the low-passed measurement can: then the columns are low-passed alike, as
-    they are with `low_passed`. Of a pause only the rows within a period of the cut-off from motion
-    count: what follows is the same value again, for as long as the pause lasts.
+    they are with `low_passed`, and where the torque's own bandwidth is known. Of a pause only the
+    rows within a period of the cut-off from motion count: what follows is the same value again,
+    for as long as the pause lasts.
     """
     first_event = 0
     for run in runs:
@@ -119,7 +120,8 @@ def time_blocks(
         moves = moving(model, signals.velocity, standstill_rad_s)
         use = counted(whole, moves) & _near(moves, signals)
         for rows in _blocks(signals.segment):
-            if low_passed or whole.memory is not None:
+            narrow = signals.torque_bandwidth_hz is not None
+            if low_passed or narrow or whole.memory is not None:
                 columns = _low_passed_columns(model, base, run, rows, standard)
             else:
                 columns = _columns(model, base, run, rows, standard)
@@ -167,12 +169,13 @@ def _low_passed_columns(
     """Return the columns of some rows of one segment, low-passed as the torque was."""
     signals = run.signals
     first, end = np.searchsorted(signals.segment, signals.segment[rows.start] + np.array([0, 1]))
-    reach = math.ceil(FILTER_REACH / (signals.cutoff_hz * signals.sample_period_s))
+    cutoff_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
+    reach = math.ceil(FILTER_REACH / (cutoff_hz * signals.sample_period_s))
     wide = slice(max(int(first), rows.start - reach), min(int(end), rows.stop + reach))
-    columns = _columns(model, base, run, wide, standard)
+    columns = np.ascontiguousarray(_columns(model, base, run, wide, standard))
     flat = columns.reshape(len(columns), -1)
     seen = flat.any(axis=0)
-    flat[:, seen] = low_pass(flat[:, seen], signals.sample_period_s, signals.cutoff_hz)
+    flat[:, seen] = low_pass(flat[:, seen], signals.sample_period_s, cutoff_hz)
     return columns[rows.start - wide.start : rows.stop - wide.start]
 
 

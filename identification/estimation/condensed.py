@@ -9,12 +9,12 @@ factors. Which way a gear is loaded is taken from the candidate with the most li
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import FloatArray, IntArray
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
@@ -129,20 +129,24 @@ class CondensedRecordings:
         EstimationError
             The recordings are not the robot's, or do not show the linear candidate's parameters.
         """
-        loaded = fit_smoothed(simple, parts, options)
+        wide = [replace(part, torque_bandwidth_hz=None) for part in parts]
+        loaded = fit_smoothed(simple, wide, options)
         load = (loaded.model, loaded.standard_values)
         columns = CandidateColumns.of(rich, options.model)
         widths = [columns.width(j) for j in range(len(rich.joints))]
+        narrow = _low_passed(columns, parts, load)
         stretches: list[list[Triangle]] = []
         belongs: list[int] = []
         total_s = sum(len(part) * part.sample_period_s for part in parts)
         length_s = max(EVENT_S, total_s / MOST_STRETCHES)
         for number, part in enumerate(parts):
             moving = moves(columns.rich, part.velocity, options.standstill_rad_s)
+            filtered = None if narrow is None else narrow[number]
             for rows in _stretches(part, length_s):
-                motion = (part.position[rows], part.velocity[rows], part.acceleration[rows])
-                conditions = Conditions(temperature_k=part.temperature_k).part(rows)
-                matrices = columns.rows(motion, conditions, load)
+                if filtered is None:
+                    matrices = columns.rows(*_circumstances(part, rows), load)
+                else:
+                    matrices = [matrix[rows] for matrix in filtered]
                 use, torque = moving[rows], part.torque_nm[rows]
                 stretches.append(
                     [
@@ -289,6 +293,37 @@ def _stretches(part: SmoothedSignals, length_s: float) -> Iterator[slice]:
     edges = np.flatnonzero((np.diff(stretch) != 0.0) | (np.diff(part.segment) != 0)) + 1
     for first, end in pairwise([0, *edges.tolist(), len(part)]):
         yield slice(first, end)
+
+
+def _circumstances(
+    part: SmoothedSignals, rows: slice
+) -> tuple[tuple[FloatArray, FloatArray, FloatArray], Conditions]:
+    motion = (part.position[rows], part.velocity[rows], part.acceleration[rows])
+    return motion, Conditions(temperature_k=part.temperature_k).part(rows)
+
+
+def _low_passed(
+    columns: CandidateColumns,
+    parts: Sequence[SmoothedSignals],
+    load: tuple[RobotModel, FloatArray],
+) -> list[list[FloatArray]] | None:
+    """Return each part's columns low-passed as the torque was recorded; None where it was not.
+
+    Parts are cut out of recordings: the low-pass reaches over the cuts, but not over gaps.
+    """
+    bandwidth_hz, step_s = parts[0].torque_bandwidth_hz, parts[0].sample_period_s
+    if bandwidth_hz is None:
+        return None
+    every = [columns.rows(*_circumstances(part, slice(None)), load) for part in parts]
+    stamps = np.concatenate([part.time_s for part in parts])
+    gaps = np.flatnonzero(np.abs(np.diff(stamps) - step_s) > 0.5 * step_s) + 1
+    ends = np.cumsum([len(part) for part in parts])[:-1]
+    joined = []
+    for of_joint in zip(*every, strict=True):
+        pieces = np.split(np.concatenate(of_joint), gaps)
+        whole = np.concatenate([low_pass(piece, step_s, bandwidth_hz) for piece in pieces])
+        joined.append(np.split(whole, ends))
+    return [list(of_part) for of_part in zip(*joined, strict=True)]
 
 
 def _joined(parts: Sequence[Sequence[Triangle]]) -> tuple[Triangle, ...]:

@@ -16,6 +16,7 @@ from dynamics.model.memory import with_memory
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
 from identification.equations.plate_fit import PlateFit
+from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
@@ -74,6 +75,9 @@ class Estimate:
         How rows were weighted.
     plate : PlateFit or None
         How the force plate fits, where it was used.
+    channel : TorqueChannel or None
+        By how much the recorded torque was late, and where it was low-passed; None where that was
+        not looked for. It belongs to the recording, not to the robot: `validate` applies it.
     periods : int
         Averaged periods behind it; 0 for "smoothed".
     cell_name : str
@@ -99,6 +103,7 @@ class Estimate:
     standstill_rad_s: float
     weighting: Weighting = "ml"
     plate: PlateFit | None = None
+    channel: TorqueChannel | None = None
     nonlinear_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_nm: FloatArray | None = None
     held_out_share: FloatArray | None = None

@@ -19,6 +19,7 @@ from config.model import ConfigModel
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.equations.plate_fit import PlateFit
+from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimate import Estimate
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters, ModelKind
@@ -66,6 +67,12 @@ class _Plate(ConfigModel):
     drift_n_s: Matrix
 
 
+class _Channel(ConfigModel):
+    delay_s: Row
+    delay_sigma_s: Row
+    bandwidth_hz: float | None
+
+
 class EstimateDocument(ConfigModel):
     """What stands in the file; see `Estimate` for the meaning."""
 
@@ -97,6 +104,7 @@ class EstimateDocument(ConfigModel):
     covariance_honest: Matrix | None = None
     shape_covariance: Matrix = ()
     plate: _Plate | None = None
+    channel: _Channel | None = None
     model: _Options
     robot: RobotDescription
 
@@ -161,6 +169,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         covariance_honest=estimate.covariance_jackknife,
         shape_covariance=estimate.nonlinear_covariance,
         plate=None if plate is None else _Plate.taken(plate),
+        channel=None if estimate.channel is None else _Channel.taken(estimate.channel),
         model=_Options.taken(estimate.options),
     )
 
@@ -196,6 +205,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
             len(nonlinear), len(nonlinear)
         ),
         plate=None if document.plate is None else document.plate.into(PlateFit),
+        channel=None if document.channel is None else document.channel.into(TorqueChannel),
         cell_name=document.cell,
         run_ids=document.runs,
     )

@@ -29,6 +29,7 @@ from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
+from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.friction_trials import (
@@ -78,6 +79,8 @@ class Comparison:
         The model with each joint's own terms.
     presliding : PreslidingChoice or None
         Which joints' friction has memory besides; None where that was not asked.
+    channel : TorqueChannel or None
+        What the recorded torque went through; None where that was not asked.
     """
 
     joint_names: tuple[str, ...]
@@ -85,6 +88,7 @@ class Comparison:
     chosen: tuple[Terms, ...]
     combined: Trial
     presliding: PreslidingChoice | None = None
+    channel: TorqueChannel | None = None
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction terms."""

@@ -10,7 +10,7 @@ from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
-from dynamics.model.memory import with_memory
+from dynamics.model.memory import presliding, with_memory
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
@@ -50,6 +50,10 @@ class Validation:
         Where the signals were low-passed, and the speed from which samples count.
     limits_percent : tuple of float, or None
         The largest relative errors allowed.
+    torque_bandwidth_hz : float or None
+        Where the model's torque is low-passed besides, as that of its own recording was.
+    remembering : tuple of str
+        Joints whose friction has memory: standstill and reversal are predicted, too.
     """
 
     joint_names: tuple[str, ...]
@@ -67,6 +71,8 @@ class Validation:
     cutoff_hz: float
     standstill_rad_s: float
     limits_percent: tuple[float, ...] | None = None
+    torque_bandwidth_hz: float | None = None
+    remembering: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -129,7 +135,8 @@ def validate(
     estimate : Estimate
         The identified robot. To judge other parameters, `dataclasses.replace` its `values`.
     recording : Recording
-        Any motion; it is low-passed without phase shift, periodic or not.
+        Any motion; it is low-passed without phase shift, periodic or not. What its torque went
+        through is taken to be what the estimate's did (`Estimate.channel`).
     cutoff_hz : float
         Cut-off of the low-pass, for measured and predicted torque alike [Hz].
     standstill_rad_s : float
@@ -153,6 +160,8 @@ def validate(
             f" {', '.join(names)}: use a model of this robot"
         )
     signals = smooth_nonperiodic(without_torque_filter(recording), cutoff_hz)
+    if estimate.channel is not None:
+        signals = estimate.channel.undelayed(signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
     conditions = with_memory(estimate.model, signals.position, warmth, signals.segment)
     predicted = predict(
@@ -161,6 +170,9 @@ def validate(
     for number in np.unique(signals.segment):
         rows = signals.segment == number
         predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
+        if signals.torque_bandwidth_hz is not None:
+            step_s, narrow_hz = signals.sample_period_s, signals.torque_bandwidth_hz
+            predicted[rows] = low_pass(predicted[rows], step_s, narrow_hz)
     moving = moves(estimate.model, signals.velocity, standstill_rad_s)
     if not moving.any():
         raise DataQualityError(
@@ -186,6 +198,8 @@ def validate(
         cutoff_hz=cutoff_hz,
         standstill_rad_s=standstill_rad_s,
         limits_percent=limits_percent,
+        torque_bandwidth_hz=signals.torque_bandwidth_hz,
+        remembering=tuple(names[own.joint] for own in presliding(estimate.model)),
     )
 
 

@@ -19,10 +19,12 @@ from identification.cross_checks.agreement import CrossCheck, cross_checks
 from identification.equations.deconvolution import without_torque_filter
 from identification.equations.segments import period_signals
 from identification.equations.time_domain import time_runs
+from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
+from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from identification.validation.presliding_choice import choose_presliding
 from rid_daq.runs.run_data import RunData
@@ -74,10 +76,12 @@ def estimate_runs(
     how: EstimationRequest | None = None,
     *,
     robot: RobotDescription | None = None,
+    channel: TorqueChannel | None = None,
 ) -> Identified:
     """Estimate from runs of one robot, all periodic or all not.
 
-    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`.
+    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`, and
+    so does `channel` for what the torque of runs that are not periodic went through.
 
     Raises
     ------
@@ -96,16 +100,15 @@ def estimate_runs(
         prior = cad_prior(options.model.build(robot), robot)
         options = replace(options, prior=prior)
     if not data[0].is_periodic:
-        return Identified(
-            estimate_smoothed(
-                robot,
-                signals_of(data, how),
-                options,
-                payload=payload,
-                cell_name=cell_name,
-                run_ids=run_ids,
-            )
+        estimate = estimate_smoothed(
+            robot,
+            signals_of(data, how, channel),
+            options,
+            payload=payload,
+            cell_name=cell_name,
+            run_ids=run_ids,
         )
+        return Identified(replace(estimate, channel=channel))
     averages = tuple(item.average for item in data)
     fitted = fit_periodic(robot, averages, options, payload=payload)
     estimate = fitted.estimate(cell_name, run_ids)
@@ -130,6 +133,10 @@ def compare_friction(
     if how.loaded:
         raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
     signals = signals_of(data, how)
+    alike = not data[0].is_periodic and len({run.sample_period_s for run in signals}) == 1
+    if alike:
+        bandwidth_hz = choose_bandwidth(robot, signals, how.options)
+        signals = [replace(run, torque_bandwidth_hz=bandwidth_hz) for run in signals]
     comparison = choose_friction(
         robot,
         signals,
@@ -138,7 +145,11 @@ def compare_friction(
         watch=watch,
     )
     memory = choose_presliding(comparison.robot(robot), signals, how.options)
-    return replace(comparison, presliding=memory)
+    comparison = replace(comparison, presliding=memory)
+    if not alike:
+        return comparison
+    channel = choose_delays(comparison.robot(robot), signals, how.options)
+    return replace(comparison, channel=channel if channel.changes else None)
 
 
 def check_otherwise(
@@ -146,7 +157,8 @@ def check_otherwise(
 ) -> Iterator[CrossCheck]:
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
-    yield from cross_checks(estimate, time_runs(estimate.model, signals_of(data, how), loaded))
+    signals = signals_of(data, how, estimate.channel)
+    yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
 
 
 def gains_of_drives(
@@ -164,20 +176,26 @@ def gains_of_drives(
         The runs or the model do not tell them, or they are such as no drive has.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
-    runs = time_runs(estimate.model, signals_of(data, how), loaded)
+    runs = time_runs(estimate.model, signals_of(data, how, estimate.channel), loaded)
     gains = drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
     gains.require_plausible(mass_kg)
     return gains
 
 
-def signals_of(data: Sequence[RunData], how: EstimationRequest) -> list[SmoothedSignals]:
-    """Return runs as low-passed recordings in time: of periodic ones the mean period."""
+def signals_of(
+    data: Sequence[RunData], how: EstimationRequest, channel: TorqueChannel | None = None
+) -> list[SmoothedSignals]:
+    """Return runs as low-passed recordings in time: of periodic ones the mean period.
+
+    What the torque of the others went through is taken out where it is known.
+    """
     if data[0].is_periodic:
         return [period_signals(item.average, how.options.band_hz) for item in data]
-    return [
+    signals = [
         smooth_nonperiodic(without_torque_filter(item.recording), how.options.band_hz)
         for item in data
     ]
+    return signals if channel is None else [channel.undelayed(each) for each in signals]
 
 
 def one_robot(data: Sequence[RunData]) -> RobotDescription:

@@ -51,6 +51,39 @@ class MemoryTrial(Section):
     with_memory: Numbers
 
 
+class ChannelTrial(Section):
+    """What the recorded torque went through.
+
+    Attributes
+    ----------
+    bandwidth_hz : float or None
+        Where it was low-passed; None for nowhere that the recording shows.
+    delay_s, delay_sigma_s : tuple of float
+        By how much each joint's torque is late, with its standard deviation; 0 where nothing was
+        found [s].
+    """
+
+    bandwidth_hz: float | None
+    delay_s: Numbers
+    delay_sigma_s: Numbers
+
+    def sentences(self, joints: Texts) -> Texts:
+        """Say what was found."""
+        said = []
+        if self.bandwidth_hz is not None:
+            said.append(
+                f"The torque was low-passed at {number(self.bandwidth_hz, 3)} Hz before it was"
+                " recorded: the model's torque is, too, where they are compared."
+            )
+        said += [
+            f"The torque of {joint} is {number(1e3 * late, 3)} ms late"
+            f" (± {number(1e3 * sigma, 2)} ms)."
+            for joint, late, sigma in zip(joints, self.delay_s, self.delay_sigma_s, strict=True)
+            if late
+        ]
+        return tuple(said)
+
+
 class ComparisonSection(Section):
     """How candidates of friction terms compare, and what was chosen.
 
@@ -64,12 +97,15 @@ class ComparisonSection(Section):
         The candidates, and last what was chosen, all joints together.
     memory : MemoryTrial or None
         The same of friction with memory; None in results of earlier versions.
+    channel : ChannelTrial or None
+        What the recorded torque went through; None where nothing was found.
     """
 
     joints: Texts
     chosen: dict[str, Texts]
     trials: tuple[FrictionTrial, ...]
     memory: MemoryTrial | None = None
+    channel: ChannelTrial | None = None
 
     @classmethod
     def of(cls, comparison: Comparison) -> ComparisonSection:
@@ -82,6 +118,9 @@ class ComparisonSection(Section):
                 for trial in (*comparison.trials, comparison.combined)
             ),
             memory=None if comparison.presliding is None else _memory(comparison.presliding),
+            channel=(
+                None if comparison.channel is None else ChannelTrial.taken(comparison.channel)
+            ),
         )
 
     def _has(self, joint: str, terms: Texts) -> bool:
@@ -120,6 +159,9 @@ class ComparisonSection(Section):
                     ),
                 ],
             )
+        if self.channel is not None:
+            for sentence in self.channel.sentences(self.joints):
+                console.say(sentence)
 
 
 def _terms(comparison: Comparison) -> list[Texts]:

@@ -119,7 +119,7 @@ class ValidationSection(Section):
         return cls(
             sentence=f"{sentence} Signals below {validation.cutoff_hz:g} Hz (no phase shift);"
             f" errors count samples at {validation.standstill_rad_s:g} rad/s or faster ({shares} %"
-            " of each axis): below, friction is stiction.",
+            f" of each axis): below, friction is stiction.{_besides(validation)}",
             cutoff_hz=validation.cutoff_hz,
             standstill_rad_s=validation.standstill_rad_s,
             has_floor=floor_nm is not None,
@@ -215,3 +215,20 @@ class TruthCase(Section):
             of=len(parameters),
             deviation_sigmas=tuple(each.deviation_sigmas or 0.0 for each in parameters),
         )
+
+
+def _besides(validation: Validation) -> str:
+    """Say what else the errors rest on, after the sentence of the samples."""
+    said = ""
+    if validation.torque_bandwidth_hz is not None:
+        said += (
+            f" The model's recording had its torque low-passed at"
+            f" {validation.torque_bandwidth_hz:g} Hz, and so is what the model predicts."
+        )
+    if validation.remembering:
+        errors = ", ".join(number(error, 3) for error in validation.all_samples_percent)
+        said += (
+            f" The friction of {', '.join(validation.remembering)} has memory: with every sample"
+            f" counted, standstill too, the errors of the axes are {errors} %."
+        )
+    return said

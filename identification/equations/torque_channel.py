@@ -1,0 +1,69 @@
+"""`TorqueChannel`: what a recording's torque went through on its way, and the position did not.
+
+A drive's torque is sampled, filtered and sent by itself: it may be late by a fraction of a sample,
+and low-passed long before anybody recorded it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray, freeze
+from config.errors import EstimationError
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueChannel:
+    """Delay and bandwidth of the torque beside the position.
+
+    Attributes
+    ----------
+    delay_s : ndarray, shape (n,)
+        By how much each joint's torque is late [s]; negative where the position is.
+    delay_sigma_s : ndarray, shape (n,)
+        Standard deviations; 0 where no delay was found.
+    bandwidth_hz : float or None
+        Where the torque was low-passed; None where the recording shows no limit of its own.
+    """
+
+    delay_s: FloatArray
+    delay_sigma_s: FloatArray
+    bandwidth_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, EstimationError, (None,), "delay_s")
+        freeze(self, EstimationError, (len(self.delay_s),), "delay_sigma_s")
+
+    @classmethod
+    def none(cls, joints: int) -> TorqueChannel:
+        """Return the channel that changes nothing."""
+        return cls(np.zeros(joints), np.zeros(joints))
+
+    @property
+    def changes(self) -> bool:
+        """Whether it does anything."""
+        return self.bandwidth_hz is not None or bool(np.any(self.delay_s))
+
+    def undelayed(self, signals: SmoothedSignals) -> SmoothedSignals:
+        """Return signals whose torque is in time with the position, and whose bandwidth is known.
+
+        Parameters
+        ----------
+        signals : SmoothedSignals
+            As they were recorded.
+        """
+        torque = signals.torque_nm.copy()
+        for number in np.unique(signals.segment):
+            rows = signals.segment == number
+            time_s = signals.time_s[rows]
+            for j in np.flatnonzero(self.delay_s):
+                at = np.clip(time_s + self.delay_s[j], time_s[0], time_s[-1])
+                torque[rows, j] = CubicSpline(time_s, torque[rows, j])(at)
+        bandwidth_hz = self.bandwidth_hz
+        if bandwidth_hz is not None and bandwidth_hz >= signals.cutoff_hz:
+            bandwidth_hz = None
+        return replace(signals, torque_nm=torque, torque_bandwidth_hz=bandwidth_hz)

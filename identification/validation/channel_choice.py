@@ -1,0 +1,212 @@
+"""What a recording's torque went through, chosen by the data: its bandwidth and its delays.
+
+A torque that was low-passed before it was recorded jumps slower than friction does, and every joint
+that turns round then shows an error that no model of the robot explains. The bandwidth is the one
+with which low-passed columns fit best; it is taken where the logarithm of the error on seconds left
+out falls by more than two standard errors, all joints together. Delays are parameters beside all
+others: torque late by d is tau(t) - d tau'(t) to first order (Gauss-Newton). A joint's is taken
+where it is two standard deviations from zero and worth having on seconds left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import FloatArray, IntArray
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
+from identification.equations.segments import thinned
+from identification.equations.time_domain import TimeBlock, time_blocks
+from identification.equations.torque_channel import TorqueChannel
+from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
+from identification.estimation.nonlinear_parameters import step_prior
+from identification.estimation.options import EstimationOptions
+from identification.estimation.smoothed_fit import weighted_by_residuals
+from identification.model.torque_columns import torque_structure
+from identification.regression.intervals import Cluster, jackknife
+from identification.regression.least_squares import Triangle
+from identification.validation.friction_trials import with_friction
+from identification.validation.held_out import FOLDS, held_out_errors, worth_having
+
+STEP: Final = 0.75
+LOWEST_SHARE: Final = 0.08
+"""Of the cut-off: how far down bandwidths are tried, each `STEP` of the one before."""
+DISTINCT_SIGMAS: Final = 2.0
+LONGEST_DELAY_S: Final = 0.1
+ROUNDS: Final = 2
+_FLEXIBLE: Final[tuple[FrictionTerm, ...]] = (
+    "coulomb", "viscous", "offset", "cube_root", "cubic",
+)  # fmt: skip
+
+
+def choose_bandwidth(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions | None = None,
+    *,
+    folds: int = FOLDS,
+) -> float | None:
+    """Return where the torque was low-passed before it was recorded [Hz]; None for nowhere.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot; its friction terms do not count.
+    signals : sequence of SmoothedSignals
+        The recordings of the training runs.
+    options : EstimationOptions, optional
+        The other terms of the model, and from which speed on a joint moves.
+    folds : int
+        Parts that the recordings are cut into.
+
+    Raises
+    ------
+    EstimationError
+        The recordings are too short, or do not show the model.
+    """
+    options = options or EstimationOptions()
+    robot = with_friction(robot, [_FLEXIBLE] * len(robot.joints))
+    parts = [thinned(run) for run in signals]
+    cutoff_hz = min(part.cutoff_hz for part in parts)
+
+    def fit(bandwidth_hz: float) -> FittedSignals:
+        narrow = [replace(part, torque_bandwidth_hz=bandwidth_hz) for part in parts]
+        return fit_smoothed(robot, narrow, options)
+
+    def misfit(fitted: FittedSignals) -> float:
+        return float(np.sum(fitted.fit.rows_used * np.log(fitted.fit.residual_nm)))
+
+    plain = fit(cutoff_hz)
+    tried = {cutoff_hz: (misfit(plain), plain)}
+    steps = math.floor(math.log(LOWEST_SHARE) / math.log(STEP))
+    for bandwidth_hz in (cutoff_hz * STEP**k for k in range(1, steps + 1)):
+        fitted = fit(bandwidth_hz)
+        tried[bandwidth_hz] = (misfit(fitted), fitted)
+        if misfit(fitted) > min(value for value, _ in tried.values()) + fitted.fit.rows_used.sum():
+            break  # e times the residual of the best one
+    best = min(tried, key=lambda hz: tried[hz][0])
+    for width in (0.5, 0.25):
+        for bandwidth_hz in (best * STEP**width, best / STEP**width):
+            if bandwidth_hz < cutoff_hz:
+                fitted = fit(bandwidth_hz)
+                tried[bandwidth_hz] = (misfit(fitted), fitted)
+        best = min(tried, key=lambda hz: tried[hz][0])
+    if best >= STEP * cutoff_hz:
+        return None
+    errors = held_out_errors(plain, tried[best][1], folds)
+    gain = np.nansum(np.log(errors[0] / errors[1]), axis=1)
+    enough = gain.mean() > DISTINCT_SIGMAS * np.std(gain, ddof=1) / math.sqrt(len(gain))
+    return float(f"{best:.3g}") if enough else None
+
+
+def choose_delays(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions | None = None,
+    *,
+    folds: int = FOLDS,
+) -> TorqueChannel:
+    """Return by how much each joint's torque is late, zero where the data do not show it.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot with all its terms: what friction does at a reversal resembles a delay.
+    signals : sequence of SmoothedSignals
+        The recordings of the training runs; their `torque_bandwidth_hz` is kept.
+    options : EstimationOptions, optional
+        The other terms of the model.
+    folds : int
+        Parts that the recordings are cut into.
+
+    Raises
+    ------
+    EstimationError
+        The recordings are too short, or do not show the model.
+    """
+    options = options or EstimationOptions()
+    parts = [thinned(run) for run in signals]
+    n, bandwidth_hz = len(robot.joints), parts[0].torque_bandwidth_hz
+    plain = fit_smoothed(robot, parts, options)
+    fitted, delay_s, sigma_s = plain, np.zeros(n), np.zeros(n)
+    for _ in range(ROUNDS):
+        step_s, sigma_s = _delay_steps(fitted)
+        delay_s = np.clip(delay_s + step_s, -LONGEST_DELAY_S, LONGEST_DELAY_S)
+        channel = TorqueChannel(delay_s, sigma_s, bandwidth_hz)
+        runs = tuple(
+            replace(run, signals=channel.undelayed(part))
+            for run, part in zip(plain.problem.runs, parts, strict=True)
+        )
+        fitted = replace(plain, problem=replace(plain.problem, runs=runs))
+    shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
+    shown &= np.abs(delay_s) < LONGEST_DELAY_S
+    shown &= worth_having(held_out_errors(plain, fitted, folds))
+    return TorqueChannel(delay_s * shown, sigma_s * shown, bandwidth_hz)
+
+
+def _delay_steps(fitted: FittedSignals) -> tuple[FloatArray, FloatArray]:
+    """Return a Gauss-Newton step of all delays beside all parameters, and its deviations, (n,)."""
+    structure = torque_structure(fitted.model, fitted.base, fitted.standard is not None)
+    nonlinear = 0 if fitted.standard is None else len(fitted.model.nonlinear_names)
+    width, n = len(fitted.base) + nonlinear, fitted.model.chain.n
+    own = [np.append(columns, width + j) for j, columns in enumerate(structure)]
+    triangles = [Triangle.empty(width + n, columns) for columns in own]
+    for block, rate in _blocks(fitted):
+        for j, columns in enumerate(structure):
+            use = np.flatnonzero(block.use[:, j])
+            triangles[j] = triangles[j].add(
+                _matrix(block, rate, use, j, columns), block.rhs[use, j]
+            )
+    names = tuple(map(str, range(width + n)))
+    known = [] if not nonlinear else [step_prior(fitted.model, len(fitted.base), width + n)]
+    solution, scale = weighted_by_residuals(triangles, known, names)
+
+    def clusters() -> Iterator[Cluster]:
+        gram, score, current = np.zeros((width + n,) * 2), np.zeros(width + n), 0
+        for block, rate in _blocks(fitted):
+            for rows in np.split(
+                np.arange(len(block.event)), np.flatnonzero(np.diff(block.event)) + 1
+            ):
+                if block.event[rows[0]] != current:
+                    yield Cluster(gram, score)
+                    gram, score = np.zeros_like(gram), np.zeros_like(score)
+                    current = int(block.event[rows[0]])
+                for j, columns in enumerate(structure):
+                    use = rows[block.use[rows, j]]
+                    matrix = _matrix(block, rate, use, j, columns)
+                    misfit = block.rhs[use, j] - matrix @ solution.values[own[j]]
+                    gram[np.ix_(own[j], own[j])] += matrix.T @ matrix / scale[j] ** 2
+                    score[own[j]] += matrix.T @ misfit / scale[j] ** 2
+        yield Cluster(gram, score)
+
+    covariance = jackknife(solution.information, clusters()).quoted
+    return solution.values[width:], np.sqrt(np.diagonal(covariance)[width:])
+
+
+def _blocks(fitted: FittedSignals) -> Iterator[tuple[TimeBlock, FloatArray]]:
+    """Yield blocks of equations, and how fast the measured torque changes there [N m/s]."""
+    problem = fitted.problem
+    rates = []
+    for run in problem.runs:
+        edges = np.flatnonzero(np.diff(run.signals.segment)) + 1
+        pieces = np.split(run.signals.torque_nm, edges)
+        rates += [np.gradient(piece, run.signals.sample_period_s, axis=0) for piece in pieces]
+    rate, first = np.concatenate(rates), 0
+    for block in time_blocks(
+        fitted.model, fitted.base, problem.runs, problem.standstill_rad_s, fitted.standard
+    ):
+        yield block, rate[first : first + len(block.rhs)]
+        first += len(block.rhs)
+
+
+def _matrix(
+    block: TimeBlock, rate: FloatArray, use: IntArray, joint: int, columns: IntArray
+) -> FloatArray:
+    late = -rate[use, joint][:, np.newaxis]
+    return np.hstack([block.columns[use[:, np.newaxis], joint, columns], late])

@@ -1,0 +1,162 @@
+"""Two fits compared on seconds that neither has seen, joint by joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import EstimationError
+from identification.equations.time_domain import TimeBlock, time_blocks
+from identification.estimation.fitted_signals import FittedSignals
+from identification.estimation.smoothed_fit import weighted_by_residuals
+from identification.model.torque_columns import torque_structure
+from identification.regression.least_squares import Triangle
+
+FOLDS: Final = 6
+FEWEST_SECONDS: Final = 4
+
+
+@dataclass(frozen=True, eq=False)
+class _Second:
+    """What a second says of each joint to a fit, and what a fit is judged on."""
+
+    train: tuple[Triangle, ...]
+    judge: tuple[Triangle, ...]
+
+
+def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLDS) -> FloatArray:
+    """Return mean squared errors of two fits of the same parts on seconds left out.
+
+    Nonlinear parameters are those of all data in every fold; the linear ones are fitted anew to
+    all parts but one.
+
+    Parameters
+    ----------
+    plain, full : FittedSignals
+        The simpler and the richer one. Both are judged on the samples that count for the richer.
+    folds : int
+        Contiguous parts that the recordings are cut into; each is left out once.
+
+    Returns
+    -------
+    ndarray, shape (2, seconds, n)
+        NaN where no sample counts.
+
+    Raises
+    ------
+    EstimationError
+        There are less than two parts.
+    """
+    part = _parts([int(run.event[-1]) + 1 for run in plain.problem.runs], folds)
+    errors = np.full((2, len(part), plain.model.chain.n), np.nan)
+    for own, seconds in zip(errors, zip(*_seconds(plain, full), strict=True), strict=True):
+        for left_out in range(int(part[-1]) + 1):
+            rest = [s.train for s, p in zip(seconds, part, strict=True) if p != left_out]
+            joined = [_joined(of_joint) for of_joint in zip(*rest, strict=True)]
+            names = tuple(map(str, range(joined[0].parameters)))
+            values = weighted_by_residuals(joined, [], names)[0].values
+            for number in np.flatnonzero(part == left_out):
+                for j, triangle in enumerate(seconds[number].judge):
+                    if triangle.rows:
+                        own[number, j] = triangle.residual_sum(values) / triangle.rows
+    return errors
+
+
+def _parts(seconds: Sequence[int], folds: int) -> IntArray:
+    """Return which part each second belongs to, from 0; parts are contiguous, within a run."""
+    each = max(1, folds // len(seconds))
+    cut = [piece for own in seconds for piece in np.array_split(np.zeros(own), each) if len(piece)]
+    if len(cut) < 2:
+        raise EstimationError("a comparison needs two parts of recordings")
+    return np.repeat(np.arange(len(cut)), [len(piece) for piece in cut])
+
+
+def _seconds(plain: FittedSignals, full: FittedSignals) -> Iterator[tuple[_Second, _Second]]:
+    """Yield what each second says of the simpler and of the richer model."""
+    widths = [len(fitted.base) for fitted in (plain, full)]
+    structures = [torque_structure(fitted.model, fitted.base, False) for fitted in (plain, full)]
+    held: tuple[_Second, _Second] | None = None
+    current = 0
+    for blocks in zip(_blocks(plain), _blocks(full), strict=True):
+        event, judged = blocks[1].event, blocks[1].use
+        trained = (blocks[0].use, judged)
+        edges = np.flatnonzero(np.diff(event)) + 1
+        for rows in np.split(np.arange(len(event)), edges):
+            if held is not None and event[rows[0]] != current:
+                yield held
+                held = None
+            current = int(event[rows[0]])
+            before = held or (None, None)
+            simpler, richer = (
+                _Second(
+                    _triangles(block, rows, use, width, structure, own.train if own else None),
+                    _triangles(block, rows, judged, width, structure, own.judge if own else None),
+                )
+                for block, use, width, structure, own in zip(
+                    blocks, trained, widths, structures, before, strict=True
+                )
+            )
+            held = (simpler, richer)
+    if held is not None:
+        yield held
+
+
+def _blocks(fitted: FittedSignals) -> Iterator[TimeBlock]:
+    problem = fitted.problem
+    return time_blocks(
+        fitted.model,
+        fitted.base,
+        problem.runs,
+        problem.standstill_rad_s,
+        fitted.standard,
+        low_passed=True,
+    )
+
+
+def _triangles(
+    block: TimeBlock,
+    rows: IntArray,
+    use: BoolArray,
+    width: int,
+    structure: tuple[IntArray, ...],
+    before: tuple[Triangle, ...] | None,
+) -> tuple[Triangle, ...]:
+    """Return the triangles of some rows of a block, one a joint, added to those before."""
+    found = before or tuple(Triangle.empty(width, columns) for columns in structure)
+    out = []
+    for j, (columns, triangle) in enumerate(zip(structure, found, strict=True)):
+        mine = rows[use[rows, j]]
+        out.append(triangle.add(block.columns[mine[:, np.newaxis], j, columns], block.rhs[mine, j]))
+    return tuple(out)
+
+
+def _joined(triangles: Sequence[Triangle]) -> Triangle:
+    """Return the triangles of one joint together."""
+    factor = np.vstack([triangle.factor for triangle in triangles])
+    rows = sum(triangle.rows for triangle in triangles)
+    first = triangles[0]
+    return Triangle.empty(first.parameters, first.columns).add(factor[:, :-1], factor[:, -1], rows)
+
+
+def worth_having(errors: FloatArray) -> BoolArray:
+    """Return the joints on which the richer model gains more than one standard error, (n,).
+
+    The standard error is that of the difference, second by second.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (2, seconds, n)
+        As of `held_out_errors`.
+    """
+    gain = errors[0] - errors[1]
+    seconds = np.sum(~np.isnan(gain), axis=0)
+    worth = np.zeros(gain.shape[1], dtype=bool)
+    for j in np.flatnonzero(seconds >= FEWEST_SECONDS):
+        own = gain[~np.isnan(gain[:, j]), j]
+        worth[j] = own.mean() > np.std(own, ddof=1) / math.sqrt(len(own))
+    return worth

@@ -1,0 +1,88 @@
+"""What a recorded torque went through is found where it is there, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from identification.equations.torque_channel import TorqueChannel
+from identification.estimation.estimators import estimate_smoothed
+from identification.validation.channel_choice import choose_bandwidth, choose_delays
+from identification.validation.friction_selection import CLASSICAL, choose_friction
+from tests.builders.remembering_arm import STEP_S, arm, motion, recording
+
+BANDWIDTH_HZ = 2.5
+LATE_S = np.array([0.0, 0.006, -0.004])
+WAY = motion(30.0, 1)
+
+
+def late(signals: SmoothedSignals, delay_s: FloatArray) -> SmoothedSignals:
+    torque = [
+        CubicSpline(signals.time_s, column)(np.maximum(signals.time_s - by, 0.0))
+        for column, by in zip(signals.torque_nm.T, delay_s, strict=True)
+    ]
+    return replace(signals, torque_nm=np.transpose(torque))
+
+
+@pytest.fixture(scope="module")
+def narrow() -> SmoothedSignals:
+    """A torque that was low-passed long before it was recorded."""
+    signals = recording({}, WAY)
+    return replace(signals, torque_nm=low_pass(signals.torque_nm, STEP_S, BANDWIDTH_HZ))
+
+
+def test_a_bandwidth_below_the_cut_off_is_found(narrow: SmoothedSignals) -> None:
+    found = choose_bandwidth(arm(), [narrow])
+    assert found == pytest.approx(BANDWIDTH_HZ, rel=0.08)
+
+
+def test_a_torque_that_holds_the_whole_band_has_none() -> None:
+    assert choose_bandwidth(arm(), [recording({}, WAY)]) is None
+
+
+def test_a_known_bandwidth_takes_the_bend_out_of_the_estimate(narrow: SmoothedSignals) -> None:
+    known = replace(narrow, torque_bandwidth_hz=BANDWIDTH_HZ)
+    plain, right = estimate_smoothed(arm(), [narrow]), estimate_smoothed(arm(), [known])
+    assert np.all(right.residual_nm < 0.5 * plain.residual_nm)
+    coulomb = [right.base.names.index(f"fc_axis{j}") for j in (1, 2, 3)]
+    np.testing.assert_allclose(right.values[coulomb], 20.0, atol=0.5)
+
+
+def test_friction_is_chosen_with_the_bandwidth(narrow: SmoothedSignals) -> None:
+    candidates = [CLASSICAL, (*CLASSICAL, "offset", "cube_root")]
+    known = replace(narrow, torque_bandwidth_hz=BANDWIDTH_HZ)
+    errors = [
+        choose_friction(arm(), [each], candidates=candidates).trials[0].error_nm
+        for each in (narrow, known)
+    ]
+    assert np.all(errors[1] < 0.6 * errors[0])
+
+
+def test_delays_of_parts_of_a_sample_are_found_where_they_are() -> None:
+    signals = late(recording({}, WAY), LATE_S)
+    channel = choose_delays(arm(), [signals])
+    assert channel.delay_s[0] == 0.0
+    assert channel.delay_sigma_s[0] == 0.0
+    np.testing.assert_array_less(
+        np.abs(channel.delay_s - LATE_S)[1:], 3.0 * channel.delay_sigma_s[1:]
+    )
+    assert np.all(channel.delay_sigma_s[1:] < 0.001)
+    in_time = channel.undelayed(signals).torque_nm[50:-50, 1]
+    np.testing.assert_allclose(in_time, recording({}, WAY).torque_nm[50:-50, 1], atol=2.0)
+
+
+def test_a_recording_in_time_has_no_delay() -> None:
+    channel = choose_delays(arm(), [recording({}, WAY)])
+    assert not channel.changes
+    assert channel.bandwidth_hz is None
+
+
+def test_a_channel_for_other_joints_is_refused() -> None:
+    with pytest.raises(EstimationError):
+        TorqueChannel(np.zeros(3), np.zeros(2))
