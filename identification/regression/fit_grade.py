@@ -102,8 +102,8 @@ def grade_fit(
             grade = Grade.BAD
             reason += (
                 f"; on parts of the recording that were left out of the fit it is"
-                f" {100.0 * share:.0f} %: so do the parameters of a robot file with wrong lengths"
-                " or axes, or of another robot's"
+                f" {100.0 * share:.0f} %, as with a robot file whose lengths or axes are wrong, or"
+                " of another robot"
             )
         grades.append(FitGrade(joint, residual, torque, noise, grade, reason))
     return tuple(grades)
