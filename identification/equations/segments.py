@@ -32,7 +32,7 @@ def thinned(signals: SmoothedSignals) -> SmoothedSignals:
     Signals below the cut-off are known between such rows. What a friction model says where a joint
     turns round is not, so that an estimate moves by a part of its interval; comparisons hardly do.
     """
-    stride = int(1.0 / (ROWS_PER_PERIOD * signals.cutoff_hz * signals.sample_period_s))
+    stride = thinning(signals)
     if stride <= 1:
         return signals
     starts = np.flatnonzero(np.diff(signals.segment, prepend=-1) != 0)
@@ -40,6 +40,11 @@ def thinned(signals: SmoothedSignals) -> SmoothedSignals:
     within = rows - starts[np.searchsorted(starts, rows, side="right") - 1]
     kept = _rows(signals, within % stride == 0)
     return replace(kept, sample_period_s=stride * signals.sample_period_s)
+
+
+def thinning(signals: SmoothedSignals) -> int:
+    """Return of how many rows of a recording one is enough: 8 in a period of the cut-off."""
+    return max(1, int(1.0 / (ROWS_PER_PERIOD * signals.cutoff_hz * signals.sample_period_s)))
 
 
 def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:

@@ -12,10 +12,11 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.model.memory import counted, with_memory
+from dynamics.model.memory import counted, presliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
+from identification.equations.segments import thinning
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_columns
 
@@ -109,7 +110,8 @@ def time_blocks(
     changes faster than the low-passed measurement can: then the columns are low-passed alike, as
     they are with `low_passed`, and where the torque's own bandwidth is known. Of a pause only the
     rows within a period of the cut-off from motion count: what follows is the same value again,
-    for as long as the pause lasts.
+    for as long as the pause lasts. Rows that say nothing more are left out of low-passed
+    equations: 8 in a period of the cut-off hold all of it.
     """
     first_event = 0
     for run in runs:
@@ -119,10 +121,12 @@ def time_blocks(
         run = replace(run, conditions=whole)
         moves = moving(model, signals.velocity, standstill_rad_s)
         use = counted(whole, moves) & _near(moves, signals)
+        stride = thinning(signals)
         for rows in _blocks(signals.segment):
             narrow = signals.torque_bandwidth_hz is not None
             if low_passed or narrow or whole.memory is not None:
-                columns = _low_passed_columns(model, base, run, rows, standard)
+                columns = _low_passed_columns(model, base, run, rows, standard)[::stride]
+                rows = slice(rows.start, rows.stop, stride)
             else:
                 columns = _columns(model, base, run, rows, standard)
             yield TimeBlock(
@@ -132,6 +136,15 @@ def time_blocks(
                 moving=moves[rows],
                 event=event[rows],
             )
+
+
+def rows_of(model: RobotModel, run: TimeRun) -> int:
+    """Return how many rows of a recording `time_blocks` yields."""
+    signals = run.signals
+    if signals.torque_bandwidth_hz is None and not presliding(model):
+        return len(signals)
+    stride = thinning(signals)
+    return sum(-(-(rows.stop - rows.start) // stride) for rows in _blocks(signals.segment))
 
 
 def _near(moves: BoolArray, signals: SmoothedSignals) -> BoolArray:

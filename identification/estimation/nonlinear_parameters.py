@@ -21,6 +21,8 @@ from identification.regression.least_squares import Solution, Triangle
 MOST_STEPS: Final = 25
 MOST_HALVINGS: Final = 6
 SETTLED_SIGMAS: Final = 0.01
+WORTH_A_STEP: Final = 0.02
+"""Of the cost, which is about the number of equations."""
 
 Solve = Callable[[RobotModel, FloatArray], Solution]
 """Solve a model's equations, linearised around standard values."""
@@ -68,9 +70,11 @@ def fit_nonlinear(
             moved = np.clip(start + step / 2.0**halving, low, high)
             tried = _at(best.model.with_nonlinear(moved), best.standard, base, solve)
             if tried.cost < best.cost:
-                best = tried
+                gain, best = best.cost - tried.cost, tried
                 break
         else:
+            break
+        if gain < WORTH_A_STEP:
             break
     return best
 
