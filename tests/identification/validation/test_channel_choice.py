@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,14 @@ from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from identification.equations.torque_channel import TorqueChannel
+from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.file import read_estimate, write_estimate
+from identification.export.function import python_function
+from identification.export.model import ExportModel
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import CLASSICAL, choose_friction
-from tests.builders.remembering_arm import STEP_S, arm, motion, recording
+from tests.builders.remembering_arm import STEP_S, arm, motion, recording, with_presliding
 
 BANDWIDTH_HZ = 2.5
 LATE_S = np.array([0.0, 0.006, -0.004])
@@ -81,6 +86,35 @@ def test_a_recording_in_time_has_no_delay() -> None:
     channel = choose_delays(arm(), [recording({}, WAY)])
     assert not channel.changes
     assert channel.bandwidth_hz is None
+
+
+def test_an_estimate_keeps_its_channel_and_its_memory(
+    narrow: SmoothedSignals, tmp_path: Path
+) -> None:
+    signals = replace(narrow, torque_bandwidth_hz=BANDWIDTH_HZ)
+    estimate = estimate_smoothed(with_presliding((1,), 0.01), [signals])
+    estimate = replace(estimate, channel=TorqueChannel(LATE_S, LATE_S**2, BANDWIDTH_HZ))
+    write_estimate(tmp_path / "model.json", estimate)
+    found = read_estimate(tmp_path / "model.json")
+    assert found.channel is not None
+    assert found.channel.bandwidth_hz == BANDWIDTH_HZ
+    np.testing.assert_array_equal(found.channel.delay_s, LATE_S)
+    assert found.model.nonlinear_names == ("dp_axis2",)
+    # Along a path from rest the torque grows with the way, as slow as it may be.
+    still = np.zeros((400, 3))
+    way = np.linspace(0.0, 0.1, 400)[:, np.newaxis] * np.array([0.0, 1.0, 0.0])
+    friction = predict(found, way, still, still) - predict(
+        replace(found, values=found.values * (np.array(found.base.names) != "fc_axis2")),
+        way,
+        still,
+        still,
+    )
+    coulomb = found.values[found.base.names.index("fc_axis2")]
+    assert friction[0, 1] == 0.0
+    assert np.all(np.diff(friction[:, 1]) >= -1e-9)
+    assert friction[-1, 1] == pytest.approx(coulomb)
+    head = python_function(ExportModel.identified(found)).partition("import numpy")[0]
+    assert "Left out: presliding (dp_axis2" in " ".join(head.split())
 
 
 def test_a_channel_for_other_joints_is_refused() -> None:
