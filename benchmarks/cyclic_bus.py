@@ -57,8 +57,7 @@ class Scenario:
             self.axes,
             self.cycle_time_s,
             BITRATE,
-            master_heartbeat_s=HEARTBEAT_S,
-            drive_heartbeat_s=DRIVE_HEARTBEAT_S,
+            heartbeats_s=(HEARTBEAT_S, DRIVE_HEARTBEAT_S),
             frame_bytes=(4, 6) if self.trimmed else (6, 8),
             status_s=STATUS_S if self.trimmed else math.inf,
         )

@@ -53,8 +53,7 @@ def cyclic_load(
     cycle_time_s: float,
     bitrate: int,
     *,
-    master_heartbeat_s: float,
-    drive_heartbeat_s: float,
+    heartbeats_s: tuple[float, float],
     frame_bytes: tuple[int, int] = (8, 8),
     status_s: float = math.inf,
     guarded: int = 0,
@@ -62,15 +61,16 @@ def cyclic_load(
 ) -> float:
     """Return the share of a bus that the cyclic exchange takes; 1.0 is a full bus.
 
-    A cycle is SYNC and, for every axis, an RPDO and a TPDO of `frame_bytes`; the heartbeats, and a
-    statusword every `status_s`, come on top. So many `guarded` drives send no heartbeat: with each
-    of the master's they are asked for their state, and answer.
+    A cycle is SYNC and, for every axis, an RPDO and a TPDO of `frame_bytes`; the heartbeats of the
+    master and of every drive, and a statusword every `status_s`, come on top. So many `guarded`
+    drives send no heartbeat: with each of the master's they are asked for their state, and answer.
     """
     bits = worst_bits if worst else typical_bits
     command, answer = frame_bytes
+    master_s, drive_s = heartbeats_s
     per_cycle = bits(0) + axes * (bits(command) + bits(answer))
-    heartbeats = bits(1) / master_heartbeat_s + (axes - guarded) * bits(1) / drive_heartbeat_s
-    heartbeats += guarded * (bits(0) + bits(1)) / master_heartbeat_s
+    heartbeats = bits(1) / master_s + (axes - guarded) * bits(1) / drive_s
+    heartbeats += guarded * (bits(0) + bits(1)) / master_s
     return (per_cycle / cycle_time_s + heartbeats + axes * bits(2) / status_s) / bitrate
 
 

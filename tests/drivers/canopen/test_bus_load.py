@@ -55,9 +55,7 @@ def test_known_lengths() -> None:
     [(3, 0.001, 77), (4, 0.001, 101), (6, 0.002, 75), (3, 0.008, 10)],
 )
 def test_load_of_a_cycle(axes: int, cycle_s: float, percent: int) -> None:
-    load = cyclic_load(axes, cycle_s, 10**6, master_heartbeat_s=0.025, drive_heartbeat_s=0.05)
+    load = cyclic_load(axes, cycle_s, 10**6, heartbeats_s=(0.025, 0.05))
     assert round(100 * load) == percent
-    worst = cyclic_load(
-        axes, cycle_s, 10**6, master_heartbeat_s=0.025, drive_heartbeat_s=0.05, worst=True
-    )
+    worst = cyclic_load(axes, cycle_s, 10**6, heartbeats_s=(0.025, 0.05), worst=True)
     assert load < worst < 1.2 * load
