@@ -105,7 +105,7 @@ def test_a_slow_unknown_error_is_no_noise(estimate: Estimate) -> None:
     first = diagnose(estimate, validation(6.0 * np.sin(23.0 * time_s)))[0]
     assert first.suspect == ""
     assert first.white_p < 1e-6
-    assert "no noise" in first.sentence
+    assert "is not noise" in first.sentence
 
 
 def test_a_joint_that_stands_still_is_not_judged() -> None:
