@@ -181,7 +181,7 @@ def _delay_steps(fitted: FittedSignals) -> tuple[FloatArray, FloatArray]:
                     use = rows[block.use[rows, j]]
                     matrix = _matrix(block, rate, use, j, columns)
                     misfit = block.rhs[use, j] - matrix @ solution.values[own[j]]
-                    gram[np.ix_(own[j], own[j])] += matrix.T @ matrix / scale[j] ** 2
+                    gram[own[j][:, np.newaxis], own[j]] += matrix.T @ matrix / scale[j] ** 2
                     score[own[j]] += matrix.T @ misfit / scale[j] ** 2
         yield Cluster(gram, score)
 
