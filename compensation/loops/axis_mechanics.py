@@ -21,6 +21,8 @@ from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 
 LEAST_RELATIVE: Final = 0.03
+MEDIAN_OF_RAYLEIGH: Final = math.sqrt(math.log(2.0))
+"""Median size of complex normal noise over its root mean square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,8 @@ class AxisMechanics:
     misfit : float
         Median over the lines of what the fit leaves of torque per speed, as a share of it. Where it
         is large the axis is something else than one inertia: elastic, above all.
+    noise : float
+        What the noise between periods alone leaves of it, likewise.
     """
 
     joint_name: str
@@ -47,6 +51,7 @@ class AxisMechanics:
     damping: float
     covariance: FloatArray
     misfit: float
+    noise: float
 
     def __post_init__(self) -> None:
         freeze(self, EstimationError, (2, 2), "covariance")
@@ -104,4 +109,5 @@ def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:
             np.linalg.inv(information) * max(1.0, float(left @ left) / freedom), dtype=float
         ),
         misfit=float(np.median(np.abs(impedance / fitted - 1.0))),
+        noise=MEDIAN_OF_RAYLEIGH * float(np.median(np.sqrt(measured.variance_noise) / size)),
     )

@@ -61,7 +61,8 @@ class AxisLoop(Section):
     trials : tuple of LoopTrialSection
         The candidates.
     inertia, damping : float
-        Of the axis, with `mechanics_std` and the share that is not explained (`mechanics_misfit`).
+        Of the axis, with `mechanics_std` the share that is not explained (`mechanics_misfit`),
+        and what noise alone leaves of it (`mechanics_noise`; left out by 0.1).
     velocity_margins, position_margins : LoopMargins
         Of the two loops.
     position_peak : float
@@ -103,6 +104,16 @@ class AxisLoop(Section):
     findings: Texts
     grade: Grade | None = None
     reason: str | None = None
+    mechanics_noise: float | None = None
+
+    @property
+    def left_words(self) -> str:
+        """What an inertia leaves of torque over speed, beside the noise."""
+        left = f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of torque over speed"
+        if self.mechanics_noise:
+            over = number(self.mechanics_misfit / self.mechanics_noise, 2)
+            left += f", {over} times what noise alone does"
+        return left
 
     @classmethod
     def of(
@@ -117,7 +128,11 @@ class AxisLoop(Section):
         position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
         sigma = np.sqrt(np.diagonal(axis.covariance))
         (fit,) = grade_fit(
-            (loop.joint_name,), np.array([axis.misfit]), np.ones(1), of="mechanics' response"
+            (loop.joint_name,),
+            np.array([axis.misfit]),
+            np.ones(1),
+            np.array([axis.noise]),
+            of="mechanics' response",
         )
         return cls.taken(
             loop,
@@ -140,6 +155,7 @@ class AxisLoop(Section):
             findings=tuple(_findings(controller, cascade)),
             grade=fit.grade,
             reason=fit.reason,
+            mechanics_noise=axis.noise,
         )
 
 
@@ -233,7 +249,9 @@ class VelocityLoopsSection(Section):
                 f" {_distortion(axis)}."
             )
             if axis.grade is not None:
-                console.say(f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")
+                console.say(
+                    f"{axis.joint}: {axis.left_words}; the fit is {axis.grade}, {axis.reason}."
+                )
             for finding in axis.findings:
                 console.say(f"{axis.joint}: {finding}.")
         console.say(self.advice)

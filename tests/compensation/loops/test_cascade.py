@@ -41,7 +41,7 @@ def cascade(
     covariance = np.diag([(spread * gain) ** 2, (spread * integral_s) ** 2])
     names = ("gain", "integral_time_s")
     loop = VelocityLoop(joint, gain, integral_s, 0.0, lag_s, names, covariance, 1.0, ())
-    axis = AxisMechanics(joint, inertia, 30.0, np.diag([(spread * inertia) ** 2, 1.0]), 0.0)
+    axis = AxisMechanics(joint, inertia, 30.0, np.diag([(spread * inertia) ** 2, 1.0]), 0.0, 0.0)
     return Cascade(loop, axis, position_gain, CYCLE_S)
 
 
