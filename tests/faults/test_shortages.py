@@ -119,7 +119,7 @@ def _limited(
         ("identify latest", resource.RLIMIT_AS, 700_000_000, "not enough memory"),
         ("record ir361 m.yaml", resource.RLIMIT_AS, 300_000_000, "not enough memory"),
         ("demo", resource.RLIMIT_AS, 700_000_000, "not enough memory"),
-        ("runs --verify", resource.RLIMIT_AS, 60_000_000, "not enough memory"),
+        ("runs --verify", resource.RLIMIT_AS, 36_000_000, "not enough memory"),
         pytest.param(
             "demo",
             resource.RLIMIT_FSIZE,

@@ -134,7 +134,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("identify nothing --band 0", 2, "--band"),
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
-    ("validate good.yaml nothing", 2, "not an estimate"),
+    ("validate good.yaml nothing", 2, "this is a motion file; an estimate"),
     ("report nothing", 7, "no result.json"),
     ("report spoilt", 7, "not valid JSON"),
     ("report real", 2, "no run"),
