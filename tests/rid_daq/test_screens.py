@@ -23,7 +23,9 @@ def too_wide(lines: list[str], columns: int) -> list[str]:
     return [
         line
         for line in lines
-        if cell_len(line) > columns and not line.strip().startswith(("rid-daq ", "/"))
+        if cell_len(line) > columns
+        and not line.strip().startswith("rid-daq ")
+        and not line.split()[-1].startswith("/")
     ]
 
 

@@ -131,7 +131,7 @@ def test_a_newcomer_comes_to_a_payload_verdict(
     checked(page)
     fill_session(page)
     begin_motion(page, ".resume")
-    expect(page.locator("#job")).to_contain_text("Resumed; done already: rehearsal.")
+    expect(page.locator("#job")).to_contain_text("goes on; done already: rehearsal.")
     expect(page.locator("#result .verdict.end")).to_contain_text(
         "✓ Passed: the payload has 9.", timeout=LONG_MS
     )
