@@ -1,9 +1,10 @@
 """Choice of friction terms: 45,000 samples of a six-axis arm at 5 kHz, every candidate.
 
 `python -m benchmarks.choose [--quick]`. Timed is everything between arrays of q, v, a, tau and a
-`Comparison`, against a single plain fit of the same arrays in the same run, with its intervals. The
-exhaustive way fits every candidate, with and without each part, from the rows; it chooses too,
-from thinned rows, and must choose the same: the terms that made the data. `--quick` leaves it out.
+`Comparison`, presliding and the torque's channel included as `identify --choose` tries them,
+against a single plain fit of the same arrays in the same run, with its intervals. The exhaustive
+way fits every candidate, with and without each part, from the rows; it chooses too, from thinned
+rows, and must choose the same: the terms that made the data. `--quick` leaves it out.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,10 +34,12 @@ from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
+from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import (
     CLASSICAL,
     FOLDS,
     FRICTION_CANDIDATES,
+    Comparison,
     choose_friction,
     select,
 )
@@ -47,6 +50,7 @@ from identification.validation.friction_trials import (
     doubtful_terms,
     with_friction,
 )
+from identification.validation.presliding_choice import choose_presliding
 
 SAMPLES = 45_000
 STEP_S = 0.0002
@@ -163,6 +167,14 @@ def recording(samples: int) -> SmoothedSignals:
     )
 
 
+def choose_others(robot: RobotDescription, found: Comparison, signals: SmoothedSignals) -> None:
+    """Choose what `identify --choose` does besides the candidates."""
+    options = EstimationOptions()
+    choose_bandwidth(robot, [signals], options)
+    memory = choose_presliding(found.robot(robot), [signals], options)
+    choose_delays(replace(found, presliding=memory).robot(robot), [signals], options)
+
+
 def seconds(work: Callable[[], object], rounds: int) -> float:
     """Return the least processor time of some rounds [s]; the first compiles and is not counted."""
     work()
@@ -184,10 +196,11 @@ def main() -> int:
     print(f"one plain fit of {SAMPLES} samples: {plain_s:.2f} s")
     choose_s = seconds(lambda: choose_friction(robot, [signals]), 2)
     found = choose_friction(robot, [signals])
-    ratio = choose_s / plain_s
-    print(
-        f"{len(FRICTION_CANDIDATES)} candidates, joint by joint: {choose_s:.2f} s, {ratio:.1f} fits"
-    )
+    others_s = seconds(lambda: choose_others(robot, found, signals), 2)
+    ratio = (choose_s + others_s) / plain_s
+    print(f"{len(FRICTION_CANDIDATES)} candidates, joint by joint: {choose_s:.2f} s")
+    print(f"presliding, the torque's bandwidth and delays: {others_s:.2f} s")
+    print(f"together {ratio:.1f} plain fits")
     for name, terms in zip(robot.joint_names, found.chosen, strict=True):
         print(f"{name}: {', '.join(terms)}")
     ratios = {"plain fits": round(ratio, 1)}
@@ -205,7 +218,7 @@ def main() -> int:
         json.dumps(
             {
                 "name": "choose",
-                "value": round(choose_s, 2),
+                "value": round(choose_s + others_s, 2),
                 "unit": "s",
                 "ratios": ratios,
                 "bar": f"at most {BAR:g} plain fits; the terms that made the data, in both ways",
