@@ -355,7 +355,9 @@ _OUTPUTS = {
 def _sentence(estimate: Estimate) -> str:
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
     remembers = any("presliding" in joint.friction for joint in estimate.robot.joints)
-    pauses = ", but of joints with presliding the middle of pauses alone" if remembers else ""
+    pauses = (
+        "; of joints with presliding only the middle of pauses is left out" if remembers else ""
+    )
     way = {
         "ml": "Least squares weighted by noise (maximum likelihood)",
         "ls": "Least squares without weights",
