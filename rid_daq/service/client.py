@@ -34,7 +34,9 @@ LOOK_S: Final = 0.1
 LEASE_S: Final = 15.0
 LEASE_HEADER: Final = "x-rid-daq-lease"
 TOKEN_VARIABLE: Final = "RID_DAQ_TOKEN"
-_PATIENCE_S: Final = 10.0
+_REACH_S: Final = 10.0
+_PATIENCE_S: Final = 60.0  # of a service whose computer is busy: what it was asked is not undone
+_STOP_PATIENCE_S: Final = 10.0  # who stops must know soon whether it was heard
 
 Watch = Callable[[Job, AnyEvent], None]
 """Told what a job says, as it says it."""
@@ -108,14 +110,14 @@ class ServiceClient:
         if secret:
             headers["authorization"] = f"Bearer {secret}"
         if address.startswith(("http://", "https://")):
-            return cls(httpx.Client(base_url=address, headers=headers, timeout=_PATIENCE_S))
+            return cls(httpx.Client(base_url=address, headers=headers, timeout=_patience()))
         transport = httpx.HTTPTransport(uds=str(_socket(address)))
         return cls(
             httpx.Client(
                 base_url="http://localhost",
                 headers=headers,
                 transport=transport,
-                timeout=_PATIENCE_S,
+                timeout=_patience(),
             )
         )
 
@@ -138,16 +140,13 @@ class ServiceClient:
         RidDaqError
             It refused, by the error that it names.
         ServiceError
-            It cannot be reached.
+            It cannot be reached, or has not answered for a minute.
         """
         headers = {} if lease is None else {LEASE_HEADER: lease}
-        try:
-            answer = self._http.request(method, f"/api/v1{path}", json=body, headers=headers)
-        except httpx.HTTPError as error:
-            raise ServiceError(f"the service cannot be reached: {error}") from None
-        if answer.is_success:
-            return answer.json() if answer.content else None
-        raise _refusal(answer)
+        answer = self._send(
+            self._http.build_request(method, _api(path), json=body, headers=headers)
+        )
+        return answer.json() if answer.content else None
 
     def cells(self) -> list[CellStatus]:
         """Return every cell of the service as it is now."""
@@ -162,8 +161,15 @@ class ServiceClient:
         return Job.model_validate(self.ask("GET", f"/jobs/{quote(job_id)}"))
 
     def stop(self, cell: str) -> None:
-        """Stop what moves in a cell."""
-        self.ask("POST", f"/cells/{quote(cell)}/stop")
+        """Stop what moves in a cell.
+
+        Raises
+        ------
+        ServiceError
+            As `ask`, but after 10 s without an answer.
+        """
+        path = _api(f"/cells/{quote(cell)}/stop")
+        self._send(self._http.build_request("POST", path, timeout=_patience(_STOP_PATIENCE_S)))
 
     def put_file(self, path: Path, name: str) -> None:
         """Put a local file into the service's folder."""
@@ -171,16 +177,28 @@ class ServiceClient:
             content = path.read_bytes()
         except OSError as error:
             raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-        answer = self._http.put(f"/api/v1/files/{quote(name)}", content=content)
-        if not answer.is_success:
-            raise _refusal(answer)
+        self._send(self._http.build_request("PUT", _api(f"/files/{quote(name)}"), content=content))
 
     def get_run_file(self, run: str, name: str) -> bytes:
         """Return a file of a run."""
-        answer = self._http.get(f"/api/v1/runs/{quote(run)}/files/{quote(name)}")
+        path = _api(f"/runs/{quote(run)}/files/{quote(name)}")
+        return self._send(self._http.build_request("GET", path)).content
+
+    def _send(self, request: httpx.Request) -> httpx.Response:
+        """Return the answer of a service that did not refuse."""
+        try:
+            answer = self._http.send(request)
+        except httpx.ReadTimeout:
+            waited_s = request.extensions["timeout"]["read"]
+            raise ServiceError(
+                f"the service has not answered for {waited_s:g} s: it hangs, or its computer is too"
+                " busy; what it was asked may still be done"
+            ) from None
+        except httpx.HTTPError as error:
+            raise ServiceError(f"the service cannot be reached: {error}") from None
         if not answer.is_success:
             raise _refusal(answer)
-        return answer.content
+        return answer
 
     @contextmanager
     def lease(self, cell: str, note: str = "", seconds: float = LEASE_S) -> Iterator[LeasedCell]:
@@ -323,6 +341,15 @@ class LeasedCell:
 _REFUSALS: dict[str, type[RidDaqError]] = {
     each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
 }
+
+
+def _api(path: str) -> str:
+    return f"/api/v1{path}"
+
+
+def _patience(answer_s: float | None = None) -> httpx.Timeout:
+    """Return how long to wait for a connection, and for an answer (`_PATIENCE_S` if not said)."""
+    return httpx.Timeout(_PATIENCE_S if answer_s is None else answer_s, connect=_REACH_S)
 
 
 def _refusal(answer: httpx.Response) -> RidDaqError:

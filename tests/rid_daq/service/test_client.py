@@ -1,0 +1,70 @@
+"""What a program is told by `ServiceClient` where a service does not answer, or breaks off."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from config.errors import ServiceError
+from rid_daq.service import client as of_client
+from rid_daq.service.client import ServiceClient
+
+
+@contextmanager
+def listening(
+    folder: Path, told: Callable[[socket.socket], None] = lambda _: None
+) -> Iterator[ServiceClient]:
+    """Listen where a service would, and do with each connection what is told."""
+    kept = []
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(folder / "s"))
+        listener.listen()
+
+        def accept() -> None:
+            while True:
+                try:
+                    connection, _ = listener.accept()
+                except OSError:
+                    return
+                kept.append(connection)
+                told(connection)
+
+        thread = threading.Thread(target=accept)
+        thread.start()
+        try:
+            with ServiceClient.at(str(folder / "s")) as client:
+                yield client
+        finally:
+            listener.shutdown(socket.SHUT_RDWR)
+            thread.join()
+            for connection in kept:
+                connection.close()
+
+
+@pytest.mark.parametrize("name", ["_PATIENCE_S", "_STOP_PATIENCE_S"])
+def test_silence_is_told_from_a_service_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(of_client, name, 0.02)
+    with listening(tmp_path) as client:
+        asked = client.cells if name == "_PATIENCE_S" else lambda: client.stop("arm")
+        with pytest.raises(ServiceError, match=r"has not answered for 0\.02 s: it hangs"):
+            asked()
+
+
+def test_a_connection_that_breaks_is_one_error_whatever_was_asked(tmp_path: Path) -> None:
+    (tmp_path / "motion.yaml").write_text("kind: fourier\n")
+    with listening(tmp_path, lambda connection: connection.close()) as client:
+        for asked in (
+            client.cells,
+            lambda: client.stop("arm"),
+            lambda: client.put_file(tmp_path / "motion.yaml", "motion.yaml"),
+            lambda: client.get_run_file("01", "report.html"),
+        ):
+            with pytest.raises(ServiceError, match="cannot be reached"):
+                asked()
