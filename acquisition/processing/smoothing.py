@@ -8,6 +8,7 @@ recording is cut in segments; nothing is invented inside a gap.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy import interpolate
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray, IntArray, freeze
 from config.errors import ConfigError, DataQualityError
+from dynamics.kernels.low_pass import filter_both_ways
 
 FILTER_ORDER = 4
 GAP_STEPS = 5.0
@@ -96,16 +98,32 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
             f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {sample_period_s * 1e3:.4g}"
             f" ms: choose one between 0 and {0.45 / sample_period_s:.4g} Hz"
         )
+    sections, start = _sections(cutoff_hz * sample_period_s)
+    padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
+    longer = np.empty((len(values) + 2 * padding, *values.shape[1:]))
+    longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]  # turned about the end
+    longer[padding : padding + len(values)] = values
+    longer[padding + len(values) :] = 2.0 * values[-1:] - values[-2 : -padding - 2 : -1]
+    filter_both_ways(sections, start, longer.reshape(len(longer), -1))
+    return longer[padding : padding + len(values)]
+
+
+@lru_cache(maxsize=64)
+def _sections(cutoff: float) -> tuple[FloatArray, FloatArray]:
+    """Return the sections for a cut-off in parts of the sampling frequency, and how they begin."""
     # Forwards and backwards the gain is squared: 1 / (1 + (g(f) / g(f0))^8), g(f) = tan(pi f T) by
     # the bilinear transform. f0 is where that makes -3 dB at the cut-off.
-    warped = np.tan(np.pi * cutoff_hz * sample_period_s)
+    warped = np.tan(np.pi * cutoff)
     warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
-    f0 = np.arctan(warped) / (np.pi * sample_period_s)
     from scipy import signal  # slow to import, and few commands filter
 
-    sections = signal.butter(FILTER_ORDER, f0, fs=1.0 / sample_period_s, output="sos")
-    padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
+    sections = signal.butter(FILTER_ORDER, np.arctan(warped) / np.pi, fs=1.0, output="sos")
+    before, start = 1.0, np.zeros((len(sections), 2))
+    for own, (b0, b1, b2, _, a1, a2) in zip(start, sections, strict=True):
+        after = before * (b0 + b1 + b2) / (1.0 + a1 + a2)
+        own[:] = after - b0 * before, b2 * before - a2 * after
+        before = after
+    return np.ascontiguousarray(sections), start
 
 
 def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignals:

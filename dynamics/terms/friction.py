@@ -51,6 +51,9 @@ _SYMBOLS: Final[dict[FrictionFunction, str]] = {
     "coulomb_by_temperature": "fcT",
     "viscous_by_temperature": "fvT",
 }
+_BY_DIRECTION: Final[tuple[FrictionFunction, ...]] = (
+    "coulomb", "forward", "backward", "stribeck", "coulomb_by_temperature",
+)  # fmt: skip
 # The unit for a revolute and for a prismatic joint.
 _UNITS: Final[dict[FrictionFunction, tuple[str, str]]] = {
     "coulomb": ("N m", "N"),
@@ -171,6 +174,21 @@ class Friction:
                 for own, value in zip(self.presliding, values[speeds:], strict=True)
             ),
         )
+
+    @property
+    def changing(self) -> tuple[bool, ...]:
+        """Which columns change with the nonlinear parameters."""
+        remembering = {own.joint for own in self.presliding}
+        return tuple(
+            column.function == "stribeck"
+            or (column.function in _BY_DIRECTION and column.joint in remembering)
+            for column in self.columns
+        )
+
+    def with_changing_only(self) -> Friction:
+        """Return the same friction with no other columns than those."""
+        pairs = zip(self.columns, self.changing, strict=True)
+        return replace(self, columns=tuple(column for column, own in pairs if own))
 
     def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
         """Return how the torque changes with `nonlinear`, (samples, n, nonlinear parameters)."""

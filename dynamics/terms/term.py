@@ -98,3 +98,12 @@ class NonlinearTerm(Protocol):
 
         `coefficients` are the values of the term's linear parameters.
         """
+
+    @property
+    @abstractmethod
+    def changing(self) -> tuple[bool, ...]:
+        """Which of the term's columns change with them."""
+
+    @abstractmethod
+    def with_changing_only(self) -> Term:
+        """Return the same term with no other columns than those."""

@@ -4,34 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.model.memory import counted, presliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
+from identification.equations.low_passed import KeptColumns, LowPassedColumns
 from identification.equations.segments import thinning
 from identification.model.base_parameters import BaseParameters
-from identification.model.torque_columns import torque_columns
 
 BLOCK_ROWS = 4096
 EVENT_S = 1.0
-FILTER_REACH = 3.0
-"""Periods of the cut-off after which the low-pass has forgotten where a block began."""
 
 
 @dataclass(frozen=True, eq=False)
 class TimeRun:
-    """One smoothed recording, and its circumstances."""
+    """One smoothed recording, its circumstances, and what of its equations is kept."""
 
     signals: SmoothedSignals
     conditions: Conditions
+    kept: KeptColumns = field(default_factory=KeptColumns, init=False)
 
     @property
     def event(self) -> IntArray:
@@ -118,17 +117,17 @@ def time_blocks(
         signals, event = run.signals, run.event + first_event
         first_event = int(event[-1]) + 1
         whole = with_memory(model, signals.position, run.conditions, signals.segment)
-        run = replace(run, conditions=whole)
+        narrowed = LowPassedColumns(model, base, signals, whole, standard, run.kept)
         moves = moving(model, signals.velocity, standstill_rad_s)
         use = counted(whole, moves) & _near(moves, signals)
         stride = thinning(signals)
         for rows in _blocks(signals.segment):
             narrow = signals.torque_bandwidth_hz is not None
             if low_passed or narrow or whole.memory is not None:
-                columns = _low_passed_columns(model, base, run, rows, standard)[::stride]
+                columns = narrowed.of(rows, stride)
                 rows = slice(rows.start, rows.stop, stride)
             else:
-                columns = _columns(model, base, run, rows, standard)
+                columns = narrowed.unfiltered(rows)
             yield TimeBlock(
                 columns=columns,
                 rhs=signals.torque_nm[rows],
@@ -166,30 +165,6 @@ def _blocks(segment: IntArray) -> Iterator[slice]:
     for first, end in pairwise([0, *edges, len(segment)]):
         for start in range(first, end, BLOCK_ROWS):
             yield slice(start, min(start + BLOCK_ROWS, end))
-
-
-def _columns(
-    model: RobotModel, base: BaseParameters, run: TimeRun, rows: slice, standard: FloatArray | None
-) -> FloatArray:
-    signals = run.signals
-    motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
-    return torque_columns(model, base, motion, run.conditions.part(rows), standard)
-
-
-def _low_passed_columns(
-    model: RobotModel, base: BaseParameters, run: TimeRun, rows: slice, standard: FloatArray | None
-) -> FloatArray:
-    """Return the columns of some rows of one segment, low-passed as the torque was."""
-    signals = run.signals
-    first, end = np.searchsorted(signals.segment, signals.segment[rows.start] + np.array([0, 1]))
-    cutoff_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
-    reach = math.ceil(FILTER_REACH / (cutoff_hz * signals.sample_period_s))
-    wide = slice(max(int(first), rows.start - reach), min(int(end), rows.stop + reach))
-    columns = np.ascontiguousarray(_columns(model, base, run, wide, standard))
-    flat = columns.reshape(len(columns), -1)
-    seen = flat.any(axis=0)
-    flat[:, seen] = low_pass(flat[:, seen], signals.sample_period_s, cutoff_hz)
-    return columns[rows.start - wide.start : rows.stop - wide.start]
 
 
 def joint_equations(

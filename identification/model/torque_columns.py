@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from config.arrays import FloatArray, IntArray
+from config.arrays import BoolArray, FloatArray, IntArray
 from dynamics.model.memory import presliding
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.model.transmission import Transmission
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.memory import Memory
+from dynamics.terms.term import NonlinearTerm
 from identification.model.base_parameters import BaseParameters
 
 
@@ -58,6 +59,46 @@ def torque_columns(
     columns[:, :, : len(base)] = phi.take(base.kept, axis=2)
     columns[:, :, len(base) :] = nonlinear_slopes(model, *motion, standard, conditions)
     return columns
+
+
+def changing_columns(model: RobotModel, base: BaseParameters) -> BoolArray | None:
+    """Return which base columns change with the nonlinear parameters, (b,); None where all may.
+
+    Gears that lose something change all that they transmit.
+    """
+    if not model.nonlinear_names or model.transmission.losses:
+        return None
+    changing = np.zeros(len(model.parameter_names), dtype=bool)
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        if isinstance(term, NonlinearTerm):
+            changing[columns] = term.changing
+    return changing[list(base.kept)]
+
+
+def changing_torque_columns(
+    model: RobotModel,
+    base: BaseParameters,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    conditions: Conditions | None = None,
+    standard: FloatArray | None = None,
+) -> FloatArray:
+    """Return those of `torque_columns` that `changing_columns` names, and the slopes behind them.
+
+    Gears lose nothing here.
+    """
+    some = replace(
+        model,
+        terms=tuple(
+            term.with_changing_only() for term in model.terms if isinstance(term, NonlinearTerm)
+        ),
+        transmission=Transmission(),
+    )
+    kept = {name: i for i, name in enumerate(some.parameter_names)}
+    heads = [kept[name] for name in base.names if name in kept]
+    columns = regressor(some, *motion, conditions)[:, :, heads]
+    if standard is None:
+        return columns
+    return np.concatenate([columns, nonlinear_slopes(model, *motion, standard, conditions)], axis=2)
 
 
 def wrench_columns(

@@ -49,7 +49,7 @@ class PreslidingChoice:
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen presliding."""
-        return _with_presliding(robot, self.distances)
+        return with_presliding(robot, self.distances)
 
 
 def choose_presliding(
@@ -79,11 +79,11 @@ def choose_presliding(
     """
     options = options or EstimationOptions()
     nothing = (None,) * len(robot.joints)
-    robot = _with_presliding(robot, nothing)
+    robot = with_presliding(robot, nothing)
     parts = [thinned(run) for run in signals]
     plain = fit_smoothed(robot, parts, options)
     start = _start(robot, plain, options)
-    full = fit_smoothed(_with_presliding(robot, start), parts, options)
+    full = fit_smoothed(with_presliding(robot, start), parts, options)
     errors = held_out_errors(plain, full, folds)
     worth, sigmas = worth_having(errors), full.estimate().nonlinear_sigma
     distances: list[float | None] = list(nothing)
@@ -99,9 +99,8 @@ def choose_presliding(
     )
 
 
-def _with_presliding(
-    robot: RobotDescription, distances: Sequence[float | None]
-) -> RobotDescription:
+def with_presliding(robot: RobotDescription, distances: Sequence[float | None]) -> RobotDescription:
+    """Return a robot with presliding on the joints that have a distance [rad or m], no others."""
     joints = []
     for joint, distance in zip(robot.joints, distances, strict=True):
         friction = tuple(term for term in joint.friction if term != "presliding")
@@ -118,6 +117,6 @@ def _start(
     """Return the distance of `STARTS` that fits each joint best, gears losing nothing yet."""
     residuals = []
     for distance in STARTS:
-        tried = _with_presliding(robot, [distance] * len(robot.joints))
+        tried = with_presliding(robot, [distance] * len(robot.joints))
         residuals.append(plain.problem.fit(options.model.build(tried), None).residual_nm)
     return [STARTS[k] for k in np.argmin(residuals, axis=0)]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import low_pass, resample_periods, smooth_nonperiodic
@@ -59,6 +61,19 @@ class TestLowPass:
         t = np.arange(2000) * 0.01
         x = np.sin(2 * np.pi * 2.0 * t)[:, np.newaxis]
         np.testing.assert_allclose(low_pass(x, 0.01, 9.4)[200:-200], x[200:-200], atol=1e-3)
+
+    @pytest.mark.parametrize("shape", [(1, 2), (2, 3), (9, 1), (400,), (900, 70), (300, 4, 5)])
+    @pytest.mark.parametrize("order", ["C", "F"])
+    def test_is_a_butterworth_of_order_4_there_and_back(
+        self, shape: tuple[int, ...], order: Literal["C", "F"]
+    ) -> None:
+        x = np.asarray(np.cumsum(np.random.default_rng(1).normal(size=shape), axis=0), order=order)
+        before = x.copy()
+        warped = np.tan(np.pi * 3.0 * 0.01) / (np.sqrt(2.0) - 1.0) ** (1.0 / 8.0)
+        sections = signal.butter(4, np.arctan(warped) / np.pi, fs=1.0, output="sos")
+        expected = signal.sosfiltfilt(sections, x, axis=0, padlen=min(shape[0] - 1, 100))
+        np.testing.assert_allclose(low_pass(x, 0.01, 3.0), expected, atol=1e-10)
+        np.testing.assert_array_equal(x, before)
 
     def test_refuses_a_cut_off_beyond_the_sampling(self) -> None:
         with pytest.raises(ConfigError, match="between 0 and 45 Hz"):

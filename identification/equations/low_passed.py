@@ -1,0 +1,141 @@
+"""`LowPassedColumns`: columns of equations low-passed as the torque was, those that stay kept.
+
+A low-pass costs more than the columns do, and a fit of nonlinear parameters goes through a
+recording a dozen times. Only the few columns that depend on them change on the way: friction that
+remembers, and the slopes. All others are computed and low-passed the first time and kept.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from config.arrays import BoolArray, FloatArray
+from dynamics.geometry.kinematics import Chain
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from identification.model.base_parameters import BaseParameters
+from identification.model.torque_columns import (
+    changing_columns,
+    changing_torque_columns,
+    torque_columns,
+)
+
+FILTER_REACH: Final = 3.0
+"""Periods of the cut-off after which the low-pass has forgotten where a block began."""
+MOST_BYTES: Final = 2**27
+"""Of a recording's columns that are kept; those of later blocks are computed every time."""
+
+
+@dataclass(eq=False)
+class KeptColumns:
+    """A recording's columns that no nonlinear parameter changes, block by block.
+
+    Attributes
+    ----------
+    chain : Chain or None
+        Whose they are: a model keeps its chain whatever its nonlinear parameters.
+    names : tuple of str
+        Which they are.
+    blocks : dict
+        By first row and stride: where they are not zero, and what stands there.
+    """
+
+    chain: Chain | None = None
+    names: tuple[str, ...] = ()
+    blocks: dict[tuple[int, int], tuple[BoolArray, FloatArray]] = field(default_factory=dict)
+
+    def begin(self, chain: Chain, names: tuple[str, ...]) -> None:
+        """Forget what was kept of another model."""
+        if self.chain is not chain or self.names != names:
+            self.chain, self.names = chain, names
+            self.blocks.clear()
+
+    def keep(self, place: tuple[int, int], seen: BoolArray, values: FloatArray) -> None:
+        """Keep a block, if there is room."""
+        if values.nbytes + sum(kept.nbytes for _, kept in self.blocks.values()) <= MOST_BYTES:
+            self.blocks[place] = seen, values
+
+
+@dataclass(frozen=True, eq=False)
+class LowPassedColumns:
+    """The columns of one recording.
+
+    Attributes
+    ----------
+    model, base, standard : RobotModel, BaseParameters, ndarray or None
+        As for `torque_columns`.
+    signals : SmoothedSignals
+        The recording.
+    conditions : Conditions
+        Its circumstances, memory included.
+    kept : KeptColumns
+        Of this recording under these circumstances, memory aside.
+    """
+
+    model: RobotModel
+    base: BaseParameters
+    signals: SmoothedSignals
+    conditions: Conditions
+    standard: FloatArray | None
+    kept: KeptColumns
+
+    def of(self, rows: slice, stride: int) -> FloatArray:
+        """Return every `stride`-th of some rows of one segment, as `torque_columns` has them."""
+        signals = self.signals
+        segment = signals.segment[rows.start] + np.array([0, 1])
+        first, end = np.searchsorted(signals.segment, segment)
+        cutoff_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
+        reach = math.ceil(FILTER_REACH / (cutoff_hz * signals.sample_period_s))
+        wide = slice(max(int(first), rows.start - reach), min(int(end), rows.stop + reach))
+        inner = slice(rows.start - wide.start, rows.stop - wide.start, stride)
+        changing = changing_columns(self.model, self.base)
+        if changing is None:
+            return _put_together(*self._filtered(self.unfiltered(wide), inner))
+        fixed = ~changing
+        names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
+        self.kept.begin(self.model.chain, names)
+        place = (rows.start, stride)
+        if place not in self.kept.blocks:
+            columns = self.unfiltered(wide, linear=True)[:, :, fixed]
+            self.kept.keep(place, *(block := self._filtered(columns, inner)))
+        else:
+            block = self.kept.blocks[place]
+        moving = changing_torque_columns(
+            self.model, self.base, self._motion(wide), self.conditions.part(wide), self.standard
+        )
+        count = int(np.count_nonzero(changing))
+        slopes = moving.shape[2] - count
+        out = np.empty((len(block[1]), moving.shape[1], len(self.base) + slopes))
+        out[:, :, : len(self.base)][:, :, fixed] = _put_together(*block)
+        rest = _put_together(*self._filtered(moving, inner))
+        out[:, :, : len(self.base)][:, :, changing] = rest[:, :, :count]
+        out[:, :, len(self.base) :] = rest[:, :, count:]
+        return out
+
+    def _motion(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+        signals = self.signals
+        return signals.position[rows], signals.velocity[rows], signals.acceleration[rows]
+
+    def unfiltered(self, rows: slice, *, linear: bool = False) -> FloatArray:
+        """Return `torque_columns` of some rows as they are, without slopes if `linear`."""
+        conditions = self.conditions.part(rows)
+        standard = None if linear else self.standard
+        return torque_columns(self.model, self.base, self._motion(rows), conditions, standard)
+
+    def _filtered(self, columns: FloatArray, inner: slice) -> tuple[BoolArray, FloatArray]:
+        """Return which columns are not zero, (n, any), and some rows of those, low-passed."""
+        signals = self.signals
+        cutoff_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
+        seen: BoolArray = np.any(columns, axis=0)
+        return seen, low_pass(columns[:, seen], signals.sample_period_s, cutoff_hz)[inner].copy()
+
+
+def _put_together(seen: BoolArray, values: FloatArray) -> FloatArray:
+    columns = np.zeros((len(values), *seen.shape))
+    columns[:, seen] = values
+    return columns

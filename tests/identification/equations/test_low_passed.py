@@ -1,0 +1,86 @@
+"""Columns that no nonlinear parameter changes are low-passed once: nothing else becomes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from config.arrays import FloatArray
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
+from dynamics.model.memory import with_memory
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
+from identification.equations import low_passed
+from identification.equations.low_passed import KeptColumns, LowPassedColumns
+from identification.model.base_parameters import BaseParameters, base_parameters
+from identification.model.torque_columns import torque_columns
+from identification.validation.friction_trials import with_friction
+from identification.validation.presliding_choice import with_presliding
+from tests.builders.remembering_arm import CUTOFF_HZ, STEP_S, arm, motion, signals_of
+
+WAY = motion(4.0, 3)
+ROWS = slice(0, len(WAY[0]))
+TERMS: dict[str, tuple[FrictionTerm, ...]] = {
+    "classical": ("coulomb", "viscous", "offset"),
+    "stribeck": ("coulomb", "viscous", "stribeck"),
+    "asymmetric": ("asymmetric", "viscous", "cube_root"),
+    "temperature": ("coulomb", "viscous", "temperature"),
+    "load": ("coulomb", "viscous", "load"),
+}
+
+
+def robot_of(name: str) -> RobotDescription:
+    """Return the arm with some terms, of which joints 1 and 3 remember."""
+    return with_presliding(with_friction(arm(), [TERMS[name]] * 3), (0.01, None, 0.02))
+
+
+def recorded() -> SmoothedSignals:
+    return signals_of(*WAY, np.zeros_like(WAY[0]))
+
+
+def kept_and_fresh(
+    model: RobotModel, base: BaseParameters, kept: KeptColumns, standard: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the columns by way of what was kept, and from nothing."""
+    warm = np.tile(300.0 + np.linspace(0.0, 5.0, len(WAY[0]))[:, np.newaxis], (1, 3))
+    conditions = with_memory(model, WAY[0], Conditions(temperature_k=warm))
+    columns = LowPassedColumns(model, base, recorded(), conditions, standard, kept)
+    fresh = torque_columns(model, base, WAY, conditions, standard)
+    return columns.of(ROWS, 3), low_pass(fresh, STEP_S, CUTOFF_HZ)[::3]
+
+
+@pytest.mark.parametrize("name", list(TERMS))
+def test_kept_columns_are_those_that_the_model_has(name: str) -> None:
+    model = RobotModel.from_description(robot_of(name))
+    base, kept = base_parameters(model), KeptColumns()
+    random = np.random.default_rng(2)
+    low, high = model.nonlinear_bounds.T
+    for share in (None, 0.1, 0.7, 0.3):
+        standard = None
+        if share is not None:
+            model = model.with_nonlinear(low + share * (high - low))
+            standard = base.to_standard(random.normal(size=len(base)))
+        by_kept, fresh = kept_and_fresh(model, base, kept, standard)
+        np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
+    assert bool(kept.blocks) == (name != "load")  # a gear's losses change all that it transmits
+
+
+def test_another_model_forgets_what_was_kept() -> None:
+    kept = KeptColumns()
+    for name in ("classical", "stribeck", "classical"):
+        model = RobotModel.from_description(robot_of(name))
+        by_kept, fresh = kept_and_fresh(model, base_parameters(model), kept, None)
+        np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
+        assert kept.chain is model.chain
+
+
+def test_without_room_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(low_passed, "MOST_BYTES", 1000)
+    model = RobotModel.from_description(robot_of("classical"))
+    base, kept = base_parameters(model), KeptColumns()
+    for _ in range(2):
+        by_kept, fresh = kept_and_fresh(model, base, kept, None)
+        np.testing.assert_allclose(by_kept, fresh, atol=1e-10 * np.abs(fresh).max())
+    assert not kept.blocks
