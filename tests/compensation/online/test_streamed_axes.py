@@ -25,9 +25,9 @@ from tests.builders.point_streams import (
 pytestmark = pytest.mark.slow
 
 TORQUE = np.array([limit.torque for limit in LIMITS])
-SETTLE_ROWS, REST_ROWS = 60, 60
+SETTLE_ROWS, REST_ROWS = 60, 150  # the loops' own ringing has died away
 FOLLOWING = 1.05  # a loop that follows overshoots a little
-JERKING = 1.6  # cogging, and friction that lets go, on top of what is commanded; 1.3 was seen
+JERKING = 2.5  # cogging, and friction that lets go, on top of what is commanded; 1.5 was seen
 AT_REST_RAD_S = 0.01
 GAIN_PER_S = CELL.config.position_gain_per_s
 
@@ -75,7 +75,8 @@ def test_no_axis_leaves_its_limits_and_all_come_to_rest(
             torques.append(plant.torque)
         row += 1
         assert row < 5000, "it never came to rest"
-    assert (np.abs(speeds) <= FOLLOWING * SPEED).all()
-    assert (np.abs(torques) <= TORQUE).all()
-    assert (np.abs(np.diff(speeds, axis=0)) <= JERKING * ACCELERATION * T).all()
-    assert (np.abs(speeds[-1]) <= AT_REST_RAD_S).all()
+    changes = np.abs(np.diff(speeds, axis=0)) / (ACCELERATION * T)
+    assert (np.abs(speeds) / SPEED).max() <= FOLLOWING
+    assert (np.abs(torques) / TORQUE).max() <= 1.0
+    assert changes.max() <= JERKING
+    assert np.abs(speeds[-1]).max() <= AT_REST_RAD_S

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -19,6 +20,8 @@ from rid_daq.service.client import ServiceClient
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.service.sockets import socket_of
+
+PATIENCE_S = 180.0
 
 
 @pytest.fixture(scope="session")
@@ -61,10 +64,25 @@ class ServedProcess:
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)
-        code = self.process.wait(60)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
-        return code
+        return self.process.wait(PATIENCE_S)
+
+    def leave_nothing(self) -> None:
+        """End it whatever became of a test: what it holds must not spoil the tests after it."""
+        if self.process.poll() is None:
+            try:
+                self.end()
+            finally:
+                self.process.kill()
+
+
+@contextlib.contextmanager
+def serving(folder: Path, *more: str, cell: str = "ir361") -> Iterator[ServedProcess]:
+    """Have a service of a bundled cell for as long as the `with` lasts."""
+    running = serve(folder, *more, cell=cell)
+    try:
+        yield running
+    finally:
+        running.leave_nothing()
 
 
 def serve(folder: Path, *more: str, cell: str = "ir361") -> ServedProcess:
@@ -83,26 +101,26 @@ def serve(folder: Path, *more: str, cell: str = "ir361") -> ServedProcess:
         )
     assert process.stdout is not None
     text = ""
-    while not text.endswith("}\n"):
-        line = process.stdout.readline()
-        assert line, (folder / "serve.log").read_text()
-        text += line
-    process.stdout.close()
-    return ServedProcess(folder, process, str(json.loads(text)["url"]))
+    with process.stdout as told:
+        while not text.endswith("\n}\n"):
+            line = told.readline()
+            assert line, text + (folder / "serve.log").read_text()
+            text += line
+    document = json.loads(text)
+    assert "url" in document, text
+    return ServedProcess(folder, process, str(document["url"]))
 
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[ServedProcess]:
     """A service of a bundled simulated cell, as a process of its own for one test."""
-    running = serve(tmp_path)
-    yield running
-    if running.process.poll() is None:
-        running.end()
+    with serving(tmp_path) as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
     """The same for the tests of a file that leave it as it was."""
-    running = serve(tmp_path_factory.mktemp("served"))
-    yield running
-    assert running.end() == 0
+    with serving(tmp_path_factory.mktemp("served")) as running:
+        yield running
+        assert running.end() == 0

@@ -11,12 +11,12 @@ from acquisition.task.control_block import ControlBlock
 from config.errors import ConfigError, LockedError, ServiceError
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import CellState, Job
-from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.service.conftest import PATIENCE_S, ServedProcess
 
 CHECK = {"seconds": 0.2}
 
 
-def until(condition: Callable[[], bool], patience_s: float = 60.0) -> None:
+def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
     """Wait for a condition that must come true."""
     end_s = time.monotonic() + patience_s
     while not condition():

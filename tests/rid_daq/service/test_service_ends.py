@@ -9,7 +9,7 @@ import pytest
 
 from acquisition.runs.catalogue import list_runs
 from rid_daq.service.records import JobState
-from tests.rid_daq.service.conftest import ServedProcess, serve
+from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.service.moving import begin_motion, taken, until
 
 pytestmark = pytest.mark.slow
@@ -21,13 +21,11 @@ def test_the_end_of_the_service_stops_the_motion_and_marks_its_job(
     with taken(served, motion) as key:
         job = begin_motion(served, key)
         assert served.end() == 0
-        again = serve(served.folder)
-        with again.client as client:
+        with serving(served.folder) as again, again.client as client:
             over = client.job(job.id)
-            assert over.state is JobState.INTERRUPTED
-            assert over.reason == "the service ended"
-            assert over.run is not None
-        again.end()
+        assert over.state is JobState.INTERRUPTED
+        assert over.reason == "the service ended"
+        assert over.run is not None
         (_, manifest), *_ = list_runs(served.folder / "runs")
         assert manifest.status == "stopped"
 
@@ -44,12 +42,10 @@ def test_a_killed_service_leaves_no_job_running_and_none_runs_again(
         until(lambda: not Path(f"/proc/{pid}").exists())
         (folder, manifest), *_ = list_runs(served.folder / "runs")
         assert manifest.status == "stopped"
-        again = serve(served.folder)
-        with again.client as client:
+        with serving(served.folder) as again, again.client as client:
             over = client.job(job.id)
-            assert over.state is JobState.INTERRUPTED
-            assert over.reason.startswith("the service was killed")
-            assert over.run == folder.run_id
             assert client.cell("ir361").job is None
-        again.end()
+        assert over.state is JobState.INTERRUPTED
+        assert over.reason.startswith("the service was killed")
+        assert over.run == folder.run_id
         assert len(list_runs(served.folder / "runs")) == 1
