@@ -25,7 +25,7 @@ import httpx
 from config import errors
 from config.errors import ConfigError, LockedError, RidDaqError, ServiceError
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.records import CellStatus, HeldLease, Job, JobState, OnLostClient
+from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Job, JobState, OnLostClient
 from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
 from rid_daq.service.sockets import local_sockets
 from rid_daq.terminal.job_events import EVENT, AnyEvent, Documented, Ended
@@ -155,6 +155,10 @@ class ServiceClient:
     def cell(self, name: str) -> CellStatus:
         """Return a cell as it is now."""
         return CellStatus.model_validate(self.ask("GET", f"/cells/{quote(name)}"))
+
+    def files(self, cell: str) -> FilesOfCell:
+        """Return what lies in the service's folder for a cell's robot, the newest first."""
+        return FilesOfCell.model_validate(self.ask("GET", f"/cells/{quote(cell)}/files"))
 
     def job(self, job_id: str) -> Job:
         """Return a job as it is now."""

@@ -163,3 +163,21 @@ class CellStatus(Record):
     not_ready_because: str = ""
     job: Job | None = None
     lease: Lease | None = None
+
+
+class NamedFile(Record):
+    """A file of the service's folder that requests may name."""
+
+    path: str = Field(description="Inside the service's folder.")
+    words: str = Field(description="What people read in a list.")
+    kind: str = Field(default="", description="Of a motion: its kind.")
+
+
+class FilesOfCell(Record):
+    """What lies in the service's folder for a cell's robot, by what it is; the newest first."""
+
+    motions: tuple[NamedFile, ...] = ()
+    models: tuple[NamedFile, ...] = ()
+    loops: tuple[NamedFile, ...] = ()
+    feedforwards: tuple[NamedFile, ...] = ()
+    payloads: tuple[NamedFile, ...] = ()

@@ -1,4 +1,4 @@
-"""The pages of the work on a cell: Experiment, Identify, Payload, Compensation."""
+"""The pages of the work on a cell: Experiment, Identify, Friction, Payload, Compensation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from fastapi.responses import HTMLResponse
 
 from rid_daq.service.api.context import OfCell, Service
 from rid_daq.service.api.runs import run_folder
-from rid_daq.workbench.folder_files import FolderFiles, folder_files
+from rid_daq.service.folder_files import folder_files
+from rid_daq.service.records import FilesOfCell
 from rid_daq.workbench.visit import PageRoute, Visit, Visitor
 
 router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_schema=False)
@@ -39,6 +40,12 @@ def identify_check(
     return check_data(cell.loaded, folders).model_dump(mode="json")
 
 
+@router.get("/friction")
+async def friction_page(visit: Visitor) -> HTMLResponse:
+    """Show friction alone: from runs at constant speed, or there and back."""
+    return visit.page("friction.html", files=await _files(visit))
+
+
 @router.get("/payload")
 async def payload_page(visit: Visitor) -> HTMLResponse:
     """Show the guided payload session."""
@@ -63,6 +70,6 @@ async def compensation_page(visit: Visitor) -> HTMLResponse:
     return visit.page("compensation.html", files=await _files(visit))
 
 
-async def _files(visit: Visit) -> FolderFiles:
+async def _files(visit: Visit) -> FilesOfCell:
     robot = visit.cell.loaded.robot.name
     return await run_in_threadpool(folder_files, visit.service, robot)

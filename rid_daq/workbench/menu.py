@@ -26,6 +26,7 @@ MENU: Final = (
     MenuEntry("", "Cell"),
     MenuEntry("/experiment", "Experiment"),
     MenuEntry("/identify", "Identify"),
+    MenuEntry("/friction", "Friction"),
     MenuEntry("/payload", "Payload"),
     MenuEntry("/compensation", "Compensation"),
     MenuEntry("/runs", "Runs"),

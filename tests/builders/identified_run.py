@@ -1,4 +1,4 @@
-"""Runs of the bundled arm with its estimate, computed instead of recorded."""
+"""Runs of the bundled arm, to identify it or its friction, computed instead of recorded."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
+from acquisition.motion.kinds.fourier import FourierJoint
+from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
+from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from config.load import LoadedCell, load_cell
+from config.load import LoadedCell, load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
@@ -25,6 +28,18 @@ from rid_daq.jobs.truth import true_parameters
 
 CYCLE_S = 0.008
 PERIODS = 4
+THERE_AND_BACK = ReversedMotion(
+    kind="reversed",
+    robot="ir361",
+    period_s=6.0,
+    periods=2,
+    ramp_s=2.0,
+    joints=(
+        FourierJoint(joint="axis1", sine=(0.7, 0.1), cosine=(0.0, 0.2)),
+        FourierJoint(joint="axis2", offset=-0.2, sine=(0.3, 0.2), cosine=(0.4, 0.0)),
+        FourierJoint(joint="axis3", offset=0.5, sine=(-0.4, 0.3), cosine=(0.6, 0.1)),
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -81,27 +96,63 @@ def identified_run(
     for name, factor in changes.items():
         parameters[model.parameter_names.index(name)] *= factor
     count = PERIODS * len(arm.q)
-    noise = np.random.default_rng(seed).standard_normal((count, 3))
     rows = np.zeros(count, dtype=row_dtype(3))
-    rows["time_s"] = np.arange(count) * CYCLE_S
-    rows["cycle"] = rows["sample_index"] = np.arange(count)
     rows["position"] = np.tile(arm.q, (PERIODS, 1))
     rows["torque_nm"] = np.tile(torque(model, arm.q, arm.v, arm.a, parameters), (PERIODS, 1))
-    rows["torque_nm"] += noise
-    rows["valid"], rows["phase"] = 1, Phase.MAIN
+    rows["phase"] = Phase.MAIN
     folder = RunFolder.create(root, label)
+    recording = _journalled(folder, cell, rows, seed, len(arm.q))
+    estimate = estimate_periodic(cell.robot, [average_periods(recording)], run_ids=(folder.run_id,))
+    write_estimate(folder.path / "model.json", estimate)
+    folder.finish(RunStatus.COMPLETE)
+    return estimate
+
+
+def friction_run(root: Path, label: str, seed: int) -> RunFolder:
+    """Write a run of a path there and back, of noisy torques by true parameters.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of the run folders.
+    label : str
+        The run's label.
+    seed : int
+        Of the noise.
+    """
+    cell = load_cell("ir361")
+    samples = THERE_AND_BACK.plan(cell.robot, CYCLE_S)
+    model = RobotModel.from_description(cell.robot)
+    assert cell.plant is not None
+    parameters = np.array(true_parameters(model, cell.robot, cell.plant))
+    q, v, a = samples.position, samples.velocity, samples.acceleration
+    rows = np.zeros(len(q), dtype=row_dtype(3))
+    rows["position"] = q
+    rows["torque_nm"] = torque(model, q, v, a, parameters)
+    rows["phase"] = samples.phase
+    folder = RunFolder.create(root, label)
+    folder.write("motion.yaml", to_yaml(THERE_AND_BACK).encode())
+    _journalled(folder, cell, rows, seed, None)
+    folder.finish(RunStatus.COMPLETE)
+    return folder
+
+
+def _journalled(
+    folder: RunFolder, cell: LoadedCell, rows: NDArray[np.void], seed: int, period: int | None
+) -> Recording:
+    """Write a cell's files and its recording with a newton metre of noise; return the recording."""
+    rows["time_s"] = np.arange(len(rows)) * CYCLE_S
+    rows["cycle"] = rows["sample_index"] = np.arange(len(rows))
+    rows["torque_nm"] += np.random.default_rng(seed).standard_normal((len(rows), 3))
+    rows["valid"] = 1
     for name, content in cell.files.items():
         folder.write(name, content)
     header = JournalHeader(
         joint_names=cell.robot.joint_names,
         sample_period_s=CYCLE_S,
-        samples_per_period=len(arm.q),
+        samples_per_period=period,
         run_id=folder.run_id,
     )
     with JournalWriter(folder.file("recording.mcap"), header) as writer:
         writer.append(rows.tobytes())
-    recording = read_journal(folder.file("recording.mcap")).recording()
-    estimate = estimate_periodic(cell.robot, [average_periods(recording)], run_ids=(folder.run_id,))
-    write_estimate(folder.path / "model.json", estimate)
-    folder.finish(RunStatus.COMPLETE)
-    return estimate
+    return read_journal(folder.file("recording.mcap")).recording()

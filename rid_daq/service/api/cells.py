@@ -8,7 +8,8 @@ from typing import Annotated
 from fastapi import APIRouter, Body, Header, Request
 
 from rid_daq.service.api.context import Door, OfCell, Operator, Service, Who, is_local
-from rid_daq.service.records import CellStatus, HeldLease, Lease, Preflight, Record
+from rid_daq.service.folder_files import folder_files
+from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Lease, Preflight, Record
 from rid_daq.service.refusals import NotKnownError
 
 router = APIRouter(prefix="/api/v1/cells", tags=["cells"])
@@ -55,6 +56,15 @@ async def get_cell(cell: OfCell, service: Service) -> CellStatus:
 async def get_preflight(cell: OfCell, service: Service) -> Preflight | None:
     """Return the newest preflight with all its lines."""
     return service.readiness.preflight(cell)
+
+
+@router.get("/{cell}/files")
+def list_files_of_cell(cell: OfCell, service: Service) -> FilesOfCell:
+    """Return the motions, models, loops, feedforwards and payloads that requests may name.
+
+    What names another robot than the cell's is left out, whatever it is called.
+    """
+    return folder_files(service, cell.loaded.robot.name)
 
 
 @router.get("/{cell}/lease")

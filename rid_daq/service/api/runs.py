@@ -15,6 +15,7 @@ from acquisition.runs.manifest import Manifest
 from config.errors import ConfigError, RecordingError
 from config.formats.whole_file import write_whole
 from rid_daq.service.api.context import Operator, Service, Who
+from rid_daq.service.folder_files import motion_kind
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
@@ -22,7 +23,7 @@ from rid_daq.service.service import STATE_FOLDER, CellService
 
 router = APIRouter(prefix="/api/v1", tags=["runs"])
 
-REPORT, RESULT = "report.html", "result.json"
+REPORT, RESULT, MOTION = "report.html", "result.json", "motion.yaml"
 REPORT_HEADERS: Final = {
     "content-security-policy": "sandbox allow-scripts allow-downloads; default-src 'none';"
     " script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:;"
@@ -38,7 +39,7 @@ _SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf"}
 
 
 class RunEntry(Record):
-    """A run: what its manifest says, and whether it can be read."""
+    """A run: what its manifest says, the kind of its motion, and whether it can be read."""
 
     id: str
     label: str
@@ -46,6 +47,7 @@ class RunEntry(Record):
     status: str
     created_utc: str
     robot: str = ""
+    motion: str = ""
     has_report: bool = False
     problem: str = ""
     files: tuple[str, ...] = ()
@@ -198,6 +200,7 @@ def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
         status=manifest.status,
         created_utc=manifest.created_utc,
         robot=robot if isinstance(robot, str) else "",
+        motion=motion_kind(folder.file(MOTION)) if MOTION in manifest.files else "",
         has_report=folder.file(REPORT).exists(),
         files=tuple(sorted(manifest.files)),
     )

@@ -7,15 +7,20 @@ const motion = find("motion");
 const kind = find("kind");
 const picture = find("picture");
 
+// What a run of a kind of motion is for, where it is not for a model.
+const NEXT = {
+  multisine: ["compensation", "Measure the velocity loops"],
+  constant_velocity: ["friction", "Measure the friction"],
+  reversed: ["friction", "Measure the friction"],
+};
+
 const panel = new WorkPanel(find("job"), {
   next: (job) => {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const multisine = chosenKind === "multisine";
-    return multisine
-      ? [link(`${CELL}/compensation?run=${run}`, "Measure the velocity loops", { class: "button main" })]
-      : [link(`${CELL}/identify?run=${run}`, "Identify this run", { class: "button main" })];
+    const [path, words] = NEXT[chosenKind] ?? ["identify", "Identify this run"];
+    return [link(`${CELL}/${path}?run=${run}`, words, { class: "button main" })];
   },
   ended: (job, document) => {
     if (job.kind === "design" && job.state === "done" && document) {

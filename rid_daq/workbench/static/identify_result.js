@@ -1,6 +1,6 @@
 // The result of an identification, of a validation: sections of a run's result, as elements.
 import { element, table } from "./dom.js";
-import { findingList, gradeOf, number, verdictOf } from "./work.js";
+import { findingList, gradeOf, measured, number, verdictOf } from "./work.js";
 
 const told = (text) => ({ passed: null, text });
 
@@ -62,9 +62,10 @@ function comparisonParts(comparison) {
 }
 
 function parametersPart(parameters) {
-  const rows = parameters.map((each) => [
-    each.words, number(each.value, 5), each.at_bound ? "at its bound: not shown by the data" : `± ${number(2 * each.std, 2)}`, each.unit,
-  ]);
+  const rows = parameters.map((each) => {
+    const [value, reach] = measured(each.value, each.at_bound ? null : 2 * each.std);
+    return [each.words, value, each.at_bound ? "at its bound: not shown by the data" : `± ${reach}`, each.unit];
+  });
   return element("details", {}, element("summary", {}, `${parameters.length} parameters with 95 % intervals`),
     table(["parameter", "value", "2σ", "unit"], rows, null, "parameters"));
 }

@@ -1,7 +1,7 @@
 // Payload: the guided session, its warm-up, its result, load data for the controller.
 import { element, find, table } from "./dom.js";
 import { ask } from "./service.js";
-import { WorkPanel, checksOf, figureIn, figuresOf, findingList, gradeOf, number, numberOf, press, verdictOf, wanted, fileLink, link } from "./work.js";
+import { WorkPanel, checksOf, figureIn, figuresOf, findingList, gradeOf, measured, number, numberOf, press, verdictOf, wanted, fileLink, link } from "./work.js";
 
 const STEPS = ["prepare", "rehearsal", "warm-up", "unloaded", "attach", "loaded", "result"];
 const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet", skipped: "skipped" };
@@ -151,11 +151,13 @@ async function showResult(run) {
 }
 
 function parameters(payload) {
-  const rows = payload.parameters.map((each) => [
-    NAMES[each.name] ?? `inertia ${each.name}`,
-    each.value === null ? "not seen by this motion" : number(each.value, 5),
-    each.std === null ? "–" : `± ${number(2 * each.std, 2)}`, each.unit, each.known ? "known" : "",
-  ]);
+  const rows = payload.parameters.map((each) => {
+    const [value, reach] = measured(each.value, each.std === null ? null : 2 * each.std);
+    return [
+      NAMES[each.name] ?? `inertia ${each.name}`, each.value === null ? "not seen by this motion" : value,
+      each.std === null ? "–" : `± ${reach}`, each.unit, each.known ? "known" : "",
+    ];
+  });
   return table(["parameter", "value", "2σ", "unit", ""], rows, null, "payload");
 }
 

@@ -156,6 +156,14 @@ export function number(value, digits = 4) {
   return value === null || value === undefined ? "–" : Number(value.toPrecision(digits)).toString();
 }
 
+// A value and its interval: the interval to two significant digits, the value to the same decimals.
+export function measured(value, reach) {
+  const places = reach > 0 && Number.isFinite(reach) ? 1 - Math.floor(Math.log10(Number(reach.toPrecision(2)))) : null;
+  if (value === null || value === undefined || places === null || places > 9) return [number(value, 6), number(reach, 2)];
+  const round = (each) => (places >= 0 ? each.toFixed(places) : (Math.round(each * 10 ** places) / 10 ** places).toFixed(0));
+  return [round(value), round(reach)];
+}
+
 // ---- choices
 export function options(select, list, chosen = null) {
   const before = chosen ?? select.value;

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from typing import Any
 
 import httpx
 import pytest
 
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from rid_daq.service.api.app import make_api
+from rid_daq.service.client import ServiceClient
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Preflight, Role
 from rid_daq.service.service import CellService
@@ -74,6 +78,7 @@ READ = [
     "/api/v1/cells/ir361",
     "/api/v1/cells/ir361/preflight",
     "/api/v1/cells/ir361/lease",
+    "/api/v1/cells/ir361/files",
     "/api/v1/jobs",
     "/api/v1/runs",
     "/api/v1/files",
@@ -255,3 +260,25 @@ def test_metrics_have_the_names_that_monitoring_expects(api: Api) -> None:
     text = api.ask(Role.VIEWER, "GET", "/metrics").text
     assert 'rid_daq_cell_state{cell="ir361",state="closed"} 1.0' in text
     assert "rid_daq_start_time_seconds" in text
+
+
+def test_a_program_chooses_from_what_lies_in_the_folder(api: Api) -> None:
+    motion = "kind: reversed\nrobot: ir361\n"
+    (api.service.folder / "back.yaml").write_text(motion)
+    folder = RunFolder.create(api.service.runs, "friction")
+    folder.write("motion.yaml", motion.encode())
+    folder.finish(RunStatus.COMPLETE)
+    model = {"kind": "rid-daq estimate", "robot": {"name": "ir361"}}
+    folder.file("model.json").write_text(json.dumps(model))
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        told = api.ask(Role.VIEWER, request.method, request.url.path)
+        return httpx.Response(told.status_code, content=told.content)
+
+    asking = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://cell")
+    with ServiceClient(asking) as client:
+        found = client.files("ir361")
+        (run,) = client.ask("GET", "/runs")
+    assert [(each.path, each.kind) for each in found.motions] == [("back.yaml", "reversed")]
+    assert [each.path for each in found.models] == [f"runs/{folder.run_id}/model.json"]
+    assert run["motion"] == "reversed"

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import re
 import signal
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from rid_daq.service.records import Job, JobState
-from tests.builders.identified_run import arm_in_motion, identified_run
+from tests.builders.identified_run import arm_in_motion, friction_run, identified_run
 from tests.builders.motion_texts import MULTISINE, PICK
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import begin_motion, taken, until
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, take_cell
+from tests.rid_daq.workbench.test_work import pictured
 
 pytestmark = pytest.mark.slow
 
@@ -72,6 +74,27 @@ def test_a_run_that_a_crash_has_left_is_recovered(
     expect(page.locator("#job .verdict.end")).to_contain_text("Recover: ")
     page.locator("#status").select_option("recovered")
     expect(page.locator("#runs tbody tr")).to_have_count(1)
+
+
+def test_friction_is_measured_alone_and_shown(
+    open_page: OpenPage, served_pages: ServedProcess, screenshots: Path
+) -> None:
+    run = friction_run(served_pages.folder / "runs", "there and back", 7).run_id
+    page = open_page(width=820)
+    page.get_by_role("link", name="Friction", exact=True).click()
+    expect(page.locator("#runs label")).to_have_count(1)  # others do not measure it
+    page.locator("#measure").click()
+    expect(page.locator("#job [role=alert]")).to_contain_text("A run is missing")
+    page.locator("#runs").get_by_role("checkbox").check()
+    page.locator("#measure").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Friction: done")
+    expect(page.locator("#result .verdict.end")).to_contain_text("friction of every joint")
+    expect(page.locator("#result .findings")).to_contain_text("in the robot file: friction: [")
+    expect(page.locator("[data-figure=friction] [data-figure-state=shown]").first).to_be_visible()
+    page.goto(f"{page.url}?run={run}")  # what was measured is shown again
+    expect(page.locator("#result .grade.good")).to_have_count(3)
+    page.locator("#result summary", has_text="axis1").click()
+    pictured(page, screenshots, "friction-measured")
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 
 from acquisition.motion.motion_file import MOTION_KINDS
+from rid_daq.service.folder_files import folder_files
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
-from rid_daq.workbench.folder_files import folder_files
 
 MOTION = "# An excitation.\nkind: fourier\nrobot: ir361\n"
 MODEL = '{\n "kind": "rid-daq estimate",\n "robot": {"name": "ir361"}\n}'
+PAYLOAD = MODEL.replace("estimate", "payload")
 LOOPS = '{"schema": "rid-daq velocity loops 1"}'
 
 
@@ -29,12 +30,15 @@ def test_files_are_offered_by_what_they_are(tmp_path: Path) -> None:
     (tmp_path / "other.json").write_text(MODEL.replace("ir361", "kr15"))
     (tmp_path / "torn.json").write_text(MODEL[:-1])
     (run / "loops.json").write_text(LOOPS)
+    (run / "payload.json").write_text(PAYLOAD)
+    (tmp_path / "other-payload.json").write_text(PAYLOAD.replace("ir361", "kr15"))
     (run / "result.json").write_text(MODEL)
     found = folder_files(service, "ir361")
     assert [(each.path, each.kind) for each in found.motions] == [("a.yaml", "fourier")]
     assert [each.path for each in found.models] == ["runs/01A/model.json"]
     assert [each.path for each in found.loops] == ["runs/01A/loops.json"]
     assert found.feedforwards == ()
+    assert [each.path for each in found.payloads] == ["runs/01A/payload.json"]
 
 
 @pytest.mark.parametrize("kind", sorted(MOTION_KINDS))

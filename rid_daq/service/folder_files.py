@@ -1,4 +1,4 @@
-"""`folder_files`: the motions, models and other files of the service's folder, by what they are."""
+"""`folder_files`: the motions, models and other files of a service's folder, by what they are."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import functools
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from acquisition.motion.motion_file import MOTION_KINDS
+from rid_daq.service.records import FilesOfCell, NamedFile
 from rid_daq.service.service import CellService
 
 HEAD_BYTES: Final = 4096
@@ -21,69 +21,50 @@ _JSON: Final = (
     (b'"rid-daq estimate"', "models"),
     (b'"rid-daq velocity loops 1"', "loops"),
     (b'"rid-daq feedforward 1"', "feedforwards"),
+    (b'"rid-daq payload"', "payloads"),
 )
-_NOT_CHOSEN: Final = frozenset({"manifest.json", "result.json", "session.json", "payload.json"})
+_OF_A_ROBOT: Final = frozenset({"models", "payloads"})
+_NOT_CHOSEN: Final = frozenset({"manifest.json", "result.json", "session.json"})
 
 
-@dataclass(frozen=True)
-class NamedFile:
-    """A file that requests may name.
-
-    Attributes
-    ----------
-    path : str
-        Inside the service's folder.
-    words : str
-        What people read in a list.
-    kind : str
-        Of a motion: its kind.
-    """
-
-    path: str
-    words: str
-    kind: str = ""
-
-
-@dataclass(frozen=True)
-class FolderFiles:
-    """The files of each sort, the newest first."""
-
-    motions: tuple[NamedFile, ...]
-    models: tuple[NamedFile, ...]
-    loops: tuple[NamedFile, ...]
-    feedforwards: tuple[NamedFile, ...]
-
-
-def folder_files(service: CellService, robot: str) -> FolderFiles:
-    """Return the files of a service's folder; of runs, what commands have written into them.
+def folder_files(service: CellService, robot: str) -> FilesOfCell:
+    """Return the files of a service's folder, newest first; of runs, what commands put there.
 
     Parameters
     ----------
     service : CellService
         The service.
     robot : str
-        The name of the cell's robot; motions and models of another one are left out.
+        The name of the cell's robot; what names another one is left out.
     """
-    found: dict[str, list[NamedFile]] = {
-        sort: [] for sort in ("motions", "models", "loops", "feedforwards")
-    }
+    found: dict[str, list[NamedFile]] = {sort: [] for sort in FilesOfCell.model_fields}
     for path in sorted(_files(service), key=_changed_s, reverse=True):
         inside = str(path.relative_to(service.folder))
         head = _head(path)
-        motion = _MOTION.search(head)
         if path.suffix == ".yaml":
+            kind = _motion_kind(head)
             whose = _ROBOT.search(head)
-            if motion is not None and (whose is None or whose[1].decode() == robot):
-                kind = motion[1].decode()
-                found["motions"].append(NamedFile(inside, f"{inside} ({_spaced(kind)})", kind))
+            if kind and (whose is None or whose[1].decode() == robot):
+                words = f"{inside} ({kind.replace('_', ' ')})"
+                found["motions"].append(NamedFile(path=inside, words=words, kind=kind))
             continue
         for mark, sort in _JSON:
             if mark in head and (
-                sort != "models" or _robot_of_model(path, _changed_s(path)) == robot
+                sort not in _OF_A_ROBOT or _robot_named_in(path, _changed_s(path)) == robot
             ):
-                found[sort].append(NamedFile(inside, inside))
+                found[sort].append(NamedFile(path=inside, words=inside))
                 break
-    return FolderFiles(**{sort: tuple(files) for sort, files in found.items()})
+    return FilesOfCell(**{sort: tuple(files) for sort, files in found.items()})
+
+
+def motion_kind(path: Path) -> str:
+    """Return the kind of a motion file, empty where it is none."""
+    return _motion_kind(_head(path))
+
+
+def _motion_kind(head: bytes) -> str:
+    found = _MOTION.search(head)
+    return "" if found is None else found[1].decode()
 
 
 def _files(service: CellService) -> Iterator[Path]:
@@ -108,8 +89,8 @@ def _changed_s(path: Path) -> float:
 
 
 @functools.lru_cache(maxsize=256)
-def _robot_of_model(path: Path, _changed_s: float) -> str:
-    """Return the name of a model's robot, empty where the file cannot be read."""
+def _robot_named_in(path: Path, _changed_s: float) -> str:
+    """Return the name of the robot in a model or a payload, empty where the file cannot be read."""
     try:
         return str(json.loads(path.read_bytes())["robot"]["name"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -122,7 +103,3 @@ def _head(path: Path) -> bytes:
             return file.read(HEAD_BYTES)
     except OSError:  # it has just gone, or is not ours to read
         return b""
-
-
-def _spaced(kind: str) -> str:
-    return kind.replace("_", " ")
