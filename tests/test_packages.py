@@ -44,6 +44,17 @@ def test_a_file_is_one_noun_of_at_most_400_lines() -> None:
     assert long == {}
 
 
+def test_a_room_holds_at_most_20_files() -> None:
+    """But for the list of all commands, of which each is a file."""
+    full = {
+        str(room.relative_to(ROOT)): len(files)
+        for package in PACKAGES
+        for room in [ROOT / package, *(ROOT / package).rglob("*/")]
+        if len(files := [path for path in room.glob("*.py") if path.name != "__init__.py"]) > 20
+    }
+    assert set(full) == {"rid_daq/commands"}
+
+
 def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
     for package in PACKAGES:
         for path in (ROOT / package).rglob("__init__.py"):
@@ -125,7 +136,7 @@ def test_a_command_computes_nothing() -> None:
     found = {
         f"{path.name}: {node.module}.{alias.name}"
         for room in ("commands", "performers")
-        for path in (ROOT / "rid_daq" / room).glob("*.py")
+        for path in (ROOT / "rid_daq" / room).rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in science
         for alias in node.names

@@ -42,7 +42,7 @@ def compensate(
     moves. `rid-daq record CELL MOTION --feedforward FEEDFORWARD` runs the motion with it.
     """
     from rid_daq.jobs.feedforward_job import CompensateRequest
-    from rid_daq.performers.compensate import perform
+    from rid_daq.performers.compensation.compensate import perform
 
     request = CompensateRequest(
         cell, motion, model, loop, output, runs, reference, overwrite, unfinished

@@ -40,7 +40,7 @@ def loop(
     of current, velocity and position loop together; the run's report draws everything.
     """
     from rid_daq.jobs.loop_job import LoopRequest
-    from rid_daq.performers.loop import perform
+    from rid_daq.performers.compensation.loop import perform
 
     request = LoopRequest(run, runs, output, overwrite, unfinished)
     here_or_there(service, JobKind.LOOP, request, Console(as_json), perform)

@@ -42,7 +42,7 @@ def certificate(
     Every file that it lists is compared with its SHA-256 first. A failed verdict is certified as
     failed; a session that is not finished is refused. The same session gives the same bytes.
     """
-    from rid_daq.performers.payload_certificate import perform
+    from rid_daq.performers.payload.certificate import perform
     from rid_daq.recording.certificate_job import PayloadCertificateRequest
 
     request = PayloadCertificateRequest(session, runs, output, by, overwrite)

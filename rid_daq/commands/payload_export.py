@@ -38,7 +38,7 @@ def export(
     exist. Nothing is written without a passed verdict; what was written is read back and compared.
     """
     from rid_daq.jobs.payload.load_data_job import PayloadExportRequest
-    from rid_daq.performers.payload_export import perform
+    from rid_daq.performers.payload.export import perform
 
     request = PayloadExportRequest(payload, to, output, overwrite, runs)
     here_or_there(service, JobKind.PAYLOAD_EXPORT, request, Console(as_json), perform)

@@ -155,7 +155,7 @@ def identify(
     from rid_daq.jobs.identification_job import friction_terms_of
     from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest
     from rid_daq.jobs.payload.payload_job import known_quantity
-    from rid_daq.performers.payload_identify import perform
+    from rid_daq.performers.payload.identify import perform
 
     request = PayloadIdentifyRequest(
         loaded=loaded,

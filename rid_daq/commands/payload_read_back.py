@@ -42,7 +42,7 @@ def read_back(
     the inertia (as a share of its largest moment).
     """
     from rid_daq.jobs.payload.load_data_job import ReadBackRequest
-    from rid_daq.performers.payload_read_back import perform
+    from rid_daq.performers.payload.read_back import perform
 
     request = ReadBackRequest(payload, form, file, tolerance_percent=tolerance_percent, runs=runs)
     here_or_there(service, JobKind.PAYLOAD_READ_BACK, request, Console(as_json), perform)

@@ -163,7 +163,7 @@ def session(
     """
     from rid_daq.jobs.payload.payload_job import known_quantity
     from rid_daq.live.live_page import LiveOptions
-    from rid_daq.performers.payload_session import perform
+    from rid_daq.performers.payload.session import perform
     from rid_daq.preflight.axis_test import AxisTestRule
     from rid_daq.recording.payload_session_request import PayloadSessionRequest
 

@@ -35,7 +35,7 @@ def refine(
     that grows is refused.
     """
     from rid_daq.jobs.feedforward_job import RefineRequest
-    from rid_daq.performers.refine import perform
+    from rid_daq.performers.compensation.refine import perform
 
     request = RefineRequest(run, model, loop, output, runs, overwrite, unfinished)
     here_or_there(service, JobKind.REFINE, request, Console(as_json), perform)

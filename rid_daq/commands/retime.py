@@ -93,7 +93,7 @@ def retime(
     named with joint and pose (exit code 3).
     """
     from rid_daq.jobs.retime_job import RetimeRequest
-    from rid_daq.performers.retime import perform
+    from rid_daq.performers.compensation.retime import perform
 
     if not base:
         refuse_inapplicable(context, {"mass_kg"}, "without --base-limits")

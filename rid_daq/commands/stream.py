@@ -78,7 +78,7 @@ def stream(
     robot is slowed down along the points that it has until it rests (exit code 4 or 5).
     """
     from compensation.online.stream import StreamOptions
-    from rid_daq.performers.stream import perform
+    from rid_daq.performers.compensation.stream import perform
     from rid_daq.preflight.axis_test import AxisTestRule
     from rid_daq.recording.stream_job import StreamRequest
     from rid_daq.session.cells import Simulation

@@ -30,7 +30,7 @@ def tracking(
     file.
     """
     from rid_daq.jobs.tracking_job import TrackingRequest
-    from rid_daq.performers.tracking import perform
+    from rid_daq.performers.compensation.tracking import perform
 
     request = TrackingRequest(run, against or (), runs, unfinished)
     here_or_there(service, JobKind.TRACKING, request, Console(as_json), perform)

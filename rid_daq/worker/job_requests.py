@@ -21,8 +21,19 @@ OWNED: Final = frozenset({"cell", "runs", "cleared", "live"})
 
 _MODULES = {
     JobKind.PLATE_ZERO: "plate",
-    JobKind.PAYLOAD: "payload_session",
+    JobKind.PAYLOAD: "payload.session",
+    JobKind.PAYLOAD_IDENTIFY: "payload.identify",
+    JobKind.PAYLOAD_EXPORT: "payload.export",
+    JobKind.PAYLOAD_READ_BACK: "payload.read_back",
+    JobKind.PAYLOAD_CERTIFICATE: "payload.certificate",
+    JobKind.LOOP: "compensation.loop",
+    JobKind.COMPENSATE: "compensation.compensate",
+    JobKind.REFINE: "compensation.refine",
+    JobKind.STREAM: "compensation.stream",
+    JobKind.TRACKING: "compensation.tracking",
+    JobKind.RETIME: "compensation.retime",
 }
+"""Where a kind's performer stands, where its file is not called as the kind is."""
 
 
 def performer(kind: JobKind) -> Callable[[Any, Console], None]:

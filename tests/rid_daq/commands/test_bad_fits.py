@@ -14,7 +14,8 @@ from identification.regression.fit_grade import Grade
 from rid_daq.app import run
 from rid_daq.jobs.friction_job import FrictionMeasured
 from rid_daq.jobs.loop_job import LoopsMeasured
-from rid_daq.performers import friction, loop
+from rid_daq.performers import friction
+from rid_daq.performers.compensation import loop
 from rid_daq.report.result import Result
 from rid_daq.report.sections.friction import FrictionSection
 
