@@ -91,11 +91,15 @@ def _curves(data: RunData) -> tuple[FrictionCurve, ...]:
     """Return the friction in one run."""
     file = data.folder.file("motion.yaml")
     motion = load_motion(file) if file.exists() else None
-    if isinstance(motion, ConstantVelocityMotion):
-        return constant_velocity_curves(data.recording, motion, data.robot)
-    if isinstance(motion, ReversedMotion):
-        return reversed_curves(data.recording, motion, data.robot)
-    kind = "a recording from elsewhere" if motion is None else f"a motion of kind {motion.kind}"
+    match motion:
+        case ConstantVelocityMotion():
+            return constant_velocity_curves(data.recording, motion, data.robot)
+        case ReversedMotion():
+            return reversed_curves(data.recording, motion, data.robot)
+        case None:
+            kind = "a recording from elsewhere"
+        case _:
+            kind = f"a motion of kind {motion.kind}"
     raise ConfigError(
         f"{data.folder.path}: is {kind}; friction alone is measured by constant speeds or by a path"
         " there and back: make one with `rid-daq design CELL --kind constant-velocity -o MOTION`"

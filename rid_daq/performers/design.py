@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import typer
 
-from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.samples import MotionSamples
@@ -52,23 +51,9 @@ def _print(console: Console, designed: Designed, request: DesignRequest) -> None
         case _:
             console.document(told)
             console.say(said)
-            if isinstance(motion, ConstantVelocityMotion):
-                _print_speeds(console, motion)
-
-
-def _print_speeds(console: Console, motion: ConstantVelocityMotion) -> None:
-    console.table(
-        ("axis", "from", "to", "speeds"),
-        [
-            (
-                spec.joint,
-                f"{spec.low:.3f}",
-                f"{spec.high:.3f}",
-                ", ".join(f"{speed:g}" for speed in spec.speeds),
-            )
-            for spec in motion.joints
-        ],
-    )
+            table = motion.joint_table()
+            if table is not None:
+                console.table(*table)
 
 
 def _axes(designed: Designed, motion: MultisineMotion) -> list[dict[str, Any]]:

@@ -81,7 +81,7 @@ def motion_picture(cell: LoadedCell, path: Path, model: Path | None) -> GridPlot
 
 def excitation_of(motion: AnyMotion) -> FourierMotion | None:
     """Return a motion that has a condition number, None of the other kinds."""
-    return motion if isinstance(motion, FourierMotion) else None
+    return FourierMotion.of(motion)
 
 
 def _condition(cell: LoadedCell, motion: AnyMotion) -> float | None:

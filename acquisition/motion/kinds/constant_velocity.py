@@ -91,6 +91,19 @@ class ConstantVelocityMotion(Motion):
         """Return the words of the command that shows the friction."""
         return "friction", run
 
+    def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Return the stretch and the speeds of each joint."""
+        rows = [
+            (
+                spec.joint,
+                f"{spec.low:.3f}",
+                f"{spec.high:.3f}",
+                ", ".join(f"{speed:g}" for speed in spec.speeds),
+            )
+            for spec in self.joints
+        ]
+        return ("axis", "from", "to", "speeds"), rows
+
     def runs(
         self, robot: RobotDescription, sample_period_s: float
     ) -> tuple[JointTrajectory, tuple[ConstantRun, ...]]:

@@ -64,6 +64,10 @@ class Motion(PhysicalFile):
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the words of the command that makes use of a recording in the folder `run`."""
 
+    def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]] | None:
+        """Return headings and a row a joint, where joints do what the sentence does not tell."""
+        return None
+
     def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
         """Return where on its path a row lies; empty where its time says it all."""
         return ""
@@ -75,6 +79,11 @@ class Motion(PhysicalFile):
     def to_keep(self, written: bytes) -> bytes:
         """Return the text that says the whole motion: as its file was written, where that does."""
         return written
+
+    @classmethod
+    def of(cls, motion: Motion) -> Self | None:
+        """Return a motion as one of this kind, None where it is of another one."""
+        return motion if isinstance(motion, cls) else None
 
     @classmethod
     def require(cls, motion: Motion, refusal: str) -> Self:
@@ -92,9 +101,10 @@ class Motion(PhysicalFile):
         ConfigError
             It is of another kind.
         """
-        if not isinstance(motion, cls):
+        found = cls.of(motion)
+        if found is None:
             raise ConfigError(refusal)
-        return motion
+        return found
 
 
 def refuse_longer(seconds: float, what: str) -> None:

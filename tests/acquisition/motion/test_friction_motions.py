@@ -29,6 +29,17 @@ def steady(*joints: SpeedRuns, **more: Any) -> ConstantVelocityMotion:
 
 LIFT = SpeedRuns(joint="axis2", low=-1.0, high=0.6, speeds=(0.1, 0.5, 1.0))
 TURN = SpeedRuns(joint="axis1", low=-2.0, high=2.0, speeds=(2.0,))
+WAVES = ReversedMotion(
+    kind="reversed",
+    robot="ir361",
+    period_s=2.0,
+    periods=3,
+    ramp_s=1.0,
+    joints=tuple(
+        FourierJoint(joint=name, offset=0.1, sine=(0.3, 0.05), cosine=(0.1, -0.04))
+        for name in IR361.joint_names
+    ),
+)
 
 
 def test_every_speed_is_held_both_ways_over_the_same_stretch() -> None:
@@ -57,6 +68,14 @@ def test_every_speed_is_held_both_ways_over_the_same_stretch() -> None:
     assert samples.samples_per_period is None
 
 
+def test_a_kind_says_its_joints_own_stretches_where_its_sentence_does_not() -> None:
+    heading, rows = steady(LIFT, TURN).joint_table()
+    assert heading == ("axis", "from", "to", "speeds")
+    assert rows[0] == ("axis2", "-1.000", "0.600", "0.1, 0.5, 1")
+    assert [row[0] for row in rows] == ["axis2", "axis1"]
+    assert WAVES.joint_table() is None
+
+
 @settings(deadline=None, max_examples=30)
 @given(
     st.floats(0.02, 2.0), st.floats(0.0, 0.5), st.floats(0.05, 1.0), st.sampled_from([0.004, 0.01])
@@ -83,18 +102,7 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
 
 
 def test_the_way_back_is_the_way_there_reversed() -> None:
-    motion = ReversedMotion(
-        kind="reversed",
-        robot="ir361",
-        period_s=2.0,
-        periods=3,
-        ramp_s=1.0,
-        joints=tuple(
-            FourierJoint(joint=name, offset=0.1, sine=(0.3, 0.05), cosine=(0.1, -0.04))
-            for name in IR361.joint_names
-        ),
-    )
-    samples = motion.plan(IR361, CYCLE_S)
+    samples = WAVES.plan(IR361, CYCLE_S)
     hold = np.flatnonzero(samples.phase == Phase.HOLD)
     there, back = slice(0, hold[0]), slice(hold[-1] + 1, None)
     period = round(2.0 / CYCLE_S)
