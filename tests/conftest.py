@@ -27,7 +27,19 @@ from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 
 STEP_S = 0.02
 atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
-LONG_TESTS = [Path(__file__).parent / folder for folder in ("socketcan", "rid_daq")]
+LONG_TESTS = [
+    Path(__file__).parent / place
+    for place in (
+        "test_tutorials.py",
+        "test_release.py",
+        "rid_daq/workbench",
+        "socketcan",
+        "rid_daq/commands/test_demo.py",
+        "rid_daq/service",
+        "rid_daq",
+    )
+]
+"""Begun first, in this order: what begins last and takes minutes leaves the other workers idle."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -60,7 +72,9 @@ def signals() -> Iterator[None]:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the longest first, so that the workers end at about the same time."""
-    items.sort(key=lambda item: [folder not in item.path.parents for folder in LONG_TESTS])
+    items.sort(
+        key=lambda item: [place not in (item.path, *item.path.parents) for place in LONG_TESTS]
+    )
     for item in items:
         rows = [row for mark in item.iter_markers("fault") for row in mark.args]
         item.user_properties += [("fault", row) for row in rows]

@@ -8,9 +8,12 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
+
+from tests.test_packages import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent
 UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # as ./environment.sh makes it
@@ -65,8 +68,21 @@ def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> Non
 
 
 @pytest.mark.slow
+def test_the_wheel_has_every_file_of_the_packages(release: Path) -> None:
+    """So that all of them, the demo too, find what they read from an empty directory."""
+    with zipfile.ZipFile(next(release.glob("rid_daq-*.whl"))) as wheel:
+        packed = set(wheel.namelist())
+    words = ("git", "ls-tree", "-r", "--name-only", "HEAD", *PACKAGES)
+    told = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    kept = set(told.stdout.splitlines())
+    assert len(kept) > 300
+    assert kept <= packed
+    assert "rid_daq/site/index.html" in packed
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("python", ["python3.11", "python3.12", "python3.13"])
-def test_the_wheel_runs_the_demo_from_an_empty_directory(
+def test_the_wheel_identifies_a_robot_from_an_empty_directory(
     release: Path, python: str, tmp_path: Path
 ) -> None:
     if not shutil.which(python) or subprocess.run([python, "-c", ""], check=False).returncode:
@@ -92,5 +108,10 @@ def test_the_wheel_runs_the_demo_from_an_empty_directory(
     ran(*pip, "--no-deps", wheel)
     program = fresh / "bin" / "rid-daq"
     assert ran(program, "--version").strip() == wheel.name.split("-")[1]
-    demo = json.loads(ran(program, "demo", "--json"))
-    assert Path(tmp_path / "empty" / demo["report"]).stat().st_size > 100_000
+    ran(program, "init", "mine")
+    small = ("--method", "two-harmonic", "--period", "4", "--periods", "3")
+    ran(program, "design", "mine/cell.yaml", "-o", "motion.yaml", *small)
+    ran(program, "record", "mine/cell.yaml", "motion.yaml", "--label", "first")
+    found = json.loads(ran(program, "identify", "first", "--json"))
+    assert [axis["grade"] for axis in found["estimate"]["axes"]] == ["good"] * 3
+    assert Path(tmp_path / "empty" / found["report"]).stat().st_size > 100_000
