@@ -93,7 +93,7 @@ class ConstantVelocityMotion(Motion):
 
     def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Return the stretch and the speeds of each joint."""
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (
                 spec.joint,
                 f"{spec.low:.3f}",
