@@ -96,6 +96,9 @@ class HeldMotion:
         self._way = np.zeros(len(self._pose))
         return self._pose
 
+    def watch(self, position: FloatArray) -> None:
+        """Do nothing: the pose that was begun at counts."""
+
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a cycle; None once the robot rests for good."""
         if self._paced_s is not None:

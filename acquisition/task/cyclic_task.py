@@ -189,6 +189,7 @@ class CyclicTask:
             if row in ends and self._seen_enough(ends[row]):
                 left_out += max(ends) - row
                 row = max(ends)
+            source.watch(self._axes.answers.position)
             target = None
             if held_until is None:
                 target = _on_the_way(way, row) if row < 0 else source.at(row)

@@ -66,6 +66,16 @@ class SetPointSource(Protocol):
         """
 
     @abstractmethod
+    def watch(self, position: FloatArray) -> None:
+        """Be told where the robot is: once a cycle, the way to the motion's start included.
+
+        Parameters
+        ----------
+        position : ndarray, shape (joints,)
+            As of the last SYNC [rad or m]; changed in place afterwards.
+        """
+
+    @abstractmethod
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a row; None once the motion is over and the robot may rest.
 
@@ -117,6 +127,9 @@ class PlannedMotion:
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the first row's pose."""
         return np.asarray(self.samples.position[0])
+
+    def watch(self, position: FloatArray) -> None:
+        """Do nothing: what is planned does not ask where the robot is."""
 
     def at(self, row: int) -> SetPoint | None:
         """Return a row of the motion, None after the last."""

@@ -10,8 +10,12 @@ with x the torque that the loop's integrator carries: it starts as the torque at
 resting robot is asked for nothing. Where e has to be limited, x follows the limited one, as the
 drive's own integrator does: nothing winds up.
 
+Friction that remembers follows the head. Until the path leaves its first point, joints remember
+what was seen of them: the way to the start, and how they settled there. A joint that stands is
+carried by its integrator whichever way it sticks, so what is seen changes x and asks for nothing.
+
 Numba's cache on disk notices a change in this file only: after one in `path_kernels` or in
-`dynamics.model.one_sample`, remove the cache (`compensation/__pycache__/*.nb*`).
+`dynamics.model.one_sample`, remove the cache (`compensation/online/__pycache__/*.nb*`).
 """
 
 from __future__ import annotations
@@ -36,6 +40,7 @@ from compensation.online.path_kernels import (
 from config.arrays import FloatArray, IntArray
 from dynamics.kernels.simd import kernel
 from dynamics.model.one_sample import ModelArrays, sample_torque
+from dynamics.model.remembered_sample import LAST, go_to, remembered_torque
 
 # More rows of `axes`.
 GAIN: Final = 5  # K_p over the tuned scale
@@ -46,7 +51,8 @@ SHARE: Final = 9  # T / (2 T_i)
 MOST: Final = 10  # largest correction [rad/s or m/s]
 CYCLES: Final = 11  # whole cycles to look ahead, and the fraction
 FRACTION: Final = 12
-AXES_ROWS: Final = 13
+PRESLIDING: Final = 13  # distance, 0 for joints that remember nothing
+AXES_ROWS: Final = 14
 
 # More words of `counts`.
 HEAD: Final = 11  # cycles that the head has gone
@@ -58,19 +64,27 @@ LARGE: Final = 16
 LIMITED: Final = 17  # cycles in which torque or speed was limited
 HOLD: Final = 18  # cycles that a doubt lasts
 FADE: Final = 19  # cycles that fading takes
-COUNTS: Final = 20
+REMEMBERS: Final = 20  # whether any joint does
+SEEING: Final = 21  # whether what was seen still counts
+COUNTS: Final = 22
 
 WEIGHT: Final = 4  # of `pace`: the share of the compensation that is handed out
 PACE: Final = 5
 
-CARRIED: Final = 0  # rows of the inverse's state: x, latest torque, latest correction
+CARRIED: Final = 0  # rows of the inverse's state: x, latest torque, latest correction, and room
 LATEST: Final = 1
 ERROR: Final = 2
+CHANGE: Final = 3
+STATE_ROWS: Final = 4
+
+DRIVEN: Final = 0  # what joints remember: along the head's path, and along what was seen
+SEEN: Final = 1
 
 WANTED: Final = 2  # of the line, beside Q and V: speed to send
 INDEX: Final = 3
 
 POINTS_A_CYCLE: Final = 4
+DUST: Final = 1e-9  # rad or m in a cycle: rounding of points at rest
 
 
 @kernel
@@ -83,6 +97,8 @@ def next_set_point(
     profiles: FloatArray,
     line: FloatArray,
     state: FloatArray,
+    memory: FloatArray,
+    found: FloatArray,
     counts: IntArray,
     pace: FloatArray,
     head: FloatArray,
@@ -97,8 +113,12 @@ def next_set_point(
         As for `take_points` and `advance`.
     line : (places, 4, n) array
         What the head has passed and has not been handed out.
-    state : (3, n) array
+    state : (STATE_ROWS, n) array
         The inverse of the velocity loops.
+    memory : (2, n, STATE) array
+        What joints remember.
+    found : (n, FOUND) array
+        To compute in.
     out : (3, n) array
         Position, velocity, feedforward to hand out; written.
 
@@ -110,13 +130,21 @@ def next_set_point(
     n, places = out.shape[1], line.shape[0]
     most = int(np.int64(POINTS_A_CYCLE))  # as a literal it would be compiled for by itself
     take_points(counters, rows, model, axes, nodes, counts, pace, step_s, most)
+    torque = out[0]
+    if counts[SEEING]:
+        _take_what_was_seen(model, axes[PRESLIDING], memory, found, state, head, torque)
     known = advance(axes, nodes, counts, profiles, pace, step_s, head)
     h = counts[HEAD]
     if counts[RESTED] < 0 and counts[STATE] >= STOPPED:
         counts[RESTED] = h
     place = line[h % places]
-    torque = out[0]
-    if known:
+    if counts[REMEMBERS]:
+        for j in range(n):
+            if abs(head[Q, j] - memory[DRIVEN, j, LAST]) > DUST:
+                counts[SEEING] = 0
+        go_to(head[Q], axes[PRESLIDING], memory[DRIVEN], found)
+        remembered_torque(model, head[0], head[1], head[2], found, torque)
+    elif known:
         node = nodes[counts[NODE] % nodes.shape[0]]
         for j in range(n):
             torque[j] = node[TAU, j]
@@ -143,6 +171,42 @@ def next_set_point(
         fed = own[V, j] + pace[WEIGHT] * (wanted - own[V, j])
         out[2, j] = min(max(fed, -axes[SPEED, j]), axes[SPEED, j])
     return bool(over)
+
+
+@kernel
+def see(position: FloatArray, axes: FloatArray, memory: FloatArray, found: FloatArray) -> None:
+    """Follow where the robot was seen (n,), on its way to the path and on its first point."""
+    go_to(position, axes[PRESLIDING], memory[SEEN], found)
+
+
+@kernel
+def _take_what_was_seen(
+    model: ModelArrays,
+    presliding: FloatArray,
+    memory: FloatArray,
+    found: FloatArray,
+    state: FloatArray,
+    head: FloatArray,
+    torque: FloatArray,
+) -> None:
+    """Let the head remember what was seen, and the integrators carry what that changes.
+
+    The torques of the head before and after are compared, so that what else it takes stays.
+    """
+    n = len(torque)
+    go_to(head[Q], presliding, memory[DRIVEN], found)
+    remembered_torque(model, head[0], head[1], head[2], found, torque)
+    for j in range(n):
+        state[CHANGE, j] = -torque[j]
+        memory[DRIVEN, j] = memory[SEEN, j]
+        memory[DRIVEN, j, LAST] = head[Q, j]
+    go_to(head[Q], presliding, memory[DRIVEN], found)
+    remembered_torque(model, head[0], head[1], head[2], found, torque)
+    for j in range(n):
+        change = torque[j] + state[CHANGE, j]
+        if math.isfinite(change):
+            state[CARRIED, j] += change
+            state[LATEST, j] += change
 
 
 @kernel

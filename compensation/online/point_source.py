@@ -19,6 +19,7 @@ from compensation.online.patience import BUFFER_S
 from compensation.online.point_ring import READ, PointRing, PointsFailed
 from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError, DriverError
+from dynamics.model.remembered_sample import FOUND, unknown
 
 FEWEST_NODES: Final = 64
 MOST_NODES: Final = 2048
@@ -155,10 +156,13 @@ class PointSource:
         self._nodes = np.zeros((nodes, path.NODE_ROWS, n))
         self._profiles = np.zeros((2, nodes))
         self._line = np.zeros((places, 4, n))
-        self._state = np.zeros((3, n))
+        self._state = np.zeros((stage.STATE_ROWS, n))
+        self._memory = np.array([unknown(n), unknown(n)])
+        self._found = np.zeros((n, FOUND))
         self._out, self._head = np.zeros((3, n)), np.zeros((3, n))
         self._counts[stage.DELAY] = forward.delay_cycles
         self._counts[stage.RESTED] = -1
+        self._counts[stage.REMEMBERS] = (forward.axes[stage.PRESLIDING] > 0.0).any()
         self._counts[stage.HOLD] = max(1, round(DOUBT_S / step_s))
         self._counts[stage.FADE] = max(1, round(FADE_S / step_s))
         if not self._compensated:
@@ -192,12 +196,21 @@ class PointSource:
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose to begin at."""
         self._lockstep = lockstep
+        self.watch(position)
         return np.array(self._nodes[0, 0])
+
+    def watch(self, position: FloatArray) -> None:
+        """See how joints come to the path's first point, and how they settle there."""
+        beginning = self._row < 0 or self._counts[stage.SEEING]
+        if beginning and self._counts[stage.REMEMBERS]:
+            stage.see(position, self._feedforward.axes, self._memory, self._found)
 
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a cycle; None once the robot has come to rest on the path."""
         if self._lockstep:
             self._wait_for_points()
+        if self._row < 0:
+            self._counts[stage.SEEING] = self._counts[stage.REMEMBERS]
         missed = row - self._row - 1
         if missed > 0:
             self._late += 1
@@ -222,8 +235,8 @@ class PointSource:
         return bool(
             stage.next_set_point(
                 ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
-                self._profiles, self._line, self._state, self._counts, self._pace, self._head,
-                self._out, forward.cycle_time_s,
+                self._profiles, self._line, self._state, self._memory, self._found, self._counts,
+                self._pace, self._head, self._out, forward.cycle_time_s,
             )
         )  # fmt: skip
 

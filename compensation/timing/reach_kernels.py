@@ -20,6 +20,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from config.arrays import BoolArray, FloatArray, IntArray
+from dynamics.kernels.friction import BY_SPEED, friction_function
 from dynamics.kernels.simd import kernel
 from dynamics.model.one_sample import BASE_WRENCH as WRENCH
 from dynamics.model.one_sample import (
@@ -30,7 +31,6 @@ from dynamics.model.one_sample import (
     SPEED,
     VALUE,
     ModelArrays,
-    friction_function,
     sample_torque,
 )
 
@@ -130,17 +130,18 @@ def friction_at(
             v = FROM_REST
         elif abs(v) < FROM_REST:
             v = FROM_REST if speed[j] > 0.0 else -FROM_REST
-        here = size * friction_function(function, v, scale, smoothing)
+        here = size * friction_function(function, v, scale, smoothing, BY_SPEED)
         slope = 0.0
         if x > 0.0 and speed[j] != 0.0:
-            there = size * friction_function(function, v * (1.0 + SLOPE_STEP), scale, smoothing)
+            faster = v * (1.0 + SLOPE_STEP)
+            there = size * friction_function(function, faster, scale, smoothing, BY_SPEED)
             slope = (there - here) / (2.0 * SLOPE_STEP * x)
         other, other_slope = here, slope
         if both[j]:
-            other = size * friction_function(function, -v, scale, smoothing)
+            other = size * friction_function(function, -v, scale, smoothing, BY_SPEED)
             if x > 0.0 and speed[j] != 0.0:
                 back = -v * (1.0 + SLOPE_STEP)
-                there = size * friction_function(function, back, scale, smoothing)
+                there = size * friction_function(function, back, scale, smoothing, BY_SPEED)
                 other_slope = (there - other) / (2.0 * SLOPE_STEP * x)
         if other < here:
             here, slope, other, other_slope = other, other_slope, here, slope

@@ -18,7 +18,9 @@ import numpy.typing as npt
 from config.arrays import BoolArray, FloatArray
 from config.errors import EstimationError
 from config.robot.wrist_coupling import WristCoupling
+from dynamics.kernels.friction import BY_SPEED, friction_function
 from dynamics.kernels.simd import kernel
+from dynamics.model.memory import presliding
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.armature import Armature
 from dynamics.terms.friction import Friction, FrictionFunction
@@ -35,7 +37,7 @@ ModelArrays: TypeAlias = tuple[
     FloatArray,  # (n + 2, 10) the links' parameters; gravity; spring
     FloatArray,  # (terms, 8) rotors, armatures, friction, losses: what `_Kind` says
     FloatArray,  # (2, n, n) C and C^-1
-    FloatArray,  # (n + 5, 21) memory to compute in
+    FloatArray,  # (n + 6, 21) memory to compute in
 ]
 
 # Kinds of terms, and the words of their rows.
@@ -44,8 +46,9 @@ KIND, JOINT, VALUE, FUNCTION, SPEED = 0, 1, 2, 3, 4
 _LINK, _AXIS, _RATIO = 3, 4, 7
 _NO_SPRING, _STRAIGHT, _FOURIER = 0.0, 1.0, 2.0
 # Rows of memory after the links'. What gears transmit and what acts beside them are those of the
-# last sample, before losses, and so is what the base exerts (as `base_wrench_regressor`).
-_ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH = 0, 1, 2, 3, 4
+# last sample, before losses, and so is what the base exerts (as `base_wrench_regressor`). The last
+# row is not computed: the way that an actuator's friction remembers, or `BY_SPEED`.
+_ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH, DIRECTION = 0, 1, 2, 3, 4, 5
 
 _NUMBERS: Final[dict[FrictionFunction, int]] = {
     "coulomb": 0, "viscous": 1, "offset": 2, "forward": 3, "backward": 4, "cubic": 5,
@@ -63,10 +66,15 @@ class SampleTorque:
         How many joints.
     arrays : ModelArrays
         What `sample_torque` takes.
+    presliding : ndarray, shape (n,)
+        Presliding distance of each actuator [rad or m], 0 where friction remembers nothing. A
+        sample alone does not say where a joint came from: it slides by sign(v) here, and by what
+        it remembers in `dynamics.model.remembered_sample`.
     """
 
     joints: int
     arrays: ModelArrays
+    presliding: FloatArray
 
     @classmethod
     def of(
@@ -127,8 +135,14 @@ class SampleTorque:
         for row, numbers in zip(table, terms, strict=True):
             row[: len(numbers)] = numbers
         coupling = model.coupling or WristCoupling.of_matrix(np.eye(n))
+        distances = np.zeros(n)
+        for own in presliding(model):
+            distances[own.joint] = own.parameter.value
+        memory = np.zeros((n + 6, max(21, n, 6 * (n + 1))))
+        memory[n + DIRECTION] = BY_SPEED
         return cls(
             joints=n,
+            presliding=distances,
             arrays=(
                 np.ascontiguousarray(model.chain.rows),
                 np.ascontiguousarray(model.chain.fixed_rotations),
@@ -136,7 +150,7 @@ class SampleTorque:
                 bodies,
                 table,
                 np.array([coupling.joints_by_motors, coupling.motors_by_joints]),
-                np.zeros((n + 5, max(21, n, 6 * (n + 1)))),
+                memory,
             ),
         )
 
@@ -264,6 +278,9 @@ def sample_torque(
         factor = 1.0
         direction = carried[i] * speed[i]
         way = 1.0 if direction > 0.0 else (-1.0 if direction < 0.0 else 0.0)
+        remembered = memory[n + DIRECTION, i]
+        if not math.isnan(remembered):
+            way = remembered if carried[i] > 0.0 else (-remembered if carried[i] < 0.0 else 0.0)
         for k in range(len(terms)):
             if terms[k, KIND] >= EFFICIENCY and int(terms[k, JOINT]) == i:
                 if terms[k, KIND] == EFFICIENCY:
@@ -283,7 +300,9 @@ def _act(model: ModelArrays, a: FloatArray, n: int) -> None:
         term = terms[k]
         j = int(term[JOINT])
         if term[KIND] == FRICTION:
-            shape = friction_function(int(term[FUNCTION]), speed[j], term[SPEED], smoothing)
+            shape = friction_function(
+                int(term[FUNCTION]), speed[j], term[SPEED], smoothing, memory[n + DIRECTION, j]
+            )
             free[j] += term[VALUE] * shape
         elif term[KIND] <= _ARMATURE:
             faster = 0.0
@@ -303,29 +322,6 @@ def _act(model: ModelArrays, a: FloatArray, n: int) -> None:
             place, first = (link - 1, 18) if link > 0 else (n + BASE_WRENCH, 3)
             for c in range(3):
                 memory[place, first + c] += gyro * (faster * axis[c] + speed[j] * across[c])
-
-
-@kernel
-def friction_function(function: int, u: float, scale: float, smoothing: float) -> float:
-    """Return a friction term of size one; `FUNCTION`, the actuator's speed, `SPEED`, smoothing."""
-    sign = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else 0.0)
-    smooth = math.tanh(u / smoothing) if smoothing > 0.0 else sign
-    moving = 1.0 if smoothing > 0.0 else abs(sign)
-    if function == 0:
-        return smooth
-    if function == 1:
-        return u
-    if function == 2:
-        return 1.0
-    if function == 3:
-        return 0.5 * (smooth + moving)
-    if function == 4:
-        return 0.5 * (smooth - moving)
-    if function == 5:
-        return u * u * u
-    if function == 6:
-        return sign * float(abs(u) ** (1.0 / 3.0))
-    return smooth * math.exp(-abs(u) / scale)
 
 
 @kernel

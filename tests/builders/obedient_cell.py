@@ -198,6 +198,9 @@ class SpeedUp:
     def begin(self, lockstep: bool, position: Any) -> Any:
         return np.array(self._middle)
 
+    def watch(self, position: Any) -> None:
+        pass
+
     def at(self, row: int) -> SetPoint | None:
         if row >= self.rows_expected:
             self._control.program.request_stop(StopCode.INTERRUPTED)

@@ -52,6 +52,31 @@ FORWARD = OnlineFeedforward.of(
 )
 
 
+DISTANCES = (2e-3, 1e-3, 3e-3)
+"""What joints of the arm that remembers are moved until they slide [rad]."""
+
+
+def remembering() -> tuple[RobotModel, Points]:
+    """Return the true model of the arm, with friction that remembers its way."""
+    joints = tuple(
+        joint.model_copy(
+            update={"friction": (*joint.friction, "presliding"), "presliding_distance": distance}
+        )
+        for joint, distance in zip(CELL.robot.joints, DISTANCES, strict=True)
+    )
+    model = RobotModel.from_description(CELL.robot.model_copy(update={"joints": joints}))
+    assert CELL.plant is not None
+    return model, true_parameters(model, CELL.robot, CELL.plant)
+
+
+REMEMBERING = OnlineFeedforward.of(
+    CELL.config,
+    CELL.robot,
+    SampleTorque.of(*remembering(), least_smoothing_rad_s=REST_RAD_S),
+    loops_of(CELL),
+)
+
+
 def source_of(
     forward: OnlineFeedforward, points: Points, *, end: bool = True, capacity: int | None = None
 ) -> PointSource:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -57,8 +58,10 @@ class Bench:
             lockstep=self.lockstep, orphaned=lambda: self.parent_gone,
         )  # fmt: skip
 
-    def run(self, motion: MotionSamples) -> StopReason | None:
-        return self._make().run(PlannedMotion(motion))
+    def run(self, motion: MotionSamples | PlannedMotion) -> StopReason | None:
+        return self._make().run(
+            PlannedMotion(motion) if isinstance(motion, MotionSamples) else motion
+        )
 
     def rows(self) -> NDArray[Any]:
         return np.frombuffer(self.ring.read(), dtype=row_dtype(3))
@@ -94,6 +97,26 @@ def test_the_first_set_point_is_where_the_robot_stands(bench: Bench, motion: Mot
     first = bench.rows()[0]
     np.testing.assert_allclose(first["target_position"], first["position"], atol=1e-9)
     np.testing.assert_allclose(bench.axes.sent[0], 0.0, atol=1e-9)
+
+
+@dataclass(frozen=True)
+class Watching(PlannedMotion):
+    """A motion that keeps what it was told of the robot."""
+
+    seen: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def watch(self, position: NDArray[np.float64]) -> None:
+        self.seen.append(position.copy())
+
+
+def test_a_source_is_told_of_the_whole_way_to_its_motion_and_along_it(
+    bench: Bench, motion: MotionSamples
+) -> None:
+    source = Watching(motion)
+    assert bench.run(source) is None
+    positions = bench.rows()["position"]
+    assert (bench.rows()["phase"][:20] == Phase.APPROACH).all()
+    np.testing.assert_array_equal(source.seen[1 : len(positions)], positions[:-1])
 
 
 def test_the_command_is_the_position_loops_and_acts_one_cycle_later(

@@ -18,12 +18,12 @@ from compensation.online.path_kernels import ARRIVED, STATE
 from compensation.online.point_ring import PointRing, PointsFailed
 from compensation.online.point_source import PointSource
 from config.errors import ConfigError, DriverError
-from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import torque
 from tests.builders.point_streams import (
     ACCELERATION,
     CELL,
     FORWARD,
+    REMEMBERING,
     ROUNDING,
     SPEED,
     Points,
@@ -230,7 +230,7 @@ class TestDoubt:
         sound = forward.torque.arrays
         links = np.array(sound[3])
         links[2, 0] = np.nan
-        torque_of = SampleTorque(3, (*sound[:3], links, *sound[4:]))
+        torque_of = replace(forward.torque, arrays=(*sound[:3], links, *sound[4:]))
         source = source_of(replace(forward, torque=torque_of), samples.position)
         points = drive(source)
         held_limits(points)
@@ -269,18 +269,24 @@ class TestDoubt:
 
 
 @settings(deadline=None, max_examples=600)
-@given(stream=streams(), prefill=st.integers(0, 300), capacity=st.integers(20, 400))
-@example(stream=(np.zeros((30, 3)), [], True, []), prefill=0, capacity=20)
+@given(
+    stream=streams(),
+    prefill=st.integers(0, 300),
+    capacity=st.integers(20, 400),
+    forward=st.sampled_from([FORWARD, REMEMBERING]),
+)
+@example(stream=(np.zeros((30, 3)), [], True, []), prefill=0, capacity=20, forward=FORWARD)
 def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to_rest(
     stream: tuple[Points, list[int], bool, list[int]],
     prefill: int,
     capacity: int,
+    forward: OnlineFeedforward,
 ) -> None:
     """Random, discontinuous, not a number, late, stopped."""
     path, pace, end, late = stream
     ring = PointRing.create(3, capacity)
     sent = ring.write(path[:prefill])
-    source = PointSource(FORWARD, ring, prefill_patience_s=0.0)
+    source = PointSource(forward, ring, prefill_patience_s=0.0)
     try:
         source.prepare()
     except (ConfigError, DriverError):
@@ -292,6 +298,7 @@ def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to
         sent += ring.write(path[sent : sent + count])
         if end and sent == len(path):
             ring.end()
+        source.watch(np.array(points[-1].position if points else path[0]))
         if row in late:
             continue
         point = source.at(row)

@@ -1,0 +1,139 @@
+"""The stage with friction that remembers: along the path, over rest, from what was seen before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compensation.feedforward.inverse import feedforward
+from compensation.online.point_ring import PointRing
+from compensation.online.point_source import PointSource
+from dynamics.kernels.presliding import DIRECTION
+from dynamics.model.memory import presliding
+from dynamics.model.robot_model import torque
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.memory import Memory
+from tests.builders.point_streams import (
+    CELL,
+    DISTANCES,
+    REMEMBERING,
+    Points,
+    T,
+    arrays,
+    drive,
+    held_limits,
+    loops_of,
+    planned,
+    remembering,
+    source_of,
+    waves,
+)
+
+START = planned().position[0]
+REST_ROWS = 40
+AT_ONCE = slice(20, -5)  # the compensation is faded in by then
+
+
+def watched(points: Points, seen: Points) -> PointSource:
+    """Return a source that saw the robot come to the path's start."""
+    ring = PointRing.create(3, len(points))
+    ring.write(points)
+    ring.end()
+    source = PointSource(REMEMBERING, ring, prefill_patience_s=0.0)
+    source.prepare()
+    source.begin(False, seen[0])
+    for position in seen:
+        source.watch(position)
+    return source
+
+
+def rested() -> tuple[Points, Points, Points]:
+    """Return q, v, a of a path that rests before it begins, and once on its way."""
+    samples = planned()
+    still = np.zeros((REST_ROWS, 3))
+    first = np.tile(samples.position[0], (REST_ROWS, 1))
+    last = np.tile(samples.position[-1], (REST_ROWS, 1))
+    back = slice(None, None, -1)
+    q = np.concatenate([first, samples.position, last, samples.position[back]])
+    v = np.concatenate([still, samples.velocity, still, -samples.velocity[back]])
+    a = np.concatenate([still, samples.acceleration, still, samples.acceleration[back]])
+    return q, v, a
+
+
+def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
+    """Return the speeds to send for friction that follows what was seen, then the path."""
+    model, parameters = remembering()
+    memory = Memory.along(presliding(model), np.concatenate([seen, q + (seen[-1] - q[0])]))
+    own = Conditions(memory=memory.part(slice(len(seen), None)))
+    return feedforward(loops_of(CELL), v, torque(model, q, v, a, parameters, own), T)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_the_speeds_are_those_of_friction_that_followed_approach_and_path(way: float) -> None:
+    """A pause on the path changes nothing of what joints remember."""
+    q, v, a = rested()
+    seen = START + way * np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, -1.0, 1.0]
+    found = arrays(drive(watched(q, seen)))[2][1 : len(q) + 1]
+    difference = np.abs(found - expected(q, v, a, seen))[AT_ONCE]
+    assert np.median(difference) < 1e-5
+    assert difference.max() < 2e-3
+    other = np.abs(found - expected(q, v, a, 2.0 * START - seen))[AT_ONCE]
+    assert other.max() > 0.02, "coming from the other side would have been another matter"
+
+
+def test_a_path_that_nobody_saw_the_robot_come_to_begins_with_nothing_stretched() -> None:
+    q, v, a = rested()
+    found = arrays(drive(source_of(REMEMBERING, q)))[2][1 : len(q) + 1]
+    difference = np.abs(found - expected(q, v, a, START[np.newaxis]))[AT_ONCE]
+    assert difference.max() < 2e-3
+
+
+def test_joints_that_settle_on_the_first_point_are_seen_and_asked_for_nothing() -> None:
+    """Turned back while the path rests: that counts, and is no torque to be made."""
+    q, v, a = rested()
+    seen = START + np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, 1.0, 1.0]
+    settling = START - np.outer(np.linspace(0.0, 1.0, 20), DISTANCES)
+    leaves = int(np.argmax((q != q[0]).any(axis=1)))
+    source, points = watched(q, seen), []
+    for row, position in enumerate(settling):
+        points.append(source.at(row))
+        source.watch(position)
+    assert max(abs(x) for p in points if p is not None for x in p.feedforward) < 1e-9
+    for row in range(len(settling), len(q)):
+        if row >= leaves:
+            source.watch(START + 1.0)  # once the path has begun nobody asks
+        points.append(source.at(row))
+    found = np.array([p.feedforward for p in points if p is not None])[1:]
+    whole = np.concatenate([seen, settling])
+    wanted = expected(q, v, a, whole)[: len(found)]
+    assert np.abs(found - wanted)[25:-5].max() < 2e-3
+
+
+def test_what_a_path_that_was_stopped_remembers_is_where_it_went() -> None:
+    """Braked between its points, at a rate of its own: the state is that of the poses alone."""
+    source = source_of(REMEMBERING, waves(3, 320), end=False)
+    points = drive(source)
+    held_limits(points)
+    assert source.stop is not None
+    memory = Memory.along(presliding(remembering()[0]), arrays(points)[0])
+    assert 0.1 < abs(memory.direction[-1, 1]) < 0.9, "two joints have just turned back"
+    assert 0.1 < abs(memory.direction[-1, 2]) < 0.9
+    np.testing.assert_allclose(source._found[:, DIRECTION], memory.direction[-1], atol=1e-9)
+
+
+def test_a_model_without_presliding_is_not_watched() -> None:
+    forward = replace(REMEMBERING, axes=REMEMBERING.axes.copy())
+    forward.axes[-1] = 0.0
+    forward.axes.setflags(write=False)
+    q = rested()[0]
+    ring = PointRing.create(3, len(q))
+    ring.write(q)
+    ring.end()
+    source = PointSource(forward, ring, prefill_patience_s=0.0)
+    source.prepare()
+    source.begin(False, START)
+    before = source._memory.copy()
+    source.watch(START + 0.1)
+    np.testing.assert_array_equal(source._memory, before)

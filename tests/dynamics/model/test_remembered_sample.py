@@ -1,0 +1,65 @@
+"""The torque of a path sample by sample, held against the whole path's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from dynamics.model.memory import with_memory
+from dynamics.model.one_sample import SampleTorque
+from dynamics.model.remembered_sample import FOUND, go_to, remembered_torque, unknown
+from dynamics.model.robot_model import RobotModel, load_torque, torque
+from dynamics.terms.conditions import Conditions
+
+DISTANCE = 0.05
+KINDS = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
+
+
+def arm(ir361: RobotDescription) -> RobotDescription:
+    """Return an arm of which the first and the last joint remember."""
+    joints = tuple(
+        joint.model_copy(
+            update={
+                "friction": KINDS if j == 1 else (*KINDS, "presliding"),
+                "presliding_distance": DISTANCE,
+                "efficiency": 0.8 if j == 2 else None,
+            }
+        )
+        for j, joint in enumerate(ir361.joints)
+    )
+    return ir361.model_copy(update={"joints": joints})
+
+
+def way() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q, v, a of a path with reversals far and near, and with rest."""
+    t = np.linspace(0.0, 6.0, 400)[:, np.newaxis]
+    q = 0.3 * np.sin(t * [1.0, 1.7, 2.3]) + 0.04 * np.sin(t * [9.0, 7.0, 8.0])
+    v = np.gradient(q, t[1, 0], axis=0)
+    a = np.gradient(v, t[1, 0], axis=0)
+    q[200:230], v[200:230], a[200:230] = q[200], 0.0, 0.0
+    return q, v, a
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.05])
+def test_a_path_gone_step_by_step_takes_the_whole_paths_torques(
+    smoothing: float, ir361: RobotDescription
+) -> None:
+    """Every kind of friction and loss, of joints that remember and of one that does not."""
+    model = RobotModel.from_description(arm(ir361), sign_smoothing_rad_s=smoothing)
+    theta = np.random.default_rng(1).uniform(0.5, 2.0, len(model.parameter_names))
+    q, v, a = way()
+    conditions = with_memory(model, q)
+    load = load_torque(model, q, v, a, theta, conditions)
+    expected = torque(model, q, v, a, theta, Conditions(load_nm=load, memory=conditions.memory))
+    one = SampleTorque.of(model, theta)
+    np.testing.assert_array_equal(one.presliding, [DISTANCE, 0.0, DISTANCE])
+    state, found, out = unknown(3), np.zeros((3, FOUND)), np.empty(3)
+    for row in range(len(q)):
+        go_to(q[row], one.presliding, state, found)
+        remembered_torque(one.arrays, q[row], v[row], a[row], found, out)
+        np.testing.assert_allclose(out, expected[row], rtol=1e-9, atol=1e-9)
+    by_speed = torque(model, q, v, a, theta, Conditions(load_nm=load))
+    assert np.abs(by_speed - expected)[:, 0].max() > 1.0, "memory makes a difference here"
+    np.testing.assert_allclose(one(q[7], v[7], a[7]), by_speed[7], rtol=1e-9, atol=1e-9)
