@@ -71,11 +71,9 @@ def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleT
     found = SampleTorque.of(estimate.model, estimate.standard_values)
     if payload is None:
         return found
-    arrays = list(found.arrays)
     bodies = found.arrays[3].copy()
     bodies[found.joints - 1] += to_link(flange_pose(estimate.robot)) @ payload.values
-    arrays[3] = bodies
-    return SampleTorque(found.joints, tuple(arrays))  # type: ignore[arg-type]
+    return replace(found, arrays=(*found.arrays[:3], bodies, *found.arrays[4:]))
 
 
 def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:

@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion.samples import Phase
+from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode
 from compensation.feedforward.inverse import CYCLES_TO_ACT, feedforward
 from compensation.online.online import OnlineFeedforward
@@ -292,7 +293,8 @@ def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to
     except (ConfigError, DriverError):
         return  # nothing was moved
     source.begin(False, np.zeros(3))
-    points, cycles = [], []
+    points: list[SetPoint] = []
+    cycles: list[int] = []
     for row in range(5000):
         count = pace[row % len(pace)] if pace else 0
         sent += ring.write(path[sent : sent + count])
