@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 
 REPEAT_S = 0.03
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 class Typist:

@@ -320,7 +320,7 @@ def streamed(
 
     def send() -> None:
         with socket.socket(socket.AF_UNIX) as robot:
-            robot.settimeout(60.0)
+            robot.settimeout(180.0)
             connect(robot, path)
             lines = robot.makefile("rb")
             lines.readline()

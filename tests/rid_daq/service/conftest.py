@@ -27,9 +27,19 @@ PATIENCE_S = 180.0
 @pytest.fixture(scope="session")
 def motion() -> str:
     """A short periodic motion of the bundled cell: three periods of 4.8 s."""
+    return periodic(3)
+
+
+@pytest.fixture(scope="session")
+def long_motion() -> str:
+    """The same for two minutes: what ends it is the test, however busy the computer is."""
+    return periodic(25)
+
+
+def periodic(periods: int) -> str:
     cell = load_cell("ir361")
     options = TwoHarmonicOptions(
-        4.8, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=3
+        4.8, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
     )
     return to_yaml(design_two_harmonic(cell.robot, options, cell.config.cycle_time_s))
 

@@ -50,9 +50,9 @@ def test_a_command_is_done_by_the_service_that_has_the_cell(
 
 
 def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
-    shared: ServedProcess, motion: str
+    shared: ServedProcess, long_motion: str
 ) -> None:
-    with taken(shared, motion) as key:
+    with taken(shared, long_motion) as key:
         job = begin_motion(shared, key)
         with shared.client as client:
             assert client.cell("ir361").state is CellState.MOVING
@@ -66,8 +66,8 @@ def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
             assert client.cell("ir361").state is CellState.READY
 
 
-def test_a_stop_needs_no_living_server(shared: ServedProcess, motion: str) -> None:
-    with taken(shared, motion) as key:
+def test_a_stop_needs_no_living_server(shared: ServedProcess, long_motion: str) -> None:
+    with taken(shared, long_motion) as key:
         job = begin_motion(shared, key)
         shared.process.send_signal(signal.SIGSTOP)
         try:
@@ -91,8 +91,9 @@ def test_a_stop_needs_no_living_server(shared: ServedProcess, motion: str) -> No
     ("policy", "pace", "ends"), [("stop", 1.0, "stopped"), ("finish", 5.0, "done")]
 )
 def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
-    shared: ServedProcess, motion: str, policy: str, pace: float, ends: str
+    request: pytest.FixtureRequest, shared: ServedProcess, policy: str, pace: float, ends: str
 ) -> None:
+    motion = request.getfixturevalue("motion" if policy == "finish" else "long_motion")
     with taken(shared, motion) as key:
         job = begin_motion(shared, key, pace, on_lost_client=policy)
         with shared.client as client:
@@ -105,8 +106,8 @@ def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
                 assert "out of reach" in over.job.reason
 
 
-def test_a_killed_worker_is_an_interrupted_job(shared: ServedProcess, motion: str) -> None:
-    with taken(shared, motion) as key:
+def test_a_killed_worker_is_an_interrupted_job(shared: ServedProcess, long_motion: str) -> None:
+    with taken(shared, long_motion) as key:
         job = begin_motion(shared, key)
         with shared.client as client:
             pid = client.job(job.id).pid
@@ -153,7 +154,7 @@ def test_two_services_do_not_share_a_folder_or_a_cell(
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=300,
         )
         assert second.returncode == 8
         assert said in second.stderr

@@ -13,11 +13,11 @@ from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwrig
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from tests.rid_daq.service.conftest import ServedProcess, motion, serve
+from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, serving
 
-__all__ = ["motion"]
+__all__ = ["long_motion", "motion"]
 
-PATIENCE_MS = 60_000
+PATIENCE_MS = 180_000  # it ends a test that fails; one that passes never waits for it
 QUIET = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
@@ -27,9 +27,8 @@ QUIET = (
 @pytest.fixture(scope="module")
 def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
     """A service of the bundled simulated cell, as a process: a new one for each file of tests."""
-    running = serve(tmp_path_factory.mktemp("pages"))
-    yield running
-    running.end()
+    with serving(tmp_path_factory.mktemp("pages")) as running:
+        yield running
 
 
 @pytest.fixture(scope="session")

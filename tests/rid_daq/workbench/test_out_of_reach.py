@@ -65,13 +65,14 @@ def run_out(page: Page, served: ServedProcess) -> None:
 def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_it_is_back(
     open_page: OpenPage,
     served_pages: ServedProcess,
-    motion: str,
+    request: pytest.FixtureRequest,
     problems: list[str],
     policy: str,
     pace: float,
     told: str,
     end: str,
 ) -> None:
+    motion = request.getfixturevalue("motion" if policy == "finish" else "long_motion")
     (served_pages.folder / "motion.yaml").write_text(motion)
     page = open_page(width=820)
     take_cell(page)
@@ -103,13 +104,13 @@ def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_
 
 
 def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
-    open_page: OpenPage, served_pages: ServedProcess, motion: str, problems: list[str]
+    open_page: OpenPage, served_pages: ServedProcess, long_motion: str, problems: list[str]
 ) -> None:
     """Its process is stopped, as by a debugger or a tablet that is out of memory.
 
     The connection stays open, and nobody is there any more who could let go of anything.
     """
-    (served_pages.folder / "motion.yaml").write_text(motion)
+    (served_pages.folder / "motion.yaml").write_text(long_motion)
     page = open_page()
     take_cell(page)
     checked(page)
@@ -147,9 +148,9 @@ def frozen(page: Page) -> Iterator[None]:
 
 
 def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not(
-    open_page: OpenPage, served_pages: ServedProcess, motion: str
+    open_page: OpenPage, served_pages: ServedProcess, long_motion: str
 ) -> None:
-    (served_pages.folder / "motion.yaml").write_text(motion)
+    (served_pages.folder / "motion.yaml").write_text(long_motion)
     page = open_page()
     page.add_init_script(TIMERS_STAND)
     page.reload()

@@ -55,9 +55,9 @@ def test_two_identified_runs_are_compared(open_page: OpenPage) -> None:
 
 
 def test_a_run_that_a_crash_has_left_is_recovered(
-    open_page: OpenPage, served_pages: ServedProcess, motion: str
+    open_page: OpenPage, served_pages: ServedProcess, long_motion: str
 ) -> None:
-    with taken(served_pages, motion) as key:
+    with taken(served_pages, long_motion) as key:
         job = begin_motion(served_pages, key)
         with served_pages.client as client:
             pid = client.job(job.id).pid

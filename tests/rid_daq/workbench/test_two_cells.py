@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from config.load import load_cell
 from tests.rid_daq.live.conftest import certificate
-from tests.rid_daq.service.conftest import ServedProcess, serve
+from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import PATIENCE_MS, take_cell
 
 __all__ = ["certificate"]
@@ -51,9 +51,8 @@ def served_two(
     """A service of two cells by TLS, one of them too warm to move."""
     folder = tmp_path_factory.mktemp("two")
     arm, warm = cell_file(folder, "ir361", ARM), cell_file(folder, "kr15", WARM, TOO_WARM)
-    running = serve(folder, warm, "--certificate", str(certificate), cell=arm)
-    yield running
-    running.end()
+    with serving(folder, warm, "--certificate", str(certificate), cell=arm) as running:
+        yield running
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.rid_daq.service.conftest import ServedProcess, serve
+from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, take_cell
 from tests.rid_daq.workbench.test_every_page import require_axe
 
 pytestmark = pytest.mark.slow
 
 SHOWN = "[data-figure-state=shown]"
-LONG_MS = 240_000  # a motion, where others work on this computer too
+LONG_MS = 400_000  # a motion, where others work on this computer too
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +25,8 @@ def served_arm(
     """A service of the bundled six-axis cell, with a short motion."""
     folder = tmp_path_factory.mktemp("work")
     (folder / "six.yaml").write_bytes(six_axis_motion(3).read_bytes())
-    running = serve(folder, cell="kr15")
-    yield running
-    running.end()
+    with serving(folder, cell="kr15") as running:
+        yield running
 
 
 def go_to(page: Page, title: str) -> None:
