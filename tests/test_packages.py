@@ -88,6 +88,17 @@ def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
     return shown.stdout.strip()
 
 
+def test_a_test_is_marked_in_its_own_file() -> None:
+    """.ci/run looks for the marks of its parts in the files of tests, and collects no others."""
+    marks = ("mark" + ".slow", "mark" + ".alone")
+    found = [
+        str(path.relative_to(ROOT))
+        for path in (ROOT / "tests").rglob("*.py")
+        if not path.name.startswith("test_") and any(mark in path.read_text() for mark in marks)
+    ]
+    assert found == []
+
+
 WIDEST = 8
 
 
