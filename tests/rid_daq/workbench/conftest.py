@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwrig
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
+from rid_daq.service.records import CellState
 from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, serving
 
 __all__ = ["long_motion", "motion"]
@@ -114,6 +115,14 @@ def checked(page: Page) -> None:
     page.locator("#check").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Check: done")
     expect(page.locator("#state")).to_have_text("ready")
+
+
+def ready(page: Page, served: ServedProcess) -> None:
+    """Have the cell checked where a test before has not left it ready to move."""
+    with served.client as client:
+        known = client.cell("ir361").state is CellState.READY
+    if not known:
+        checked(page)
 
 
 def estimated(root: Path, label: str, value: float, robot: str = "ir361") -> str:

@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 from rid_daq.service.records import Job
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import is_in_motion, until
-from tests.rid_daq.workbench.conftest import OpenPage, checked, take_cell
+from tests.rid_daq.workbench.conftest import OpenPage, ready, take_cell
 
 pytestmark = pytest.mark.slow
 
@@ -76,7 +76,7 @@ def test_a_tablet_out_of_reach_ends_its_motion_as_it_was_told_and_shows_it_when_
     (served_pages.folder / "motion.yaml").write_text(motion)
     page = open_page(width=820)
     take_cell(page)
-    checked(page)
+    ready(page, served_pages)
     job = begin(page, served_pages, policy, pace)
     expect(page.locator("#lease-words")).to_contain_text(told)
 
@@ -113,7 +113,7 @@ def test_a_tab_that_is_frozen_ends_its_motion_as_it_was_told(
     (served_pages.folder / "motion.yaml").write_text(long_motion)
     page = open_page()
     take_cell(page)
-    checked(page)
+    ready(page, served_pages)
     job = begin(page, served_pages, "stop", 1.0)
     run_out(page, served_pages)
     with frozen(page), served_pages.client as client:
@@ -165,7 +165,7 @@ def test_a_page_in_the_background_keeps_its_cell_and_one_that_is_closed_does_not
             return lease.id == first.id and lease.until_s > first.until_s + 5.0
 
         until(is_renewed)
-        checked(page)
+        ready(page, served_pages)
         job = begin(page, served_pages, "stop", 1.0)
         key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
         page.close()

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, Route, expect
 
 from acquisition.runs.folder import RunFolder
 from tests.rid_daq.service.conftest import ServedProcess
-from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, take_cell
+from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, ready, take_cell
 
 pytestmark = pytest.mark.slow
 
@@ -51,7 +51,7 @@ def test_stop_ends_a_motion_also_while_a_dialog_is_open(
     page = open_page()
     (served_pages.folder / "motion.yaml").write_text(long_motion)
     take_cell(page)
-    checked(page)
+    ready(page, served_pages)
     job = page.evaluate(RECORD)
     expect(page.locator("#state")).to_have_text("moving")
     page.evaluate(
@@ -74,10 +74,12 @@ def test_stop_ends_a_motion_also_while_a_dialog_is_open(
     give_back(page)
 
 
-def test_a_button_moves_a_joint_while_it_is_held(open_page: OpenPage) -> None:
+def test_a_button_moves_a_joint_while_it_is_held(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
     page = open_page()
     take_cell(page)
-    checked(page)
+    ready(page, served_pages)
     page.locator("#jog").click()
     page.get_by_role("dialog").get_by_role("button", name="is clear").click()
     expect(page.locator(".said")).to_contain_text("Ready: hold the key")
