@@ -17,6 +17,7 @@ from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_t
 from dynamics.terms.conditions import Conditions
 from identification.equations.plate_fit import PlateFit
 from identification.equations.torque_channel import TorqueChannel
+from identification.equations.warming import Warming
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
@@ -78,6 +79,9 @@ class Estimate:
     channel : TorqueChannel or None
         By how much the recorded torque was late, and where it was low-passed; None where that was
         not looked for. It belongs to the recording, not to the robot: `validate` applies it.
+    warming : Warming or None
+        How the joints' temperatures follow from their motion, where none was measured: coefficients
+        by temperature are about these; None where temperatures were measured or do not count.
     periods : int
         Averaged periods behind it; 0 for "smoothed".
     cell_name : str
@@ -104,6 +108,7 @@ class Estimate:
     weighting: Weighting = "ml"
     plate: PlateFit | None = None
     channel: TorqueChannel | None = None
+    warming: Warming | None = None
     nonlinear_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_nm: FloatArray | None = None
     held_out_share: FloatArray | None = None

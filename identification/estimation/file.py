@@ -20,6 +20,7 @@ from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.equations.plate_fit import PlateFit
 from identification.equations.torque_channel import TorqueChannel
+from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters, ModelKind
@@ -73,6 +74,13 @@ class _Channel(ConfigModel):
     bandwidth_hz: float | None
 
 
+class _Warming(ConfigModel):
+    time_constant_s: Row
+    time_constant_sigma_s: Row
+    coulomb_nm: Row
+    viscous_nm_s: Row
+
+
 class EstimateDocument(ConfigModel):
     """What stands in the file; see `Estimate` for the meaning."""
 
@@ -105,6 +113,7 @@ class EstimateDocument(ConfigModel):
     shape_covariance: Matrix = ()
     plate: _Plate | None = None
     channel: _Channel | None = None
+    warming: _Warming | None = None
     model: _Options
     robot: RobotDescription
 
@@ -170,6 +179,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         shape_covariance=estimate.nonlinear_covariance,
         plate=None if plate is None else _Plate.taken(plate),
         channel=None if estimate.channel is None else _Channel.taken(estimate.channel),
+        warming=None if estimate.warming is None else _Warming.taken(estimate.warming),
         model=_Options.taken(estimate.options),
     )
 
@@ -206,6 +216,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         ),
         plate=None if document.plate is None else document.plate.into(PlateFit),
         channel=None if document.channel is None else document.channel.into(TorqueChannel),
+        warming=None if document.warming is None else document.warming.into(Warming),
         cell_name=document.cell,
         run_ids=document.runs,
     )

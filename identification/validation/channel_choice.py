@@ -11,28 +11,23 @@ where it is two standard deviations from zero and worth having on seconds left o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
-from config.arrays import FloatArray, IntArray
+from config.arrays import FloatArray
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.equations.segments import thinned
-from identification.equations.time_domain import TimeBlock, time_blocks
 from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
-from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import EstimationOptions
-from identification.estimation.smoothed_fit import weighted_by_residuals
-from identification.model.torque_columns import torque_structure
-from identification.regression.intervals import Cluster, jackknife
-from identification.regression.least_squares import Triangle
 from identification.validation.friction_trials import with_friction
 from identification.validation.held_out import FOLDS, held_out_errors, worth_having
+from identification.validation.steps_beside import steps_beside
 
 STEP: Final = 0.75
 LOWEST_SHARE: Final = 0.08
@@ -136,7 +131,7 @@ def choose_delays(
     plain = fit_smoothed(robot, parts, options)
     fitted, delay_s, sigma_s = plain, np.zeros(n), np.zeros(n)
     for _ in range(ROUNDS):
-        step_s, sigma_s = _delay_steps(fitted)
+        step_s, sigma_s = steps_beside(fitted, _slope(fitted))
         delay_s = np.clip(delay_s + step_s, -LONGEST_DELAY_S, LONGEST_DELAY_S)
         channel = TorqueChannel(delay_s, sigma_s, bandwidth_hz)
         runs = tuple(
@@ -150,63 +145,11 @@ def choose_delays(
     return TorqueChannel(delay_s * shown, sigma_s * shown, bandwidth_hz)
 
 
-def _delay_steps(fitted: FittedSignals) -> tuple[FloatArray, FloatArray]:
-    """Return a Gauss-Newton step of all delays beside all parameters, and its deviations, (n,)."""
-    structure = torque_structure(fitted.model, fitted.base, fitted.standard is not None)
-    nonlinear = 0 if fitted.standard is None else len(fitted.model.nonlinear_names)
-    width, n = len(fitted.base) + nonlinear, fitted.model.chain.n
-    own = [np.append(columns, width + j) for j, columns in enumerate(structure)]
-    triangles = [Triangle.empty(width + n, columns) for columns in own]
-    for block, rate in _blocks(fitted):
-        for j, columns in enumerate(structure):
-            use = np.flatnonzero(block.use[:, j])
-            triangles[j] = triangles[j].add(
-                _matrix(block, rate, use, j, columns), block.rhs[use, j]
-            )
-    names = tuple(map(str, range(width + n)))
-    known = [] if not nonlinear else [step_prior(fitted.model, len(fitted.base), width + n)]
-    solution, scale = weighted_by_residuals(triangles, known, names)
-
-    def clusters() -> Iterator[Cluster]:
-        gram, score, current = np.zeros((width + n,) * 2), np.zeros(width + n), 0
-        for block, rate in _blocks(fitted):
-            for rows in np.split(
-                np.arange(len(block.event)), np.flatnonzero(np.diff(block.event)) + 1
-            ):
-                if block.event[rows[0]] != current:
-                    yield Cluster(gram, score)
-                    gram, score = np.zeros_like(gram), np.zeros_like(score)
-                    current = int(block.event[rows[0]])
-                for j, columns in enumerate(structure):
-                    use = rows[block.use[rows, j]]
-                    matrix = _matrix(block, rate, use, j, columns)
-                    misfit = block.rhs[use, j] - matrix @ solution.values[own[j]]
-                    gram[own[j][:, np.newaxis], own[j]] += matrix.T @ matrix / scale[j] ** 2
-                    score[own[j]] += matrix.T @ misfit / scale[j] ** 2
-        yield Cluster(gram, score)
-
-    covariance = jackknife(solution.information, clusters()).quoted
-    return solution.values[width:], np.sqrt(np.diagonal(covariance)[width:])
-
-
-def _blocks(fitted: FittedSignals) -> Iterator[tuple[TimeBlock, FloatArray]]:
-    """Yield blocks of equations, and how fast the measured torque changes there [N m/s]."""
-    problem = fitted.problem
+def _slope(fitted: FittedSignals) -> FloatArray:
+    """Return how each joint's torque changes with its delay: minus its own rate [N m/s]."""
     rates = []
-    for run in problem.runs:
+    for run in fitted.problem.runs:
         edges = np.flatnonzero(np.diff(run.signals.segment)) + 1
         pieces = np.split(run.signals.torque_nm, edges)
         rates += [np.gradient(piece, run.signals.sample_period_s, axis=0) for piece in pieces]
-    rate, first = np.concatenate(rates), 0
-    for block in time_blocks(
-        fitted.model, fitted.base, problem.runs, problem.standstill_rad_s, fitted.standard
-    ):
-        yield block, rate[first : first + len(block.rhs)]
-        first += len(block.rhs)
-
-
-def _matrix(
-    block: TimeBlock, rate: FloatArray, use: IntArray, joint: int, columns: IntArray
-) -> FloatArray:
-    late = -rate[use, joint][:, np.newaxis]
-    return np.hstack([block.columns[use[:, np.newaxis], joint, columns], late])
+    return -np.concatenate(rates)

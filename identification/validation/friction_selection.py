@@ -30,6 +30,7 @@ from config.robot.robot import RobotDescription
 from identification.choices import STANDSTILL_RAD_S
 from identification.equations.segments import cut, thinned
 from identification.equations.torque_channel import TorqueChannel
+from identification.equations.warming import Warming
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.friction_trials import (
@@ -79,6 +80,9 @@ class Comparison:
         The model with each joint's own terms.
     presliding : PreslidingChoice or None
         Which joints' friction has memory besides; None where that was not asked.
+    warming : Warming or None
+        How joints warm up, whose friction depends on temperature besides; None where they do not
+        show it.
     channel : TorqueChannel or None
         What the recorded torque went through; None where that was not asked.
     """
@@ -88,12 +92,14 @@ class Comparison:
     chosen: tuple[Terms, ...]
     combined: Trial
     presliding: PreslidingChoice | None = None
+    warming: Warming | None = None
     channel: TorqueChannel | None = None
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction terms."""
         robot = with_friction(robot, self.chosen)
-        return robot if self.presliding is None else self.presliding.robot(robot)
+        robot = robot if self.presliding is None else self.presliding.robot(robot)
+        return robot if self.warming is None else self.warming.robot(robot)
 
 
 def choose_friction(

@@ -162,6 +162,8 @@ def validate(
     signals = smooth_nonperiodic(without_torque_filter(recording), cutoff_hz)
     if estimate.channel is not None:
         signals = estimate.channel.undelayed(signals)
+    if estimate.warming is not None:
+        signals = estimate.warming.warmed(estimate.robot, signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
     conditions = with_memory(estimate.model, signals.position, warmth, signals.segment)
     predicted = predict(

@@ -20,6 +20,7 @@ from identification.equations.deconvolution import without_torque_filter
 from identification.equations.segments import period_signals
 from identification.equations.time_domain import time_runs
 from identification.equations.torque_channel import TorqueChannel
+from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import fit_periodic
@@ -27,6 +28,7 @@ from identification.estimation.options import EstimationOptions
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from identification.validation.presliding_choice import choose_presliding
+from identification.validation.warming_choice import choose_warming
 from rid_daq.runs.run_data import RunData
 
 
@@ -76,12 +78,13 @@ def estimate_runs(
     how: EstimationRequest | None = None,
     *,
     robot: RobotDescription | None = None,
-    channel: TorqueChannel | None = None,
+    chosen: Comparison | None = None,
 ) -> Identified:
     """Estimate from runs of one robot, all periodic or all not.
 
-    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`, and
-    so does `channel` for what the torque of runs that are not periodic went through.
+    `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`;
+    `chosen` says what else that found of runs that are not periodic: what their torque went
+    through, and how their joints warm up.
 
     Raises
     ------
@@ -92,6 +95,8 @@ def estimate_runs(
     """
     how = how or EstimationRequest()
     robot = robot or one_robot(data)
+    channel = None if chosen is None else chosen.channel
+    warming = None if chosen is None else chosen.warming
     payload = [item.folder.run_id in how.loaded for item in data]
     run_ids = tuple(item.folder.run_id for item in data)
     cell_name = data[0].tally.head.cell_name
@@ -102,13 +107,13 @@ def estimate_runs(
     if not data[0].is_periodic:
         estimate = estimate_smoothed(
             robot,
-            signals_of(data, how, channel),
+            warmed(signals_of(data, how, channel), robot, warming),
             options,
             payload=payload,
             cell_name=cell_name,
             run_ids=run_ids,
         )
-        return Identified(replace(estimate, channel=channel))
+        return Identified(replace(estimate, channel=channel, warming=warming))
     averages = tuple(item.average for item in data)
     fitted = fit_periodic(robot, averages, options, payload=payload)
     estimate = fitted.estimate(cell_name, run_ids)
@@ -148,6 +153,9 @@ def compare_friction(
     comparison = replace(comparison, presliding=memory)
     if not alike:
         return comparison
+    warming = choose_warming(comparison.robot(robot), signals, how.options)
+    comparison = replace(comparison, warming=warming)
+    signals = warmed(signals, robot, warming)
     channel = choose_delays(comparison.robot(robot), signals, how.options)
     return replace(comparison, channel=channel if channel.changes else None)
 
@@ -157,7 +165,7 @@ def check_otherwise(
 ) -> Iterator[CrossCheck]:
     """Estimate by other methods from the runs that an estimate comes from, one after the other."""
     loaded = [item.folder.run_id in how.loaded for item in data]
-    signals = signals_of(data, how, estimate.channel)
+    signals = _signals_for(estimate, data, how)
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
 
 
@@ -176,10 +184,24 @@ def gains_of_drives(
         The runs or the model do not tell them, or they are such as no drive has.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
-    runs = time_runs(estimate.model, signals_of(data, how, estimate.channel), loaded)
+    runs = time_runs(estimate.model, _signals_for(estimate, data, how), loaded)
     gains = drive_gains(estimate, runs, mass_kg, mass_sigma_kg)
     gains.require_plausible(mass_kg)
     return gains
+
+
+def _signals_for(
+    estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
+) -> list[SmoothedSignals]:
+    """Return runs as the estimate had them."""
+    return warmed(signals_of(data, how, estimate.channel), estimate.robot, estimate.warming)
+
+
+def warmed(
+    signals: list[SmoothedSignals], robot: RobotDescription, warming: Warming | None
+) -> list[SmoothedSignals]:
+    """Return recordings with the temperatures that they lead to, where a robot warms up."""
+    return signals if warming is None else [warming.warmed(robot, each) for each in signals]
 
 
 def signals_of(

@@ -157,8 +157,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     first = data[0]
     comparison = _chosen(data, how, console) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
-    channel = None if comparison is None else comparison.channel
-    identified = estimate_runs(data, how, robot=robot, channel=channel)
+    identified = estimate_runs(data, how, robot=robot, chosen=comparison)
     estimate, mistakes = identified.estimate, None
     if request.diagnose and how.options.model.kind != "external":
         signals = wired_signals(data, how, first.robot)

@@ -9,6 +9,7 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
+from identification.estimation.estimate import Estimate
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
@@ -40,9 +41,15 @@ class PayloadRequest:
 
 
 def payload_runs(
-    data: Sequence[RunData], loaded: Sequence[bool], band_hz: float, standstill_rad_s: float
+    data: Sequence[RunData],
+    loaded: Sequence[bool],
+    band_hz: float,
+    standstill_rad_s: float,
+    model: Estimate | None = None,
 ) -> MeasuredRuns:
     """Return runs as the estimators take them: averaged periods, or smoothed recordings.
+
+    Where `model` says how joints warm up, smoothed recordings have the temperatures of that.
 
     Raises
     ------
@@ -58,6 +65,8 @@ def payload_runs(
     signals = tuple(
         smooth_nonperiodic(without_torque_filter(item.recording), band_hz) for item in data
     )
+    if model is not None and model.warming is not None:
+        signals = tuple(model.warming.warmed(model.robot, each) for each in signals)
     return SmoothedRuns(signals, tuple(loaded), standstill_rad_s)
 
 
@@ -83,7 +92,9 @@ def payload_from_runs(
         The data do not show a payload.
     """
     how = payload_request.how
-    runs = payload_runs(data, loaded, payload_request.band_hz, payload_request.standstill_rad_s)
+    runs = payload_runs(
+        data, loaded, payload_request.band_hz, payload_request.standstill_rad_s, how.robot
+    )
     robot = data[0].robot
     estimate = identify_payload(
         robot,

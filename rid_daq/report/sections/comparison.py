@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from identification.validation.presliding_choice import PreslidingChoice
 
 
+_BESIDES = ("presliding", "temperature")
+"""What is chosen beside the candidates."""
+
+
 class FrictionTrial(Section):
     """One candidate.
 
@@ -84,6 +88,30 @@ class ChannelTrial(Section):
         return tuple(said)
 
 
+class WarmingTrial(Section):
+    """How joints warm up by their own friction, where no temperature was measured.
+
+    Attributes
+    ----------
+    time_constant_s, time_constant_sigma_s : tuple of float
+        Of each joint, with its standard deviation; 0 where its friction does not show it [s].
+    """
+
+    time_constant_s: Numbers
+    time_constant_sigma_s: Numbers
+
+    def sentences(self, joints: Texts) -> Texts:
+        """Say what was found."""
+        return tuple(
+            f"The friction of {joint} changes as it warms up, with a time constant of"
+            f" {number(value, 3)} s (± {number(sigma, 2)} s)."
+            for joint, value, sigma in zip(
+                joints, self.time_constant_s, self.time_constant_sigma_s, strict=True
+            )
+            if value
+        )
+
+
 class ComparisonSection(Section):
     """How candidates of friction terms compare, and what was chosen.
 
@@ -99,6 +127,8 @@ class ComparisonSection(Section):
         The same of friction with memory; None in results of earlier versions.
     channel : ChannelTrial or None
         What the recorded torque went through; None where nothing was found.
+    warming : WarmingTrial or None
+        How joints warm up; None where no friction shows it.
     """
 
     joints: Texts
@@ -106,6 +136,7 @@ class ComparisonSection(Section):
     trials: tuple[FrictionTrial, ...]
     memory: MemoryTrial | None = None
     channel: ChannelTrial | None = None
+    warming: WarmingTrial | None = None
 
     @classmethod
     def of(cls, comparison: Comparison) -> ComparisonSection:
@@ -121,10 +152,13 @@ class ComparisonSection(Section):
             channel=(
                 None if comparison.channel is None else ChannelTrial.taken(comparison.channel)
             ),
+            warming=(
+                None if comparison.warming is None else WarmingTrial.taken(comparison.warming)
+            ),
         )
 
     def _has(self, joint: str, terms: Texts) -> bool:
-        return tuple(term for term in self.chosen[joint] if term != "presliding") == terms
+        return tuple(term for term in self.chosen[joint] if term not in _BESIDES) == terms
 
     def print(self, console: Console) -> None:
         """Print the candidates, and what each is chosen for."""
@@ -159,6 +193,9 @@ class ComparisonSection(Section):
                     ),
                 ],
             )
+        if self.warming is not None:
+            for sentence in self.warming.sentences(self.joints):
+                console.say(sentence)
         if self.channel is not None:
             for sentence in self.channel.sentences(self.joints):
                 console.say(sentence)
@@ -167,9 +204,15 @@ class ComparisonSection(Section):
 def _terms(comparison: Comparison) -> list[Texts]:
     memory = comparison.presliding
     distances = (None,) * len(comparison.chosen) if memory is None else memory.distances
+    warming = comparison.warming
+    warms = (False,) * len(comparison.chosen) if warming is None else warming.joints.tolist()
     return [
-        (*terms, *(() if distance is None else ("presliding",)))
-        for terms, distance in zip(comparison.chosen, distances, strict=True)
+        (
+            *terms,
+            *(() if distance is None else ("presliding",)),
+            *(("temperature",) if warm else ()),
+        )
+        for terms, distance, warm in zip(comparison.chosen, distances, warms, strict=True)
     ]
 
 

@@ -1,0 +1,38 @@
+"""The state of a body that heat warms and its surroundings cool: a lag of the first order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from config.arrays import FloatArray
+from dynamics.kernels.simd import kernel
+
+RISE, BY_TIME_CONSTANT = 0, 1
+
+
+@kernel
+def warm_up(time_s: FloatArray, heat: FloatArray, time_constant_s: float, out: FloatArray) -> None:
+    """Let heat T x' = heat - x warm a body that begins cold, x = 0.
+
+    Parameters
+    ----------
+    time_s : (samples,) array
+        Rising [s].
+    heat : (samples,) array
+        What flows in from each sample until the next, in units of the rise that it ends at.
+    time_constant_s : float
+        T [s].
+    out : (samples, 2) array
+        Written: the rise, and its derivative by the time constant.
+    """
+    rise = 0.0
+    slope = 0.0
+    for i in range(len(time_s)):
+        if i > 0:
+            step = time_s[i] - time_s[i - 1]
+            kept = np.exp(-step / time_constant_s)
+            ahead = rise - heat[i - 1]
+            slope = kept * (slope + ahead * step / time_constant_s**2)
+            rise = heat[i - 1] + kept * ahead
+        out[i, RISE] = rise
+        out[i, BY_TIME_CONSTANT] = slope

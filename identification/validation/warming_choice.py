@@ -1,0 +1,198 @@
+"""Which joints warm up by their friction, where temperatures are not measured: chosen by the data.
+
+Friction that falls while a robot warms up is a function of time in every recording, and so is much
+else. A joint is taken to warm up only where Coulomb and viscous friction that change with the rise
+(`Warming`) lower its squared error on seconds left out by more than a standard error, where one of
+both changes is told from zero, and where the time constant is: with two deviations to either side
+above zero and below the length of the longest recording. Time constants are searched on a grid, all
+joints at once since each acts on its own joint, then beside all other parameters by Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import BoolArray, FloatArray
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
+from identification.equations.segments import thinned
+from identification.equations.time_domain import time_blocks
+from identification.equations.warming import Warming
+from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
+from identification.estimation.options import EstimationOptions
+from identification.validation.friction_trials import with_friction
+from identification.validation.held_out import FOLDS, held_out_errors, worth_having
+from identification.validation.steps_beside import steps_beside
+
+SHORTEST_S: Final = 20.0
+"""Motors and gears take minutes; what is faster is something else."""
+SHORTEST_RECORDING_S: Final = 60.0
+"""Shorter recordings are not looked at: what changes within them is the motion."""
+STEP: Final = 2.0
+ROUNDS: Final = 3
+EVENTS: Final = 30
+DISTINCT_SIGMAS: Final = 3.0
+_CLASSICAL: Final[tuple[FrictionTerm, ...]] = ("coulomb", "viscous", "offset")
+
+
+def choose_warming(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions | None = None,
+    *,
+    folds: int = FOLDS,
+) -> Warming | None:
+    """Return how joints warm up; None where no joint shows it.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot with all its other friction terms.
+    signals : sequence of SmoothedSignals
+        The recordings of the training runs, without temperatures.
+    options : EstimationOptions, optional
+        The other terms of the model, and from which speed on a joint moves.
+    folds : int
+        Parts that the recordings are cut into.
+
+    Raises
+    ------
+    EstimationError
+        The recordings are too short for parts, or do not show the model.
+    """
+    options = options or EstimationOptions()
+    parts = [thinned(run) for run in signals]
+    longest_s = max(float(part.time_s[-1] - part.time_s[0]) for part in parts)
+    if longest_s < SHORTEST_RECORDING_S or any(part.temperature_k is not None for part in parts):
+        return None
+    plain = fit_smoothed(robot, parts, options)
+    warming = _searched(_heated(robot, parts, options), robot, parts, options, longest_s)
+    if not warming.joints.any():
+        return None
+    full, sigma_s = _fitted(warming, robot, parts, options), np.zeros(len(robot.joints))
+    seconds = max(1, math.ceil(sum(part.time_s[-1] - part.time_s[0] for part in parts) / EVENTS))
+    for _ in range(ROUNDS):
+        step_s, sigma_s = steps_beside(full, _slope(full, warming, robot, parts), seconds)
+        before_s = warming.time_constant_s
+        moved_s = np.clip(before_s + step_s, before_s / STEP, before_s * STEP)
+        warming = replace(
+            warming,
+            time_constant_s=np.where(
+                warming.joints, np.clip(moved_s, SHORTEST_S, STEP * longest_s), 0.0
+            ),
+        )
+        full = _fitted(warming, robot, parts, options)
+    margin_s = 2.0 * sigma_s
+    shown = warming.joints & _changes(full)
+    shown &= warming.time_constant_s - margin_s > 0.0
+    shown &= warming.time_constant_s + margin_s < longest_s
+    shown &= warming.time_constant_s > SHORTEST_S
+    shown &= worth_having(held_out_errors(plain, full, folds))
+    if not shown.any():
+        return None
+    return replace(
+        warming,
+        time_constant_s=warming.time_constant_s * shown,
+        time_constant_sigma_s=sigma_s * shown,
+    )
+
+
+def _heated(
+    robot: RobotDescription, parts: Sequence[SmoothedSignals], options: EstimationOptions
+) -> Warming:
+    """Return joints that their classical friction heats, without time constants."""
+    simple = with_friction(robot, [_CLASSICAL] * len(robot.joints))
+    fitted = fit_smoothed(simple, parts, options)
+    values = dict(zip(fitted.base.names, fitted.values.tolist(), strict=True))
+    coulomb, viscous = (
+        np.array([max(values.get(f"{symbol}_{name}", 0.0), 0.0) for name in robot.joint_names])
+        for symbol in ("fc", "fv")
+    )
+    nothing = np.zeros(len(robot.joints))
+    return Warming(nothing, nothing, coulomb, viscous)
+
+
+def _searched(
+    cold: Warming,
+    robot: RobotDescription,
+    parts: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+    longest_s: float,
+) -> Warming:
+    """Return the time constants of a grid with which each joint fits best."""
+    heated = (cold.coulomb_nm > 0.0) | (cold.viscous_nm_s > 0.0)
+    count = 1 + math.floor(math.log(longest_s / SHORTEST_S) / math.log(STEP))
+    tried_s = SHORTEST_S * STEP ** np.arange(count)
+    residuals = [
+        _fitted(
+            replace(cold, time_constant_s=np.where(heated, each_s, 0.0)), robot, parts, options
+        ).fit.residual_nm
+        for each_s in tried_s
+    ]
+    return replace(
+        cold, time_constant_s=np.where(heated, tried_s[np.argmin(residuals, axis=0)], 0.0)
+    )
+
+
+def _fitted(
+    warming: Warming,
+    robot: RobotDescription,
+    parts: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+) -> FittedSignals:
+    warmed = [warming.warmed(robot, part) for part in parts]
+    return fit_smoothed(warming.robot(robot), warmed, options)
+
+
+def _slope(
+    full: FittedSignals,
+    warming: Warming,
+    robot: RobotDescription,
+    parts: Sequence[SmoothedSignals],
+) -> FloatArray:
+    """Return how each joint's torque changes with its time constant, (rows, n) [N m/s]."""
+    runs = tuple(
+        replace(
+            run,
+            signals=slopes,
+            conditions=replace(run.conditions, temperature_k=slopes.temperature_k),
+        )
+        for run, slopes in zip(
+            full.problem.runs,
+            (warming.by_time_constant(robot, part) for part in parts),
+            strict=True,
+        )
+    )
+    places = [_places(full, name) for name in robot.joint_names]
+    found = [
+        np.stack(
+            [block.columns[:, j, own] @ full.values[own] for j, own in enumerate(places)], axis=1
+        )
+        for block in time_blocks(
+            full.model, full.base, runs, full.problem.standstill_rad_s, full.standard
+        )
+    ]
+    return np.concatenate(found)
+
+
+def _changes(full: FittedSignals) -> BoolArray:
+    """Return the joints of which a change with temperature is told from zero, (n,)."""
+    sigma = full.estimate().sigma
+    return np.array(
+        [
+            bool(np.any(np.abs(full.values[own]) > DISTINCT_SIGMAS * sigma[own]))
+            for own in (_places(full, name) for name in full.model.joint_names)
+        ]
+    )
+
+
+def _places(full: FittedSignals, joint: str) -> list[int]:
+    """Return which base parameters are a joint's changes with temperature."""
+    names = full.base.names
+    return [names.index(own) for own in (f"fcT_{joint}", f"fvT_{joint}") if own in names]
