@@ -90,6 +90,7 @@ A command that has commands of its own is a `typer.Typer` named `group` in its m
 COMMANDS = {name: line for group in COMMAND_GROUPS.values() for name, line in group.items()}
 
 
+WIDEST_HELP = 120  # columns: longer lines are hard to read; a narrower terminal is kept to
 _WITHOUT_NUMERICS = frozenset({"docs", "init", "report", "runs", "stop"})
 _NUMERICS_BYTES = 750 << 20  # of address space, of which about half is used
 
@@ -141,6 +142,7 @@ class LazyCommands(TyperGroup):
 root = typer.Typer(
     cls=LazyCommands,
     rich_markup_mode=None,
+    context_settings={"max_content_width": WIDEST_HELP},
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     help="Measure a robot's dynamics: drives, recordings, identification, validation, reports."

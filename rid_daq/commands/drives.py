@@ -9,6 +9,7 @@ import typer
 
 from config.errors import PreflightError
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.option_sections import SectionedCommand
 from rid_daq.terminal.options import DEFAULT_RUNS, CellName, RunsFolder
 from rid_daq.terminal.output_file import Overwrite
 
@@ -30,7 +31,9 @@ Store = Annotated[
 ]
 
 
-@drives.command("backup")
+@drives.command(
+    "backup", cls=SectionedCommand, short_help="every setting of a cell's drives into a file"
+)
 def backup(
     cell: CellName,
     output: Annotated[Path, typer.Option("-o", "--output", help="Where to write it (JSON).")],
@@ -56,7 +59,7 @@ def backup(
     console.next_step("drives", "restore", cell, output, "--dry-run")
 
 
-@drives.command("restore")
+@drives.command("restore", cls=SectionedCommand, short_help="the drives hold what a backup says")
 def restore(
     cell: CellName,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A backup of these drives.")],
@@ -77,7 +80,9 @@ def restore(
     _print(console, restore_backup(file, request), request)
 
 
-@drives.command("rollback")
+@drives.command(
+    "rollback", cls=SectionedCommand, short_help="what a run wrote to the drives, undone"
+)
 def rollback(
     cell: CellName,
     run: Annotated[

@@ -10,6 +10,7 @@ from config.errors import ConfigError
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.option_sections import SectionedCommand
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
     CellName,
@@ -35,7 +36,11 @@ def _plate() -> None:
     pass
 
 
-@plate.command("zero")
+@plate.command(
+    "zero",
+    cls=SectionedCommand,
+    short_help="the plate's offsets: read, turn axis 1 by half a turn, read",
+)
 def zero(
     cell: CellName,
     pose: Annotated[

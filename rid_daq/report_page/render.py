@@ -10,7 +10,7 @@ import jinja2
 from markupsafe import Markup
 
 from config.errors import RecordingError
-from rid_daq.report.formats import duration, moment, number, unit
+from rid_daq.report.formats import duration, measured, moment, number, unit
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
 from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
@@ -79,7 +79,7 @@ def _environment() -> jinja2.Environment:
         *(torque_figure, spectrum_figure, truth_figure, histogram_figure, friction_figure),
         *(controller_figure, cascade_figure, path_figure, error_figure),
         *(retiming_figure, centre_figure, stop_figure),
-        *(colours, dark_map, library, script),
+        *(colours, dark_map, library, measured, script),
     ):
         environment.globals[draw.__name__] = draw
     return environment

@@ -8,6 +8,16 @@ from typer.core import TyperCommand
 
 MANY = 12  # options that one list holds
 
+VALUES = {
+    "<float>": "NUMBER",
+    "<float range>": "NUMBER",
+    "<int>": "N",
+    "<int range>": "N",
+    "<path>": "PATH",
+    "<str>": "TEXT",
+}
+"""What stands for a value in a help, by the kind of the option."""
+
 SHARED: dict[str, tuple[str, ...]] = {
     "Payload": ("--loaded", "--load-mass", "--load-mass-sigma"),
     "Limits of the verdict": (
@@ -67,21 +77,22 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
 
 
 class SectionedCommand(TyperCommand):
-    """A command whose help shows its options in sections, where it has more than `MANY`."""
+    """A command whose help says what is given to an option, in sections where they are many."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments and options."""
-        options = [each for each in self.get_params(ctx) if each.param_type_name == "option"]
+        options: list[Any] = [
+            each for each in self.get_params(ctx) if each.param_type_name == "option"
+        ]
+        for option in options:
+            option.metavar = option.metavar or VALUES.get(option.display_type(ctx))
         shown = [(each, each.get_help_record(ctx)) for each in options]
-        if len(shown) <= MANY:
-            super().format_options(ctx, formatter)
-            return
         arguments = [each for each in self.get_params(ctx) if each not in options]
         records = [record for each in arguments if (record := each.get_help_record(ctx))]
         if records:
             with formatter.section("Arguments"):
-                formatter.write_dl(records)
-        section_of = sections(ctx.command_path.partition(" ")[2])
+                formatter.write_dl([(name.partition(" <")[0], text) for name, text in records])
+        section_of = sections(ctx.command_path.partition(" ")[2]) if len(shown) > MANY else {}
         lists: dict[str, list[tuple[str, str]]] = {"Options": []}
         lists.update((title, []) for title in section_of.values())
         for each, record in shown:

@@ -25,6 +25,7 @@ from rich.text import Text
 
 from rid_daq.app import COMMANDS, LazyCommands, root, run
 from rid_daq.terminal.console import Console
+from tests.builders.identified_run import friction_run
 
 WIDTHS: Final = (80, 120)
 THEMES: Final[dict[str, TerminalTheme]] = {"light": DEFAULT_TERMINAL_THEME, "dark": MONOKAI}
@@ -149,6 +150,7 @@ def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
     runs, motion = ["--runs", str(folder / "runs")], str(folder / "motion.yaml")
     small = ["--method", "two-harmonic", "--tries", "3", "--period", "4", "--periods", "3"]
     model = str(folder / "model.json")
+    friction_run(folder / "runs", "there and back", 1)
     for words in (
         ["init", str(folder / "mine")],
         ["check", "ir361", "--seconds", "0.1", *runs],
@@ -161,6 +163,12 @@ def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
         ["validate", model, "second", *runs],
         ["identify", "second", "--no-diagnose", *runs],
         ["compare", model, "second", *runs],
+        ["tracking", "second", "--against", "first", *runs],
+        ["friction", "there and back", "--model", model, *runs],
+        ["report", "there and back", *runs],
+        ["reset", "ir361"],
+        ["drives", "backup", "ir361", "-o", str(folder / "drives.json")],
+        ["export", "second", "--to", "csv", "-o", str(folder / "second.csv"), *runs],
         ["export", model, "--to", "urdf", "-o", str(folder / "robot.urdf"), *runs],
         ["runs", *runs],
         ["runs", "--verify", *runs],

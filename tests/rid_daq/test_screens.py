@@ -37,6 +37,9 @@ def test_the_help_of_every_command_fits(columns: int) -> None:
         keep(screen, "help")
         assert too_wide(screen.lines, columns) == [], screen.words
         assert len(screen.lines) > 5
+        assert not [line for line in screen.lines[1:] if " range>" in line or line.endswith("...")]
+    widest = max(cell_len(line) for screen in screens for line in screen.lines)
+    assert widest > columns - 5  # the width that is there is used
 
 
 def test_a_screen_is_a_picture_in_either_theme() -> None:
@@ -57,4 +60,4 @@ def test_what_commands_say_on_a_simulated_cell_fits(tmp_path: Path) -> None:
             assert screen.lines, words
             assert too_wide(screen.lines, columns) == [], words
             count += 1
-    assert count >= 30
+    assert count >= 42

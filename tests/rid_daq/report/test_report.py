@@ -236,6 +236,14 @@ def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
     assert page.count("<svg") == 3 + 1 + 1 + 1 + 1 + 2 * 2
 
 
+def test_a_value_has_the_digits_of_its_interval_and_all_of_them_where_it_is_pointed_at(
+    page: str,
+) -> None:
+    row = '<td><span title="1.5432">1.543</span></td><td><span title="0.0246">0.025</span></td>'
+    assert row in page
+    assert ">1.5432<" not in page
+
+
 @pytest.mark.parametrize(
     ("extent_m", "deviation_m", "times"),
     [(0.4, 4.8e-3, 10.0), (0.4, 4.7e-4, 100.0), (0.4, 2.3e-4, 200.0), (0.4, 0.3, 1.0)],
