@@ -159,6 +159,7 @@ class PointSource:
         self._state = np.zeros((stage.STATE_ROWS, n))
         self._memory = np.array([unknown(n), unknown(n)])
         self._found = np.zeros((n, FOUND))
+        self._position = np.zeros(n)
         self._out, self._head = np.zeros((3, n)), np.zeros((3, n))
         self._counts[stage.DELAY] = forward.delay_cycles
         self._counts[stage.RESTED] = -1
@@ -192,6 +193,8 @@ class PointSource:
         self._line[:, 0] = self._nodes[0, 0]
         for _ in range(forward.delay_cycles):
             self._go_on()
+        self._see()  # compiled here, and nothing that counts
+        self._memory[stage.SEEN] = unknown(n)
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose to begin at."""
@@ -203,7 +206,8 @@ class PointSource:
         """See how joints come to the path's first point, and how they settle there."""
         beginning = self._row < 0 or self._counts[stage.SEEING]
         if beginning and self._counts[stage.REMEMBERS]:
-            stage.see(position, self._feedforward.axes, self._memory, self._found)
+            self._position[:] = position
+            self._see()
 
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a cycle; None once the robot has come to rest on the path."""
@@ -229,6 +233,9 @@ class PointSource:
         point = self._clipped(node - path.BEFORE)
         phase = Phase.MAIN if self._phase is None else int(self._phase[point])
         return SetPoint(position, velocity, ahead, point, phase)
+
+    def _see(self) -> None:
+        stage.see(self._position, self._feedforward.axes, self._memory, self._found)
 
     def _go_on(self) -> bool:
         forward, ring = self._feedforward, self._ring
