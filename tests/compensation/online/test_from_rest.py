@@ -14,14 +14,16 @@ import yaml
 
 from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.kinds.tool_path import PathMotion
-from acquisition.motion.samples import MotionSamples
+from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import average_periods
 from benchmarks.closed_loop import closed_loop
 from benchmarks.paths import CIRCLES, FIRST, PATH, circle_text
-from compensation.feedforward.tracking_error import TrackingError
+from compensation.compensated_motion import compensated_motion
+from compensation.feedforward.tracking_error import TrackingError, tracking_error
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import OnlineFeedforward
 from config.load import LoadedCell, load_cell, read_named
+from dynamics.geometry.kinematics import Chain
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
@@ -105,6 +107,26 @@ def test_lines_and_a_spline_from_rest_are_followed_ten_times_closer(
     assert with_memory.max_m < plain.max_m / 15.0
     assert with_memory.mean_m < by_sign.mean_m / 2.0
     assert with_memory.max_m < by_sign.max_m / 3.0
+
+
+def test_off_line_memory_is_followed_along_the_plan(
+    elastic: LoadedCell, models: tuple[Estimate, Estimate], loops: list[VelocityLoop]
+) -> None:
+    """How the joints stand at its start nobody knows: the mean is better, the beginning is not."""
+    assert elastic.plant is not None
+    path = PathMotion.model_validate_json(json.dumps(yaml.safe_load(PATH)))
+    samples = path.plan(elastic.robot, elastic.config.cycle_time_s)
+    main = samples.phase == Phase.MAIN
+    chain = Chain.from_description(elastic.robot)
+    by_sign, with_memory = (
+        tracking_error(
+            chain,
+            samples.position[main],
+            closed_loop(elastic, elastic.plant, driven, 5).position[main],
+        )
+        for driven in (compensated_motion(samples, model, loops) for model in models)
+    )
+    assert with_memory.mean_m < by_sign.mean_m / 1.6
 
 
 @pytest.mark.parametrize("title", [FIRST, "circle of 50 cm at 0.3 m/s"])
