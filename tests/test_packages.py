@@ -79,6 +79,22 @@ def test_a_command_starts_without_what_takes_a_second_to_import(command: str) ->
     assert loaded_by(f"rid_daq.commands.{command}", heavy) == "set()"
 
 
+def test_a_report_without_a_figure_loads_nothing_that_draws() -> None:
+    """Half of what a command that only records would compute."""
+    program = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from rid_daq.report.result import Result\n"
+        "from rid_daq.report_page.render import render_report\n"
+        "page = render_report(Result.model_validate_json(Path(sys.argv[1]).read_bytes()))\n"
+        "print(len(page) > 1000, {'matplotlib', 'bokeh'} & set(sys.modules))\n"
+    )
+    recorded = ROOT / "tests" / "rid_daq" / "report" / "results" / "recording.json"
+    words = [sys.executable, "-c", program, str(recorded)]
+    shown = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=True)
+    assert shown.stdout.strip() == "True set()"
+
+
 def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
     """Return which of the heavy modules are there once a module is imported, as a set's text."""
     program = f"import sys, {module}; print({{*{heavy}}} & set(sys.modules))"

@@ -12,49 +12,15 @@ import functools
 import gzip
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from bokeh.models import GridPlot
 from markupsafe import Markup
 
-from rid_daq.figures.bode_figure import controller_bode, loops_bode
-from rid_daq.figures.centre_of_gravity import CentreOfGravity
-from rid_daq.figures.embedding import as_item, bokeh_script, figure_script
-from rid_daq.figures.fit_figure import fit_figure
-from rid_daq.figures.friction_figure import friction_figure
-from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.palette import dark_colours
-from rid_daq.figures.path_figure import path_figure
-from rid_daq.figures.payload_figure import payload_figure
-from rid_daq.figures.residual_spectrum import residual_spectrum
-from rid_daq.figures.retiming_figure import retiming_figure
-from rid_daq.figures.stop_figure import stop_figure
-from rid_daq.figures.truth_figure import truth_figure
-from rid_daq.report.sections.payload import PayloadSection
 
 STILL_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-
-
-def _centre(section: PayloadSection) -> GridPlot:
-    return payload_figure(CentreOfGravity.of_section(section))
-
-
-FIGURES: Final[dict[str, Callable[..., GridPlot]]] = {
-    "centre": _centre,
-    "controller": controller_bode,
-    "fit": fit_figure,
-    "friction": friction_figure,
-    "lateness": lateness_figure,
-    "loops": loops_bode,
-    "path": path_figure,
-    "retiming": retiming_figure,
-    "spectrum": residual_spectrum,
-    "stop": stop_figure,
-    "truth": truth_figure,
-}
-"""How each kind of figure is made of what its template hands over."""
 
 
 class LiveFigures:
@@ -76,11 +42,13 @@ class LiveFigures:
         Parameters
         ----------
         kind : str
-            One of `FIGURES`.
+            One of `rid_daq.report_page.figure_kinds.FIGURES`.
         *shown : object
             What it is made of.
         """
-        item = as_item(FIGURES[kind](*shown), dark=False)
+        from rid_daq.report_page.figure_kinds import item_of  # it loads what draws
+
+        item = item_of(kind, *shown)
         name = f"{kind}-{len(self._packed) + 1}"
         self._packed[name] = packed(json.dumps(item, allow_nan=False, separators=(",", ":")))
         return name
@@ -108,6 +76,8 @@ def library() -> Markup:
 @functools.cache
 def script() -> Markup:
     """Return the page's own module: what shows a figure, and when."""
+    from rid_daq.figures.embedding import figure_script
+
     own = Path(__file__).with_name("report.js").read_text(encoding="utf-8")
     return Markup(figure_script().read_text(encoding="utf-8") + own)
 
@@ -118,6 +88,8 @@ def packed(text: str) -> Markup:
 
 
 def _library() -> str:
+    from rid_daq.figures.embedding import bokeh_script
+
     return bokeh_script().read_text(encoding="utf-8")
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, Final
 
 import jinja2
 from markupsafe import Markup
@@ -13,21 +14,25 @@ from config.errors import RecordingError
 from rid_daq.report.formats import duration, measured, moment, number, unit
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
-from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
-from rid_daq.report_page.drawings.curves import (
-    colours,
-    friction_figure,
-    histogram_figure,
-    spectrum_figure,
-    torque_figure,
-    truth_figure,
-)
-from rid_daq.report_page.drawings.paths import error_figure, path_figure
-from rid_daq.report_page.drawings.payload import centre_figure
-from rid_daq.report_page.drawings.retiming import retiming_figure
-from rid_daq.report_page.drawings.stop import stop_figure
+from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
 from rid_daq.terminal.console import printable
+
+DRAWN: Final = (
+    "cascade_figure",
+    "controller_figure",
+    "friction_figure",
+    "histogram_figure",
+    "spectrum_figure",
+    "torque_figure",
+    "truth_figure",
+    "error_figure",
+    "path_figure",
+    "centre_figure",
+    "retiming_figure",
+    "stop_figure",
+)
+"""The drawings that templates ask for."""
 
 
 def render_report(result: Result) -> str:
@@ -75,14 +80,22 @@ def _environment() -> jinja2.Environment:
     )
     for show in (number, duration, unit, moment):
         environment.filters[show.__name__] = show
-    for draw in (
-        *(torque_figure, spectrum_figure, truth_figure, histogram_figure, friction_figure),
-        *(controller_figure, cascade_figure, path_figure, error_figure),
-        *(retiming_figure, centre_figure, stop_figure),
-        *(colours, dark_map, library, measured, script),
-    ):
-        environment.globals[draw.__name__] = draw
+    for name in DRAWN:
+        environment.globals[name] = _drawn(name)
+    for tell in (colours, dark_map, library, measured, script):
+        environment.globals[tell.__name__] = tell
     return environment
+
+
+def _drawn(name: str) -> Callable[..., Markup]:
+    """Return a drawing; what draws is loaded for the first, which takes as long as a page."""
+
+    def draw(*shown: Any, **how: Any) -> Markup:
+        from rid_daq.report_page.drawings.every_drawing import DRAWINGS
+
+        return DRAWINGS[name](*shown, **how)
+
+    return draw
 
 
 def _visible(value: object) -> object:

@@ -16,32 +16,24 @@ from matplotlib.figure import Figure
 from rid_daq.figures.palette import (
     BLUE,
     FAINT,
-    GREEN,
     GRID,
     INK,
     ORANGE,
-    PAPER,
     PURPLE,
     RED,
-    SKY,
     SOFT,
-    dark_colours,
 )
 from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
 from rid_daq.report.sections.friction import JointFriction
 from rid_daq.report.sections.timing import bin_names
 from rid_daq.report.sections.validation import TruthCase
+from rid_daq.report_page.drawings.page_colours import NAMES
 from rid_daq.terminal.console import printable
 
 MEASURED, PREDICTED, WRONG = INK, BLUE, RED
 
 WIDE, THIN = 3.2, 0.9
 """Line widths: predicted torque lies wide below measured torque, so that both are seen."""
-
-_NAMES = {
-    INK: "ink", SOFT: "soft", FAINT: "faint", GRID: "grid", PAPER: "paper", BLUE: "blue",
-    SKY: "sky", ORANGE: "orange", GREEN: "green", RED: "red", PURPLE: "purple",
-}  # fmt: skip
 
 STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
@@ -253,12 +245,6 @@ def as_label(text: str) -> str:
     return printable(text).replace("$", r"\$")
 
 
-def colours(*, dark: bool) -> str:
-    """Return the colours that drawings name, as custom properties of CSS."""
-    own = dark_colours() if dark else {colour: colour for colour in _NAMES}
-    return " ".join(f"--{name}: {own[colour]};" for colour, name in _NAMES.items())
-
-
 def as_svg(figure: Figure, name: str) -> Markup:
     """Return a drawing as an element to put into a page, its ids made its own by a word.
 
@@ -272,7 +258,7 @@ def as_svg(figure: Figure, name: str) -> Markup:
     drawing = drawing[drawing.index("<svg") :]
     drawing = re.sub(r"<path (?![^>]*\bd=)[^>]*/>", "", drawing)  # a line without any point
     drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
-    drawing = re.sub("|".join(_NAMES), lambda found: f"var(--{_NAMES[found[0]]})", drawing)
+    drawing = re.sub("|".join(NAMES), lambda found: f"var(--{NAMES[found[0]]})", drawing)
     drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
     return Markup(
         re.sub(

@@ -1,0 +1,39 @@
+"""Every drawing that templates ask for, by its name; whoever imports it loads what draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from markupsafe import Markup
+
+from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
+from rid_daq.report_page.drawings.curves import (
+    friction_figure,
+    histogram_figure,
+    spectrum_figure,
+    torque_figure,
+    truth_figure,
+)
+from rid_daq.report_page.drawings.paths import error_figure, path_figure
+from rid_daq.report_page.drawings.payload import centre_figure
+from rid_daq.report_page.drawings.retiming import retiming_figure
+from rid_daq.report_page.drawings.stop import stop_figure
+
+DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
+    draw.__name__: draw
+    for draw in (
+        cascade_figure,
+        controller_figure,
+        friction_figure,
+        histogram_figure,
+        spectrum_figure,
+        torque_figure,
+        truth_figure,
+        error_figure,
+        path_figure,
+        centre_figure,
+        retiming_figure,
+        stop_figure,
+    )
+}

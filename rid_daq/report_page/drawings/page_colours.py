@@ -1,0 +1,32 @@
+"""The colours that drawings name and the page gives, light or dark."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rid_daq.figures.palette import (
+    BLUE,
+    FAINT,
+    GREEN,
+    GRID,
+    INK,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    RED,
+    SKY,
+    SOFT,
+    dark_colours,
+)
+
+NAMES: Final = {
+    INK: "ink", SOFT: "soft", FAINT: "faint", GRID: "grid", PAPER: "paper", BLUE: "blue",
+    SKY: "sky", ORANGE: "orange", GREEN: "green", RED: "red", PURPLE: "purple",
+}  # fmt: skip
+"""How a drawing names each light colour."""
+
+
+def colours(*, dark: bool) -> str:
+    """Return the colours that drawings name, as custom properties of CSS."""
+    own = dark_colours() if dark else {colour: colour for colour in NAMES}
+    return " ".join(f"--{name}: {own[colour]};" for colour, name in NAMES.items())

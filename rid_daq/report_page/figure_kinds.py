@@ -1,0 +1,55 @@
+"""How each kind of figure of a report is made; whoever imports it loads what draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from bokeh.models import GridPlot
+
+from rid_daq.figures.bode_figure import controller_bode, loops_bode
+from rid_daq.figures.centre_of_gravity import CentreOfGravity
+from rid_daq.figures.embedding import as_item
+from rid_daq.figures.fit_figure import fit_figure
+from rid_daq.figures.friction_figure import friction_figure
+from rid_daq.figures.lateness_figure import lateness_figure
+from rid_daq.figures.path_figure import path_figure
+from rid_daq.figures.payload_figure import payload_figure
+from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.retiming_figure import retiming_figure
+from rid_daq.figures.stop_figure import stop_figure
+from rid_daq.figures.truth_figure import truth_figure
+from rid_daq.report.sections.payload import PayloadSection
+
+
+def _centre(section: PayloadSection) -> GridPlot:
+    return payload_figure(CentreOfGravity.of_section(section))
+
+
+FIGURES: Final[dict[str, Callable[..., GridPlot]]] = {
+    "centre": _centre,
+    "controller": controller_bode,
+    "fit": fit_figure,
+    "friction": friction_figure,
+    "lateness": lateness_figure,
+    "loops": loops_bode,
+    "path": path_figure,
+    "retiming": retiming_figure,
+    "spectrum": residual_spectrum,
+    "stop": stop_figure,
+    "truth": truth_figure,
+}
+"""How each kind of figure is made of what its template hands over."""
+
+
+def item_of(kind: str, *shown: object) -> dict[str, Any]:
+    """Return a figure as Bokeh's item, light.
+
+    Parameters
+    ----------
+    kind : str
+        One of `FIGURES`.
+    *shown : object
+        What it is made of.
+    """
+    return as_item(FIGURES[kind](*shown), dark=False)
