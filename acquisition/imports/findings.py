@@ -26,6 +26,8 @@ COMPARED_OVER_S = 0.1
 RATIO_TOLERANCE = 0.03
 ALIKE = 0.015
 STUCK = 1e-4
+SELDOM_S = 0.2
+"""Rows further apart show nothing of the 10 Hz that identification looks at, and hardly 2 Hz."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
 _FACTORS = (
@@ -83,7 +85,8 @@ def find(
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
     static = bool(np.ptp(position, axis=0).max() < STANDSTILL)
-    sentences = [*_clock(ratios, sigmas, import_map), *_stuck(rows, import_map)]
+    sentences = [*_seldom(rows, import_map), *_clock(ratios, sigmas, import_map)]
+    sentences += _stuck(rows, import_map)
     if robot is not None:
         sentences += _limits(replace(rows, position=position), robot, import_map)
         sentences += _torques(rows.torque, robot)
@@ -165,6 +168,23 @@ def _likely(moved: float, said: float) -> str:
         return " (the velocity is stuck)"
     close = [words for factor, words in _FACTORS if abs(said / moved / factor - 1.0) < 0.05]
     return f" ({close[0]})" if close else ""
+
+
+def _seldom(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
+    """Say where rows are so far apart that a robot's accelerations fall between them."""
+    step_s = float(np.median(np.diff(rows.time_s)))
+    if step_s <= SELDOM_S:
+        return
+    told = f"The rows are {step_s:.3g} s apart: accelerations and friction fall between them"
+    if import_map.time is None:
+        yield f"{told}. Check rate_hz in the map"
+        return
+    finer = {"s": "ms", "ms": "us"}.get(import_map.time.unit)
+    yield f"{told}." + (
+        f" If the stamps are {finer}, put `unit: {finer}` under `time` into the map"
+        if finer
+        else " Check the column of time in the map"
+    )
 
 
 def _clock(ratios: list[float | None], sigmas: list[float], import_map: ImportMap) -> Iterator[str]:

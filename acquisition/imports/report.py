@@ -105,8 +105,8 @@ class ImportReport:
         mean_hz = (self.rows_used - 1) / self.duration_s
         found = [
             f"{self.file}: {self.rows_used} of {self.rows_read} rows used, {self.duration_s:.3f} s",
-            f"time steps {self.step_min_s * 1e3:.3g} to {self.step_max_s * 1e3:.3g} ms, median"
-            f" {self.step_median_s * 1e3:.3g} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
+            f"time steps {_ms(self.step_min_s)} to {_ms(self.step_max_s)} ms, median"
+            f" {_ms(self.step_median_s)} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
         ]
         if self.damaged:
             reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
@@ -118,6 +118,11 @@ class ImportReport:
             found.append("no damaged rows")
         found.extend(f"finding: {sentence}" for sentence in self.findings)
         return tuple(found)
+
+
+def _ms(seconds: float) -> str:
+    """Return a time step in milliseconds, never with an exponent above them."""
+    return f"{1e3 * seconds:.0f}" if seconds >= 1.0 else f"{1e3 * seconds:.3g}"
 
 
 def group_damaged(rows: list[DamagedRow]) -> tuple[DamagedRows, ...]:

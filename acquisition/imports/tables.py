@@ -20,6 +20,7 @@ from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import open_file
 
 LARGEST_FILE_BYTES = 500_000_000
+SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -132,7 +133,7 @@ def _read_file(
     time = import_map.time_of(number)
     here = [i for i, column in enumerate(columns) if begin <= column < end]
     wanted = [columns[i] - begin for i in here] + ([] if time is None else [time.column])
-    separator = {"tab": "\t", "space": None}.get(import_map.delimiter, import_map.delimiter)
+    separator = SEPARATORS[import_map.delimiter]
     asked = import_map.rows if number == 0 else RowRange()
     last = asked.last or math.inf
     numbers, rows, counts = array("d"), array("q"), array("q")
@@ -151,6 +152,7 @@ def _read_file(
         fields = line.replace('"', "").split(separator)
         if len(fields) != end - begin:
             detail = f"{len(fields)} columns instead of {end - begin}"
+            detail += _by_another(line, import_map.delimiter, end - begin)
             damaged.append(DamagedRow(row, "with a wrong number of columns", detail))
             continue
         try:
@@ -224,3 +226,11 @@ def _beside(
     for column in np.flatnonzero(np.isfinite(read).any(axis=0)):
         values[:, column] = np.interp(first.time_s[near], stamps, read[:, column])
     return ImportTable(first.row[near], first.time_s[near], values, first.rows_read, notes)
+
+
+def _by_another(line: str, delimiter: str, columns: int) -> str:
+    """Say by which other delimiter a row has the columns that the map says."""
+    for name, separator in SEPARATORS.items():
+        if name != delimiter and len(line.split(separator)) == columns:
+            return f"; {columns} with `delimiter: {name!r}` in the map"
+    return ""

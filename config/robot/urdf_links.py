@@ -6,6 +6,7 @@ is guessed as a cylinder, marked as a guess.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +21,7 @@ from config.robot.robot import LinkCad
 
 PLACEHOLDER_GYRATION_M: Final = 0.002
 LARGEST_GYRATION_M: Final = 5.0
+TOO_HEAVY: Final = 20.0
 MASSES_KG: Final = (1e-4, 3e3)
 FLATTEST: Final = 1e-4
 ROUNDING: Final = 1e-7
@@ -103,13 +105,14 @@ def links_of_urdf(
             unknown = cad[-1].unknown_inertia_kg_m2
             if unknown:
                 told.append(
-                    f"link {number + 1} ({', '.join(names)}) has {whole.mass_kg:.3g} kg and next"
+                    f"link {number + 1} ({', '.join(names)}) has {whole.mass_kg:.4g} kg and next"
                     " to no inertia (zero, or rounded away): --cad-prior takes it as unknown,"
                     f" 0 ± {unknown:.2g} kg m²"
                 )
         notes += told
         if told:
             comments[number] = "; ".join((*told, *filter(None, [comments.get(number)])))
+    notes += _in_grams(cad, carried[1:])
     if guessed:
         notes.append(
             "these links have no mass that a link can have, and are simulated as cylinders along"
@@ -117,6 +120,18 @@ def links_of_urdf(
             " in robot.yaml where you know them"
         )
     return UrdfLinks(tuple(cad), tuple(notes), comments)
+
+
+def _in_grams(cad: Sequence[LinkCad], names: Sequence[list[str]]) -> list[str]:
+    """Name a link that is many times as heavy as all others together."""
+    masses = [link.mass_kg for link in cad]
+    return [
+        f"link {number} ({', '.join(names[number - 1])}) has {mass:.4g} kg, all others together"
+        f" {sum(masses) - mass:.3g} kg: is its mass in grams? Correct it in the URDF, for torques"
+        " and speeds of the simulated robot follow from it"
+        for number, mass in enumerate(masses, start=1)
+        if len(masses) > 2 and mass > TOO_HEAVY * (sum(masses) - mass)
+    ]
 
 
 def _together(parts: list[_Part]) -> _Part | None:

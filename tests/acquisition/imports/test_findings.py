@@ -40,6 +40,18 @@ def test_a_sound_recording_has_no_findings(tmp_path: Path) -> None:
     assert report_of(tmp_path, sound_table()).findings == ()
 
 
+def test_rows_that_are_seconds_apart_are_said_with_the_unit_that_they_may_be_in(
+    tmp_path: Path,
+) -> None:
+    table = sound_table()
+    table[:, 0] *= 1e3
+    report = report_of(tmp_path, table, without_velocities())
+    (finding,) = report.findings
+    assert finding.startswith("The rows are ")
+    assert finding.endswith("If the stamps are ms, put `unit: ms` under `time` into the map")
+    assert "e+" not in report.lines()[1]
+
+
 class TestClock:
     def test_that_runs_a_tenth_too_fast_is_said_with_its_factor(self, tmp_path: Path) -> None:
         table = sound_table()

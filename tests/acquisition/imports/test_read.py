@@ -155,6 +155,11 @@ class TestDamagedRows:
             "rows 50-51: 2 with a wrong number of columns (row 50: 2 columns instead of 7)"
         ]
 
+    def test_with_another_delimiter_which_is_named(self, write: Write) -> None:
+        lines = as_lines(sound_table(), ";")
+        with pytest.raises(DataQualityError, match=r"row 1: 1 columns instead of 7; 7 with `delim"):
+            import_csv(write(lines), two_joint_map())
+
     def test_with_text_where_a_number_belongs(self, write: Write) -> None:
         found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
         assert found == ["row 7: 1 without a number (row 7: column 2 is 'ERR')"]

@@ -287,6 +287,24 @@ def test_gravity_is_written_in_the_axes_of_the_base() -> None:
     assert on_wall.robot.gravity_m_s2 == pytest.approx((9.81, 0.0, 0.0), abs=1e-12)
 
 
+def test_a_link_whose_mass_is_in_grams_is_said() -> None:
+    def body(name: str, mass: float) -> str:
+        inertia = '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
+        inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
+        return f'<link name="{name}">{inertial}</link>'
+
+    parts, before = [link("base")], "base"
+    for name, mass in (("one", 4.0), ("two", 2500.0), ("three", 1.5)):
+        parts.append(body(name, mass))
+        parts.append(joint(f"to_{name}", "revolute", before, name, axis="0 0 1"))
+        before = name
+    made = robot_of_urdf(read_urdf(robot(*parts), "r.urdf"))
+    (note,) = (note for note in made.notes if "grams" in note)
+    assert note.startswith("link 2 (two) has 2500 kg, all others together 5.5 kg: is its mass in")
+    parts[3] = body("two", 2.5)
+    assert not [n for n in robot_of_urdf(read_urdf(robot(*parts), "r.urdf")).notes if "grams" in n]
+
+
 def test_a_link_whose_inertia_was_rounded_away_is_said() -> None:
     zeros = '<inertia ixx="0.000" ixy="0" ixz="0" iyy="0.000" iyz="0" izz="0.000"/>'
     flange = f'<link name="flange"><inertial><mass value="0.2"/>{zeros}</inertial></link>'
