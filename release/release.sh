@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Makes a release of the commit that is checked out: release/release.sh FOLDER
 #
-# sdist and wheel (built twice: the bytes must be the same), the locked requirements with their hashes, a
-# bill of materials (CycloneDX), the licences of all that is installed, checksums, and their signature by the
+# sdist and wheel (built twice: the bytes must be the same), the locked requirements with their hashes and,
+# as constraints, without (pip wants a hash of the wheel itself where any is given), a bill of materials (CycloneDX), the licences of all that is installed, checksums, and their signature by the
 # SSH key that RID_DAQ_SIGNING_KEY names. `--unsigned`: a trial, of the last commit too.
 set -euo pipefail
 usage="usage: RID_DAQ_SIGNING_KEY=FILE release/release.sh [--unsigned] FOLDER"
@@ -42,6 +42,8 @@ diff -r "$work/first" "$work/second" || { echo "Two builds differ: this is not r
 cp "$work"/first/* "$out"
 
 "$uv" export --quiet --frozen --no-dev --no-emit-project --output-file "$out/requirements.txt" >/dev/null
+"$uv" export --quiet --frozen --no-dev --no-emit-project --no-hashes --no-header --no-annotate \
+    --output-file "$out/constraints.txt" >/dev/null
 "$uv" export --quiet --frozen --no-dev --format cyclonedx1.5 --preview-features sbom-export \
     --output-file "$out/rid-daq.cdx.json" >/dev/null
 .venv/bin/python release/third_party.py "$out/THIRD-PARTY-LICENCES.txt"

@@ -60,6 +60,11 @@ def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> Non
     subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=release, check=True)
     names = {path.name for path in release.iterdir()}
     assert {"Containerfile", "requirements.txt", "THIRD-PARTY-LICENCES.txt"} < names
+    pinned, hashed = (
+        (release / f"{name}.txt").read_text() for name in ("constraints", "requirements")
+    )
+    assert "--hash" not in pinned  # one would make pip and pipx want a hash of the wheel too
+    assert [line for line in pinned.splitlines() if line.split(" ")[0] not in hashed] == []
     bill = json.loads((release / "rid-daq.cdx.json").read_text())
     listed = {each["name"] for each in bill["components"]}
     assert bill["bomFormat"] == "CycloneDX"
