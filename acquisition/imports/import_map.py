@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
@@ -15,7 +15,21 @@ from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible
 from config.robot.robot import Positive, RobotDescription
 
-Column = Annotated[int, Field(ge=0, lt=10_000)]
+
+def _no_name(value: object) -> object:
+    """Refuse a column's name, which a newcomer gives, with what is wanted.
+
+    Raises
+    ------
+    ValueError
+        It is a name.
+    """
+    if isinstance(value, str):
+        raise ValueError(f"columns are counted from 0: give the number of {value!r}")
+    return value
+
+
+Column = Annotated[int, BeforeValidator(_no_name), Field(ge=0, lt=10_000)]
 Columns = Annotated[int, Field(ge=2, le=10_000)]
 
 PositionUnit = Literal["rad", "deg", "rev", "m", "mm"]

@@ -35,6 +35,10 @@ def test_a_minimal_map_is_enough() -> None:
         ({"joints": [JOINT | {"current": 3}]}, "either a torque column or a current column"),
         ({"joints": [JOINT | {"torque_constant_nm_per_a": 1.0}]}, "belongs to a current column"),
         ({"joints": [JOINT | {"torque": 1}]}, "column 1 is both position of a and torque of a"),
+        (
+            {"joints": [JOINT | {"position": "q1"}]},
+            "columns are counted from 0: give the number of",
+        ),
         ({"joints": [JOINT | {"position": 4}]}, "rows have columns 0 to 3"),
         ({"joints": [JOINT | {"gear_ratio": 0.0}]}, "gear_ratio must not be 0"),
         ({"joints": [JOINT, JOINT]}, "two joints have the same name"),
