@@ -16,6 +16,7 @@ from rid_daq.demo.demo_story import DEMO_CELL, Motions
 from rid_daq.demo.demo_timing import TimingMotions
 from rid_daq.demo.parallel import run_stories
 from rid_daq.report.result import Result, WithoutUnmodelled
+from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.timing import Timing
@@ -111,7 +112,8 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
             TruthCase.compared("effects that no model has: on", on.estimate),
             TruthCase.compared("effects that no model has: off", off.estimate),
         )
-        judged = _verdict(on.validation, truth, on.tracking, on.retiming)
+        memory = (_memory(on.estimate), _memory(off.estimate))
+        judged = _verdict(on.validation, truth, memory, on.tracking, on.retiming)
         title = f"rid-daq demo on the simulated cell {loaded.config.name}"
         result = Result.new(title, loaded.robot.name).updated(
             cell=CellSection.of(loaded.config),
@@ -144,6 +146,7 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
 def _verdict(
     validation: ValidationSection,
     truth: tuple[TruthCase, TruthCase],
+    memory: tuple[str, str],
     tracking: TrackingSection | None,
     retiming: RetimingSection | None,
 ) -> Verdict:
@@ -177,7 +180,17 @@ def _verdict(
         else "Failed: see the line marked NO",
         f"The floor is the error that the plant's true parameters leave: noise, and effects that no"
         f" model has. With those effects on, {on.inside} of {on.of} true parameters lie"
-        f" inside their interval; with them off, {off.inside} of {off.of}.",
+        f" inside their interval; with them off, {off.inside} of {off.of}. Where friction"
+        f" remembers, by the excitation alone: {memory[0]}; with those effects off, {memory[1]}.",
+    )
+
+
+def _memory(estimate: EstimateSection) -> str:
+    """Return which joints were found to have presliding, and how far."""
+    found = [each for each in estimate.parameters if each.name.startswith("dp_")]
+    return (
+        ", ".join(f"{each.name.removeprefix('dp_')} {1e3 * each.value:.2g} mrad" for each in found)
+        or "nowhere"
     )
 
 

@@ -13,12 +13,17 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
+from acquisition.processing.periods import PeriodAverage
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, SafetyStop
 from config.load import LoadedCell, load_cell, to_yaml
+from config.robot.robot import RobotDescription
+from identification.equations.segments import period_signals
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.estimation.options import EstimationOptions
 from identification.validation.period_comparison import compare_period
+from identification.validation.presliding_choice import choose_presliding
 from identification.validation.torque_prediction import validate
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
@@ -118,7 +123,8 @@ def run_story(
         validated = record("validation", motions.validation)
         show(told.done_s, "identifying")
         average = excited.measured.average
-        estimate = estimate_periodic(robot, [average], cell_name=cell.name)
+        remembering = _with_memory(robot, average)
+        estimate = estimate_periodic(remembering, [average], cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
         chapter = timed = None
         if unmodelled and motions.paths is not None:
@@ -258,6 +264,13 @@ class _OnFreshCell:
         with SimulatedCell(self.simulation) as simulated, hold_cell(simulated.cell):
             session = RunSession(self.loaded, simulated.cell, self.runs, self.told)
             return _Recorder(session, self.told)(role, motion, planned, files)
+
+
+def _with_memory(robot: RobotDescription, average: PeriodAverage) -> RobotDescription:
+    """Return the robot with presliding on the joints where the excitation shows it."""
+    options = EstimationOptions()
+    signals = [period_signals(average, options.band_hz)]
+    return choose_presliding(robot, signals, options).robot(robot)
 
 
 def _name(unmodelled: bool) -> str:

@@ -14,6 +14,7 @@ from benchmarks.closed_loop import closed_loop
 from compensation.loops.frequency_response import frequency_responses
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.load import LoadedCell, load_cell
+from config.robot.robot import RobotDescription
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
@@ -35,6 +36,11 @@ def drive(cell: LoadedCell) -> Drive:
 
 @pytest.fixture(scope="session")
 def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
+    return measured_loops(cell, drive)
+
+
+def measured_loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
+    """The velocity loops of an arm out of a multisine."""
     joints = tuple(
         {"joint": name, "velocity": 0.03, "slow_amplitude": 0.1} for name in cell.robot.joint_names
     )
@@ -56,8 +62,30 @@ def loops(cell: LoadedCell, drive: Drive) -> list[VelocityLoop]:
 
 @pytest.fixture(scope="session")
 def model(cell: LoadedCell, drive: Drive) -> Estimate:
+    """The arm's joints give way before they slide, and the model knows that of them."""
+    joints = (
+        joint.model_copy(update={"friction": (*joint.friction, "presliding")})
+        for joint in cell.robot.joints
+    )
+    return identified(cell, drive, cell.robot.model_copy(update={"joints": tuple(joints)}))
+
+
+@pytest.fixture(scope="session")
+def forgetful(cell: LoadedCell) -> tuple[Drive, list[VelocityLoop], Estimate]:
+    """The arm with friction that holds like a wall, without memory; its loops and its model."""
+    plant = cell.plant
+    assert plant is not None
+    assert plant.unmodelled is not None
+    axes = tuple(axis.model_copy(update={"presliding_rad": 0.0}) for axis in plant.extras)
+    unmodelled = plant.unmodelled.model_copy(update={"axes": axes})
+    drive = partial(closed_loop, cell, plant.model_copy(update={"unmodelled": unmodelled}))
+    return drive, measured_loops(cell, drive), identified(cell, drive, cell.robot)
+
+
+def identified(cell: LoadedCell, drive: Drive, robot: RobotDescription) -> Estimate:
+    """A model out of eight periods of an excitation."""
     motion = design_two_harmonic(
         cell.robot, TwoHarmonicOptions(10.0, tries=100, periods=8), cell.config.cycle_time_s
     )
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
-    return estimate_periodic(cell.robot, [average_periods(drive(samples, 2))])
+    return estimate_periodic(robot, [average_periods(drive(samples, 2))])

@@ -238,8 +238,11 @@ def test_a_torn_realisation_is_left_out_and_the_others_keep_their_phases(
         np.testing.assert_array_equal(left.reference[0][0], whole.reference[0][1])
 
 
-def test_friction_that_sticks_passes_for_inertia_without_the_slow_sine(cell: LoadedCell) -> None:
-    """The drive's controller is found either way; what it moves only where nothing sticks."""
+def test_friction_that_holds_passes_for_a_spring_without_the_slow_sine(cell: LoadedCell) -> None:
+    """The drive's controller is found either way; what it moves only where nothing holds.
+
+    Before it slides friction is a spring, and a spring's torque is against an inertia's.
+    """
     assert cell.plant is not None
     inertia = {}
     for slow in (True, False):
@@ -253,7 +256,7 @@ def test_friction_that_sticks_passes_for_inertia_without_the_slow_sine(cell: Loa
             assert loop.gain == pytest.approx(axis.velocity_gain_nm_s, rel=0.02)
     # The mass matrix of the plant about this pose, by Pinocchio.
     np.testing.assert_allclose(inertia[True], [10.98, 24.58, 3.59], rtol=0.12)
-    assert (inertia[False] > 1.15 * inertia[True]).all()
+    assert (inertia[False] < 0.8 * inertia[True]).all()
 
 
 def test_a_triangle_two_cycles_late_is_what_interpolated_commands_are() -> None:

@@ -56,7 +56,8 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["design", cell, "-o", excitation, "--method", "two-harmonic", "--periods", "3"]
     assert run(words) == 0
     assert run(["record", cell, excitation, "--label", "excitation", *runs]) == 0
-    assert run(["identify", "excitation", "-o", str(folder / "model.json"), *runs]) == 0
+    words = ["identify", "excitation", "--friction-terms", "coulomb,viscous,presliding"]
+    assert run([*words, "-o", str(folder / "model.json"), *runs]) == 0
     for label in ("multisine", "circle"):
         motion = str(folder / f"{label}.yaml")
         assert run(["record", cell, motion, "--label", label, *runs]) == 0
