@@ -128,8 +128,8 @@ class Workshop:
         words = ("design", self.cell, "-o", self.path("excitation.yaml"), "--periods", periods)
         self(*words, "--method", "two-harmonic", runs=False)
         self("record", self.cell, self.path("excitation.yaml"), "--label", "excitation")
-        words = ("identify", "excitation", "--friction-terms", "coulomb,viscous,presliding")
-        self(*words, "-o", self.path("model.json"))
+        terms = ("--friction-terms", "coulomb,viscous,presliding")
+        self("identify", "excitation", *terms, "-o", self.path("model.json"))
         multisine = Path(self.path("multisine.yaml"))
         self("design", self.cell, "--kind", "multisine", "-o", str(multisine), runs=False)
         if self._quick:
