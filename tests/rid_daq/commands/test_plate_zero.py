@@ -18,6 +18,7 @@ import pytest
 from acquisition.journal.cycles import read_journal
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.manifest import RECORDING
+from acquisition.session.plate_preparation import discharge_plate
 from acquisition.task.states import Progress
 from config.load import load_cell
 from mock_hw.amplifier.sensors import PlateSensors
@@ -26,6 +27,7 @@ from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
+from rid_daq.recording import plate_zero_job
 
 pytestmark = pytest.mark.slow
 
@@ -81,20 +83,32 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def lasting(cell: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedCell]:
     """The cell's devices, which outlive the commands."""
     with (
         pytest.MonkeyPatch.context() as patch,
-        served(cell, patch, tmp_path_factory.mktemp("served")),
+        served(cell, patch, tmp_path_factory.mktemp("served")) as simulated,
     ):
-        yield
+        yield simulated
 
 
 @pytest.fixture(scope="module")
-def zeroed(cell: Path, lasting: None) -> dict[str, Any]:
+def discharged_at() -> list[Any]:
+    """Where the arm truly was when the amplifier was discharged [rad]: the brakes held it."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict[str, Any]:
     """What the command says in JSON, having written the zero."""
     runs = ["--runs", str(cell.parent / "runs")]
+
+    def discharge(*plate: Any) -> Any:
+        discharged_at.append(np.array(lasting.axes().position))
+        return discharge_plate(*plate)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plate_zero_job, "discharge_plate", discharge)
         said: list[str] = []
         patch.setattr("typer.echo", lambda text="", **_: said.append(str(text)))
         words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
@@ -117,7 +131,9 @@ def test_the_drift_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell:
     assert (np.abs(off) <= 3.0 * channel_values(zeroed, "drift_std_n_s")).all()
 
 
-def test_the_offset_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell: Path) -> None:
+def test_the_offset_is_found_within_its_uncertainty(
+    zeroed: dict[str, Any], cell: Path, discharged_at: list[Any]
+) -> None:
     """The channels' jump and drift since operate, and what half of both poses' load adds.
 
     When it was put into operation does not stand in the recording: one number, which the eight
@@ -136,9 +152,9 @@ def test_the_offset_is_found_within_its_uncertainty(zeroed: dict[str, Any], cell
         wrench = base(np.array([position, np.zeros(3), np.zeros(3)]))
         return sensors.charges_pc(wrench) / per_newton
 
-    at = [np.argmin(np.abs(rows["position"][:, 0] - angle)) for angle in (-np.pi / 2, np.pi / 2)]
-    first, second = (load_n(rows["position"][k]) for k in at)
-    begun = load_n(rows["position"][0])
+    at = [np.abs(rows["position"][:, 0] - angle) < 1e-3 for angle in (-np.pi / 2, np.pi / 2)]
+    first, second = (load_n(np.median(rows["position"][k], axis=0)) for k in at)
+    begun = load_n(discharged_at[0])
     known = np.array(JUMP_PC) / per_newton + 0.5 * (first + second) - begun
     drift = np.array(DRIFT_PC_S) / per_newton
     off, sigma = (channel_values(zeroed, f"offset_{key}") for key in ("n", "std_n"))
