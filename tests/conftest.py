@@ -24,6 +24,7 @@ from config.load import load_bundled_or_path
 from config.simulation.faults import AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
+from tests.builders.compiled_kernels import forget_stale_kernels
 
 STEP_S = 0.02
 atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
@@ -52,6 +53,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     end_by_signals()
+    if not hasattr(config, "workerinput"):
+        forget_stale_kernels(Path(__file__).parents[1])
     if config.getoption("--fault-page") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(FaultPage())
 

@@ -35,7 +35,7 @@ pytestmark = pytest.mark.slow
 Drive = Callable[..., Recording]
 
 SPRING_DELAY_S = 2e-4
-"""What a joint that gives way at reversals passes for: 0.1 ms was seen, and cycles last 6.7 ms."""
+"""What a joint that gives way at reversals passes for: 0.1 ms was seen, and a cycle lasts 8 ms."""
 CIRCLE = CircleMotion(
     kind="circle",
     robot="ir361",
