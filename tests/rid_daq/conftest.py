@@ -1,14 +1,41 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from playwright.sync_api import Browser, expect, sync_playwright
 
 from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from tests.builders.invented import whole_result
+
+PATIENCE_MS = 180_000
+"""It ends a test of a page that fails; one that passes never waits for it."""
+QUIET = (
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Debian's chromium, one for a file of tests; without it they are skipped, in CI they fail.
+
+    Playwright has an event loop under way as long as it lasts: no other may begin in its process.
+    """
+    chromium = shutil.which("chromium")
+    if chromium is None and not os.environ.get("CI"):
+        pytest.skip("this test needs chromium; on Debian: apt install chromium")
+    assert chromium is not None, "this test needs chromium; on Debian: apt install chromium"
+    expect.set_options(timeout=PATIENCE_MS)
+    with sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=chromium, args=list(QUIET))
+        yield running
+        running.close()
 
 
 @pytest.fixture(scope="session")

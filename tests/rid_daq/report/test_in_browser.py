@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import io
 import json
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 from pypdf import PdfReader
 
 from rid_daq.report.result import Result
 from rid_daq.report_page.render import render_report
 from tests.builders.invented import whole_result
+from tests.rid_daq.conftest import PATIENCE_MS
 
-CHROMIUM = shutil.which("chromium")
-FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
-PATIENCE_MS = 120_000
 KEPT = Path(__file__).parent / "results"
 LEFT_OUT = ("tracking", "truth", "average", "validation")
 
@@ -33,18 +29,7 @@ X_SPAN = """() => {
   return first.x_range.end - first.x_range.start;
 }"""
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium"),
-]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        yield started
-        started.close()
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -1,28 +1,22 @@
-"""The workbench in a real browser, on a served simulated cell; one of each for a test worker."""
+"""The workbench in a real browser, on a served simulated cell; one of each for a file of tests."""
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from rid_daq.service.records import CellState
+from tests.rid_daq.conftest import PATIENCE_MS
 from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, serving
 
 __all__ = ["long_motion", "motion"]
-
-PATIENCE_MS = 180_000  # it ends a test that fails; one that passes never waits for it
-QUIET = (
-    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-)
 
 
 @pytest.fixture(scope="module")
@@ -30,25 +24,6 @@ def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedPro
     """A service of the bundled simulated cell, as a process: a new one for each file of tests."""
     with serving(tmp_path_factory.mktemp("pages")) as running:
         yield running
-
-
-@pytest.fixture(scope="session")
-def playwright() -> Iterator[Playwright]:
-    with sync_playwright() as driver:
-        yield driver
-
-
-@pytest.fixture(scope="session")
-def browser(playwright: Playwright) -> Iterator[Browser]:
-    """Debian's chromium; without one these tests are skipped, in CI they fail."""
-    chromium = shutil.which("chromium")
-    if chromium is None and not os.environ.get("CI"):
-        pytest.skip("this test needs chromium; on Debian: apt install chromium")
-    assert chromium is not None, "this test needs chromium; on Debian: apt install chromium"
-    expect.set_options(timeout=PATIENCE_MS)
-    running = playwright.chromium.launch(executable_path=chromium, args=list(QUIET))
-    yield running
-    running.close()
 
 
 OpenPage = Callable[..., Page]
