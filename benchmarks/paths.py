@@ -59,7 +59,9 @@ segments:
 - {kind: spline, through_m: [[0.76, -0.05, -1.65], [0.82, -0.15, -1.62], [0.64, -0.28, -1.7]]}
 """
 REFINEMENTS = 2
-BARS = {FIRST: (10.0, 6.0), "refined": (20.0, 10.0), "others": (6.0, 4.0)}
+BARS = {FIRST: (10.0, 6.0), "refined": (20.0, 10.0), SPLINE: (6.0, 3.0), "others": (6.0, 4.0)}
+# From rest, a joint's first way depends on how it came to rest, which is not known ahead: on line,
+# where it is seen, the bar is 10 and 8 (`benchmarks.path_error`).
 
 
 def circle_text(own: dict[str, Any], periods: int) -> str:
@@ -189,7 +191,7 @@ def main() -> int:
         "unit": "mm mean distance from the circle of 40 cm",
         "ratios": ratios(found),
         "bar": "error reduced in the mean and at worst: the circle 10 and 6 times, refined 20 and"
-        " 10, all others 6 and 4",
+        " 10, the path from rest 6 and 3, all others 6 and 4",
         "holds": holds,
     }
     print(json.dumps(result))
