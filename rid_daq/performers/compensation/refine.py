@@ -61,6 +61,7 @@ def _print(console: Console, output: Path, refined: Refined) -> None:
     else:
         console.say(
             f"Up to {found.bound.band_hz:.3g} Hz an error keeps at most that share of itself each"
-            " time, for loops within their intervals. Where joints reverse, friction may leave more."
+            " time, for loops within their intervals. Where joints reverse, friction may leave"
+            " more."
         )
         console.say(f"Next: record the motion with --feedforward {output}, and refine again")
