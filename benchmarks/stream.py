@@ -94,7 +94,7 @@ def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
     ring.write(points)
     source = PointSource(feedforward_of(cell), ring)
     source.prepare()
-    source.begin(False, np.zeros(3))
+    source.begin(False, np.zeros(points.shape[1]))
     return source.at
 
 
