@@ -45,12 +45,12 @@ def test_a_file_is_one_noun_of_at_most_400_lines() -> None:
 
 
 def test_a_room_holds_at_most_20_files() -> None:
-    """But for the list of all commands, of which each is a file."""
+    """`__init__.py` counts too; but for the list of all commands, of which each is a file."""
     full = {
-        str(room.relative_to(ROOT)): len(files)
+        str(room.relative_to(ROOT)): files
         for package in PACKAGES
         for room in [ROOT / package, *(ROOT / package).rglob("*/")]
-        if len(files := [path for path in room.glob("*.py") if path.name != "__init__.py"]) > 20
+        if (files := len(list(room.glob("*.py")))) > 20
     }
     assert set(full) == {"rid_daq/commands"}
 

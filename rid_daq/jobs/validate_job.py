@@ -24,10 +24,9 @@ from identification.validation.torque_prediction import Validation, validate
 from rid_daq.jobs.cell_files import estimate_for, motion_for, require_robot
 from rid_daq.report.formats import number
 from rid_daq.report.model_file import ModelFile
-from rid_daq.report.sections.base_load import BaseLoadSection
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
-from rid_daq.report.sections.reaction import ReactionSection
+from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result

@@ -9,7 +9,6 @@ from pydantic import Field
 
 from rid_daq.report.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.average import AverageSection
-from rid_daq.report.sections.base_load import BaseLoadSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
@@ -17,7 +16,7 @@ from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report.sections.payload import PayloadSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
-from rid_daq.report.sections.reaction import ReactionSection
+from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.section import Section, Texts
