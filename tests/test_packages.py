@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.metadata
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -141,6 +142,38 @@ def test_a_function_takes_at_most_eight_parameters() -> None:
                 if width > WIDEST and not compiled and not is_command:
                     wide.add(f"{place}: {name}")
     assert wide == set()
+
+
+def test_the_program_passes_on_few_dictionaries_that_may_hold_anything() -> None:
+    """What has a shape has a class; what is only passed on is a dict of objects."""
+    found = {
+        str(path.relative_to(ROOT)): count
+        for path in (ROOT / "rid_daq").rglob("*.py")
+        if (count := path.read_text().count("dict[str, Any]"))
+    }
+    assert sum(found.values()) <= 15, found
+
+
+def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
+    """A kind of motion knows itself: what differs between kinds stands in their classes."""
+    kinds = ROOT / "acquisition" / "motion" / "kinds"
+    names = {
+        node.name
+        for path in kinds.glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef) and node.name.endswith("Motion")
+    }
+    asked = {
+        f"{path.relative_to(ROOT)}: {ast.unparse(node)}"
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+        if kinds not in path.parents
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass")
+        if names & set(re.findall(r"\w+", ast.unparse(node.args[1])))
+    }
+    assert len(names) > 8
+    assert len(asked) <= 3, asked
 
 
 def test_no_command_imports_another() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -78,7 +78,7 @@ def mock(
 
 def _print(console: Console, request: MockRequest, served: ServedCell) -> None:
     config = served.loaded.config
-    document: dict[str, Any] = {
+    document: dict[str, object] = {
         "cell": config.name,
         "devices": request.devices or config.name,
         "channel": served.channel,

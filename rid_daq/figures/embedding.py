@@ -77,7 +77,7 @@ _THEME: Final = Theme(
 )
 
 
-def as_item(figure: UIElement, dark: bool) -> dict[str, Any]:
+def as_item(figure: UIElement, dark: bool) -> dict[str, object]:
     """Return what `Bokeh.embed.embed_item` of a page takes, as values of JSON.
 
     Parameters
@@ -87,8 +87,8 @@ def as_item(figure: UIElement, dark: bool) -> dict[str, Any]:
     dark : bool
         Whether the page is dark.
     """
-    item: dict[str, Any] = renumbered(dict(json_item(figure, theme=_THEME)), {})
-    recoloured: dict[str, Any] = darkened(item) if dark else item
+    item: dict[str, object] = renumbered(dict(json_item(figure, theme=_THEME)), {})
+    recoloured: dict[str, object] = darkened(item) if dark else item
     return recoloured
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from bokeh.models import FactorRange, GridPlot
@@ -56,7 +56,7 @@ def _panels(unit: str, own: list[tuple[int, ParameterEntry]]) -> list[figure]:
     truth = np.array([np.nan if each.truth is None else each.truth for _, each in own])
     share = np.where(values != 0.0, 100.0 * reach / np.abs(values), np.nan)
     value, low, high = f"estimate [{label}]", f"estimate - 2σ [{label}]", f"estimate + 2σ [{label}]"
-    columns: dict[str, Any] = {
+    columns: dict[str, object] = {
         NAME: names,
         "in words": [each.words for _, each in own],
         value: values,

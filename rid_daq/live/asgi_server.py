@@ -12,7 +12,6 @@ import socket
 import ssl
 from collections.abc import Sequence
 from http import HTTPStatus
-from typing import Any
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.config import Config
@@ -117,7 +116,7 @@ class AsgiServer:
             await lifespan.shutdown()
 
     async def _open(
-        self, listener: socket.socket, state: dict[str, Any], stack: contextlib.AsyncExitStack
+        self, listener: socket.socket, state: dict[str, object], stack: contextlib.AsyncExitStack
     ) -> None:
         local = listener.family == socket.AF_UNIX
 

@@ -6,7 +6,6 @@ import json
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
 
 from acquisition.motion.samples import Phase
 from acquisition.task.control_block import ControlBlock
@@ -70,7 +69,7 @@ class MotionPicture:
         """Return the document, on one line, with everything but ASCII escaped."""
         return json.dumps(self._picture(), allow_nan=False).encode("ascii")
 
-    def _picture(self) -> dict[str, Any]:
+    def _picture(self) -> dict[str, object]:
         motion, control = self._motion, self._control
         progress = control.progress
         now_s = time.monotonic()
@@ -102,7 +101,7 @@ class MotionPicture:
             "over": control.task_gone,
         }
 
-    def _how_far(self, progress: Progress, now_s: float) -> dict[str, Any]:
+    def _how_far(self, progress: Progress, now_s: float) -> dict[str, object]:
         motion = self._motion
         if progress.sample_index >= 0:
             if self._began is None:
@@ -133,14 +132,14 @@ class MotionPicture:
             return (self._motion.rows - row) * self._motion.cell.cycle_time_s
         return (self._motion.rows - row) * (now_s - began_s) / (row - first)
 
-    def _joints(self, progress: Progress) -> list[dict[str, Any]]:
+    def _joints(self, progress: Progress) -> list[dict[str, object]]:
         values, temperatures = self._values, progress.temperature_k
         shown = []
         for i, joint in enumerate(self._motion.robot.joints):
             turns = joint.type == "revolute"
             limits = joint.limits
             warm = _finite(temperatures[i] - ZERO_CELSIUS_K) if temperatures else None
-            line: dict[str, Any] = {
+            line: dict[str, object] = {
                 "name": joint.name,
                 "unit": "rad" if turns else "m",
                 "torque_unit": "N m" if turns else "N",

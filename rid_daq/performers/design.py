@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import typer
@@ -18,6 +18,33 @@ from rid_daq.report.sections.section import units
 from rid_daq.terminal.choices import Kind
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.output_file import refuse_output
+
+
+class _ShownAxis(NamedTuple):
+    """What an axis does in a multisine."""
+
+    joint: str
+    unit: str
+    lines: int
+    rms_velocity: float
+    crest_factor: float
+    slow_amplitude: float
+    velocity_percent: float
+    acceleration_percent: float
+    torque_percent: float | None
+
+
+class _UseOfLimits(NamedTuple):
+    """How far an axis goes, and how near its limits."""
+
+    joint: str
+    unit: str
+    position_min: float
+    position_max: float
+    velocity: float
+    velocity_percent: float
+    acceleration: float
+    acceleration_percent: float
 
 
 def perform(request: DesignRequest, console: Console) -> None:
@@ -43,7 +70,7 @@ def _print(console: Console, designed: Designed, request: DesignRequest) -> None
         case MultisineMotion():
             axes = _axes(designed, motion)
             band = [motion.lowest_hz, motion.highest_hz]
-            console.document(told | {"band_hz": band, "axes": axes})
+            console.document(told | {"band_hz": band, "axes": [axis._asdict() for axis in axes]})
             console.say(said)
             _print_multisine(console, axes)
             if not request.multisine.slow:
@@ -56,22 +83,22 @@ def _print(console: Console, designed: Designed, request: DesignRequest) -> None
                 console.table(*table)
 
 
-def _axes(designed: Designed, motion: MultisineMotion) -> list[dict[str, Any]]:
+def _axes(designed: Designed, motion: MultisineMotion) -> list[_ShownAxis]:
     """Return what each axis does in a multisine."""
     robot = designed.cell.robot
     assert designed.use is not None
     return [
-        {
-            "joint": joint.name,
-            "unit": units(joint)[0],
-            "lines": len(own),
-            "rms_velocity": settings.velocity,
-            "crest_factor": crest,
-            "slow_amplitude": settings.slow_amplitude,
-            "velocity_percent": 100.0 * float(shares[0]),
-            "acceleration_percent": 100.0 * float(shares[1]),
-            "torque_percent": 100.0 * float(shares[2]) if shares[2] > 0.0 else None,
-        }
+        _ShownAxis(
+            joint=joint.name,
+            unit=units(joint)[0],
+            lines=len(own),
+            rms_velocity=settings.velocity,
+            crest_factor=crest,
+            slow_amplitude=settings.slow_amplitude,
+            velocity_percent=100.0 * float(shares[0]),
+            acceleration_percent=100.0 * float(shares[1]),
+            torque_percent=100.0 * float(shares[2]) if shares[2] > 0.0 else None,
+        )
         for joint, own, settings, crest, shares in zip(
             robot.joints,
             motion.excited_lines(robot),
@@ -83,7 +110,7 @@ def _axes(designed: Designed, motion: MultisineMotion) -> list[dict[str, Any]]:
     ]
 
 
-def _print_multisine(console: Console, axes: list[dict[str, Any]]) -> None:
+def _print_multisine(console: Console, axes: list[_ShownAxis]) -> None:
     speed = "of limits: speed"
     console.table(
         (
@@ -98,19 +125,19 @@ def _print_multisine(console: Console, axes: list[dict[str, Any]]) -> None:
         ),
         [
             (
-                axis["joint"],
-                str(axis["lines"]),
-                f"{axis['rms_velocity']:.3g} {axis['unit']}/s",
-                f"{axis['crest_factor']:.2f}",
-                f"{axis['slow_amplitude']:.3g} {axis['unit']}",
-                f"{axis['velocity_percent']:.0f} %",
-                f"{axis['acceleration_percent']:.0f} %",
-                "not told" if axis["torque_percent"] is None else f"{axis['torque_percent']:.0f} %",
+                axis.joint,
+                str(axis.lines),
+                f"{axis.rms_velocity:.3g} {axis.unit}/s",
+                f"{axis.crest_factor:.2f}",
+                f"{axis.slow_amplitude:.3g} {axis.unit}",
+                f"{axis.velocity_percent:.0f} %",
+                f"{axis.acceleration_percent:.0f} %",
+                "not told" if axis.torque_percent is None else f"{axis.torque_percent:.0f} %",
             )
             for axis in axes
         ],
     )
-    if any(axis["torque_percent"] is None for axis in axes):
+    if any(axis.torque_percent is None for axis in axes):
         console.say("Torque is told where the robot file has `cad`, or a --model is given.")
 
 
@@ -123,7 +150,7 @@ def _print_excitation(
         "motion": str(output),
         "condition_number": condition,
         "duration_s": samples.duration_s,
-        "axes": axes,
+        "axes": [axis._asdict() for axis in axes],
     }
     if found is not None:
         document["limits"] = [asdict(use) for use in found.best.check.uses]
@@ -149,12 +176,12 @@ def _print_excitation(
         ("axis", "range", "max speed", "of limit", "max acceleration", "of limit"),
         [
             (
-                axis["joint"],
-                f"{axis['position_min']:.3f} … {axis['position_max']:.3f} {axis['unit']}",
-                f"{axis['velocity']:.3f} {axis['unit']}/s",
-                f"{axis['velocity_percent']:.0f} %",
-                f"{axis['acceleration']:.3f} {axis['unit']}/s²",
-                f"{axis['acceleration_percent']:.0f} %",
+                axis.joint,
+                f"{axis.position_min:.3f} … {axis.position_max:.3f} {axis.unit}",
+                f"{axis.velocity:.3f} {axis.unit}/s",
+                f"{axis.velocity_percent:.0f} %",
+                f"{axis.acceleration:.3f} {axis.unit}/s²",
+                f"{axis.acceleration_percent:.0f} %",
             )
             for axis in axes
         ],
@@ -163,19 +190,19 @@ def _print_excitation(
         found.print(console, designed.cell.config)
 
 
-def _use_of_limits(samples: MotionSamples, robot: RobotDescription) -> list[dict[str, Any]]:
+def _use_of_limits(samples: MotionSamples, robot: RobotDescription) -> list[_UseOfLimits]:
     velocity = np.abs(samples.velocity).max(axis=0)
     acceleration = np.abs(samples.acceleration).max(axis=0)
     return [
-        {
-            "joint": joint.name,
-            "unit": units(joint)[0],
-            "position_min": float(samples.position[:, column].min()),
-            "position_max": float(samples.position[:, column].max()),
-            "velocity": float(velocity[column]),
-            "velocity_percent": float(100.0 * velocity[column] / joint.limits.velocity),
-            "acceleration": float(acceleration[column]),
-            "acceleration_percent": float(100.0 * acceleration[column] / joint.limits.acceleration),
-        }
+        _UseOfLimits(
+            joint=joint.name,
+            unit=units(joint)[0],
+            position_min=float(samples.position[:, column].min()),
+            position_max=float(samples.position[:, column].max()),
+            velocity=float(velocity[column]),
+            velocity_percent=float(100.0 * velocity[column] / joint.limits.velocity),
+            acceleration=float(acceleration[column]),
+            acceleration_percent=float(100.0 * acceleration[column] / joint.limits.acceleration),
+        )
         for column, joint in enumerate(robot.joints)
     ]

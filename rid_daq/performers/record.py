@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import typer
 
 from rid_daq.recording.accuracy_watch import AccuracyWatch
@@ -42,7 +40,7 @@ def _print(console: Console, recorded: MotionRecorded) -> None:
         console.next_step(*recorded.motion.next_command(run.folder.path))
 
 
-def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, Any]:
+def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, object]:
     running = accuracy.running
     return {
         "relative_percent": None if running is None else running.relative_percent.tolist(),

@@ -107,7 +107,7 @@ class PayloadSessionRequest:
     given: tuple[str, ...] = ()
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def asked(self) -> dict[str, object]:
         """What belongs to the session and is not the usual, as JSON has it."""
         whole = self if self.model is None else replace(self, model=self.model.absolute())
         told = TypeAdapter(PayloadSessionRequest).dump_python(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from pydantic import Field, JsonValue, ValidationError
 
@@ -29,8 +29,8 @@ class _State(ConfigModel):
     format: Literal["rid-daq payload session 1"] = Field(alias="schema")
     cell: str
     done: dict[str, str]
-    facts: dict[str, Any]
-    asked: dict[str, Any] = Field(default_factory=dict)
+    facts: dict[str, object]
+    asked: dict[str, object] = Field(default_factory=dict)
 
 
 @dataclass
@@ -54,8 +54,8 @@ class SessionState:
     folder: RunFolder
     cell: str
     done: dict[str, str] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
-    asked: dict[str, Any] = field(default_factory=dict)
+    facts: dict[str, object] = field(default_factory=dict)
+    asked: dict[str, object] = field(default_factory=dict)
 
     @property
     def measurements(self) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ class SessionState:
     def empty_flange(self) -> EmptyFlange | None:
         """How it is known that nothing was on the flange without payload; None where it is not."""
         told = self.facts.get(EMPTY_FLANGE)
-        return EmptyFlange(told) if told in set(EmptyFlange) else None
+        return EmptyFlange(told) if isinstance(told, str) and told in set(EmptyFlange) else None
 
     def runs(self) -> list[RunData]:
         """Return the runs of those steps.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from bokeh.models import GridPlot
 
@@ -42,7 +42,7 @@ FIGURES: Final[dict[str, Callable[..., GridPlot]]] = {
 """How each kind of figure is made of what its template hands over."""
 
 
-def item_of(kind: str, *shown: object) -> dict[str, Any]:
+def item_of(kind: str, *shown: object) -> dict[str, object]:
     """Return a figure as Bokeh's item, light.
 
     Parameters

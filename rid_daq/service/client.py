@@ -12,7 +12,7 @@ import contextlib
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -241,7 +241,7 @@ class ServiceClient:
         self,
         cell: str,
         kind: str | JobKind,
-        request: dict[str, Any] | None = None,
+        request: Mapping[str, object] | None = None,
         *,
         lease: str | None = None,
         cleared: bool = False,
@@ -319,7 +319,7 @@ class LeasedCell:
     def run(
         self,
         kind: str | JobKind,
-        request: dict[str, Any] | None = None,
+        request: Mapping[str, object] | None = None,
         *,
         cleared: bool = False,
         on_lost_client: OnLostClient = "stop",

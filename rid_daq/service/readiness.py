@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from typing import Final
 
 from rid_daq.service.records import Preflight
 from rid_daq.service.served_cell import ServedCell
@@ -71,20 +71,21 @@ class Readiness:
         """Return the open fault, empty where there is none."""
         return self._store.fault(cell.name)
 
-    def note_check(self, cell: ServedCell, document: dict[str, Any] | None) -> None:
+    def note_check(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
         """Keep what a check has found."""
-        if document is None or "lines" not in document:
+        told = None if document is None else document.get("lines")
+        if document is None or not isinstance(told, list):
             return
-        told = document["lines"]
+        problem = document.get("problem")
         preflight = Preflight(
             at_s=self._now_s(),
             passed=bool(document.get("passed")),
-            problem=document.get("problem"),
+            problem=None if problem is None else str(problem),
             lines=tuple(told),
         )
         self._store.note_preflight(cell.name, preflight, cell.files_hash())
 
-    def note_end(self, cell: ServedCell, document: dict[str, Any] | None) -> None:
+    def note_end(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
         """Keep the fault that has stopped a motion, where one has; its preflight is void."""
         stop = None if document is None else document.get("stop")
         if isinstance(stop, dict) and stop.get("code") not in _NO_FAULT:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -71,7 +71,7 @@ class Job(Record):
     kind: JobKind
     state: JobState
     owner: str
-    request: dict[str, Any]
+    request: dict[str, object]
     on_lost_client: OnLostClient = "stop"
     lease: str | None = None
     created_s: float
@@ -141,7 +141,7 @@ class Preflight(Record):
     at_s: float
     passed: bool
     problem: str | None
-    lines: tuple[dict[str, Any], ...]
+    lines: tuple[dict[str, object], ...]
     void_because: str = ""
 
 

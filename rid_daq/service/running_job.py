@@ -96,7 +96,7 @@ class RunningJob:
         self.stopping = ""
         self.question: Asked | None = None
         self.ended: Ended | None = None
-        self.document: dict[str, Any] | None = None
+        self.document: dict[str, object] | None = None
         self.run: str | None = None
         self.last_bad = ""
         self._tail = EventTail(events)
@@ -144,7 +144,7 @@ class RunningJob:
         if writer is not None and not writer.is_closing():
             writer.write((json.dumps(order) + "\n").encode())
 
-    def samples(self) -> dict[str, Any] | None:
+    def samples(self) -> dict[str, object] | None:
         """Return the newest picture of the motion under way, None where none is."""
         if self._motion is None or self.is_over:
             return None
@@ -164,7 +164,7 @@ class RunningJob:
                 loaded.robot,
             )
             self._control, self._picture = control, MotionPicture(shown, ring, control)
-        found: dict[str, Any] = json.loads(self._picture.document())
+        found: dict[str, object] = json.loads(self._picture.document())
         return found
 
     def _find_control(self) -> ControlBlock | None:

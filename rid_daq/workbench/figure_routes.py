@@ -91,7 +91,7 @@ def motion_figure(
 
 
 @router.get("/cells/{cell}/motion/facts")
-def motion_facts(cell: OfCell, service: Service, file: str) -> dict[str, Any]:
+def motion_facts(cell: OfCell, service: Service, file: str) -> dict[str, object]:
     """Return what a person should know of a motion file."""
     from rid_daq.workbench import motion_facts as facts
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from fastapi.concurrency import run_in_threadpool
@@ -32,7 +32,7 @@ async def identify_page(visit: Visitor) -> HTMLResponse:
 @router.get("/identify/check")
 def identify_check(
     cell: OfCell, service: Service, run: Annotated[list[str] | None, Query()] = None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return whether runs can be identified together."""
     from rid_daq.workbench.data_check import check_data
 

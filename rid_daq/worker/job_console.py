@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Final, Literal, TypeVar
 
 from pydantic import BaseModel
 
@@ -95,7 +95,7 @@ class JobConsole(Console):
 
     def document(self, document: Mapping[str, object] | BaseModel) -> None:
         """Tell the command's result for programs."""
-        told: dict[str, Any] = json.loads(self.as_text(document))
+        told: dict[str, object] = json.loads(self.as_text(document))
         self.events.write(Documented(at_s=time.time(), document=told))
 
     def table(

@@ -49,7 +49,9 @@ def request_type(kind: JobKind) -> type[Any]:
     return found
 
 
-def request_of(kind: JobKind, told: dict[str, Any], cell: str, runs: Path, *, cleared: bool) -> Any:
+def request_of(
+    kind: JobKind, told: dict[str, object], cell: str, runs: Path, *, cleared: bool
+) -> Any:
     """Return the request of a job.
 
     Parameters
@@ -85,12 +87,12 @@ def request_of(kind: JobKind, told: dict[str, Any], cell: str, runs: Path, *, cl
     return asked
 
 
-def request_schema(kind: JobKind) -> dict[str, Any]:
+def request_schema(kind: JobKind) -> dict[str, object]:
     """Return the JSON schema of what a client may say of a job; nothing else is taken."""
     schema = TypeAdapter(request_type(kind)).json_schema(schema_generator=_Schema)
     properties = {k: v for k, v in schema["properties"].items() if k not in OWNED}
     required = [name for name in schema.get("required", []) if name not in OWNED]
-    closed: dict[str, Any] = _closed({**schema, "properties": properties, "required": required})
+    closed: dict[str, object] = _closed({**schema, "properties": properties, "required": required})
     return closed
 
 

@@ -12,7 +12,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import IO, Any
+from typing import IO
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 from acquisition.hold_to_run.pilot import Held
@@ -70,17 +70,17 @@ class Orders:
             self._tapped = lambda _key: None
             self._held = None
 
-    def take(self, order: dict[str, Any]) -> None:
+    def take(self, order: dict[str, object]) -> None:
         """Take one order: an answer, a key that is held, or one that was tapped."""
-        if isinstance(order.get("answer"), int):
-            with self._changed:
-                self._answers[order["answer"]] = str(order.get("text", ""))
-                self._changed.notify_all()
-        elif isinstance(order.get("held"), str):
-            key = order["held"]
-            self._held = Held(key, self._now_s() + DEAD_MAN_S) if key else None
-        elif isinstance(order.get("tapped"), str):
-            self._tapped(order["tapped"])
+        match order:
+            case {"answer": int(question)}:
+                with self._changed:
+                    self._answers[question] = str(order.get("text", ""))
+                    self._changed.notify_all()
+            case {"held": str(key)}:
+                self._held = Held(key, self._now_s() + DEAD_MAN_S) if key else None
+            case {"tapped": str(key)}:
+                self._tapped(key)
 
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):

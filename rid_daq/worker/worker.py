@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from pydantic import BaseModel, ConfigDict
 
@@ -41,7 +41,7 @@ class WorkOrder(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: JobKind
-    request: dict[str, Any]
+    request: dict[str, object]
     cell: str
     runs: Path
     folder: Path

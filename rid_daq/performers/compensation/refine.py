@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 from rid_daq.jobs.feedforward_job import Refined, RefineRequest, refine_feedforward
 from rid_daq.terminal.console import Console
+
+
+class _Axis(NamedTuple):
+    """What is left of an axis's error."""
+
+    joint: str
+    rms: float
+    over_noise: float
+    bound: float
 
 
 def perform(request: RefineRequest, console: Console) -> None:
@@ -20,9 +29,9 @@ def perform(request: RefineRequest, console: Console) -> None:
 def _print(console: Console, output: Path, refined: Refined) -> None:
     measured, found = refined.measured, refined.found
     stalled = refined.stalled and not found.finished
-    axes: list[dict[str, Any]] = [
-        {"joint": name, "rms": rms, "over_noise": over, "bound": bound}
-        for name, rms, over, bound in zip(
+    axes = [
+        _Axis(*told)
+        for told in zip(
             measured.joint_names,
             measured.rms.tolist(),
             found.over_noise.tolist(),
@@ -38,7 +47,7 @@ def _print(console: Console, output: Path, refined: Refined) -> None:
             "repetitions": measured.repetitions,
             "noise_limit": found.noise_limit,
             "band_hz": found.bound.band_hz,
-            "axes": axes,
+            "axes": [axis._asdict() for axis in axes],
             "notes": refined.notes,
         }
     )
@@ -46,10 +55,10 @@ def _print(console: Console, output: Path, refined: Refined) -> None:
         ("axis", "rms error", "power over noise", "keeps at most"),
         [
             (
-                axis["joint"],
-                f"{1e3 * axis['rms']:.4f}e-3",
-                f"{axis['over_noise']:.3g}",
-                f"{axis['bound']:.1%}",
+                axis.joint,
+                f"{1e3 * axis.rms:.4f}e-3",
+                f"{axis.over_noise:.3g}",
+                f"{axis.bound:.1%}",
             )
             for axis in axes
         ],

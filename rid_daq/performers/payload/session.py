@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import typer
 
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
@@ -28,7 +26,7 @@ def perform(request: PayloadSessionRequest, console: Console) -> None:
 
 def _print_failed(console: Console, failed: StepFailed, request: PayloadSessionRequest) -> None:
     run, name = failed.run, failed.name
-    told: dict[str, Any] = {"step": name, "folder": str(run.folder.path)}
+    told: dict[str, object] = {"step": name, "folder": str(run.folder.path)}
     words = ("payload", request.cell, "--resume", failed.session_id)
     elsewhere = () if request.runs == DEFAULT_RUNS else ("--runs", request.runs)
     resume = as_command(*words, *elsewhere)

@@ -62,7 +62,7 @@ def make_api(
     return app
 
 
-def openapi_of(app: FastAPI) -> dict[str, Any]:
+def openapi_of(app: FastAPI) -> dict[str, object]:
     """Return the OpenAPI document, with the request of every kind of job in it."""
     if app.openapi_schema is None:
         document = get_openapi(

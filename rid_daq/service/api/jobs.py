@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Body, Query
 from pydantic import Field
@@ -23,7 +23,7 @@ class JobWanted(Record):
     """A job that is asked for; a motion needs the cell's lease, and each time a clear cell."""
 
     kind: JobKind
-    request: dict[str, Any] = Field(
+    request: dict[str, object] = Field(
         default_factory=dict, description="As the schema of the kind has it: `/api/v1/requests`."
     )
     cleared: bool = Field(
@@ -108,6 +108,6 @@ async def cancel(job: OfJob, service: Service, who: Operator) -> Job:
 
 
 @router.get("/requests")
-async def list_requests(who: Who) -> dict[str, Any]:
+async def list_requests(who: Who) -> dict[str, object]:
     """Return the JSON schema of the request of every kind of job."""
     return request_schemas()

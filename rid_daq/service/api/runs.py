@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from http import HTTPStatus
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
@@ -102,7 +102,7 @@ def get_run(run: str, service: Service, who: Who) -> RunEntry:
 
 
 @router.get("/runs/{run}/manifest")
-def get_manifest(run: str, service: Service, who: Who) -> dict[str, Any]:
+def get_manifest(run: str, service: Service, who: Who) -> dict[str, object]:
     """Return all that a run says of itself."""
     return run_folder(service, run).manifest().model_dump(mode="json")
 
