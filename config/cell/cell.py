@@ -258,6 +258,11 @@ class CellConfig(PhysicalFile):
         chosen = self.servo if axis.servo is None else axis.servo
         if isinstance(chosen, str) or chosen.base is not None:
             raise ConfigError(f"cell {self.name}: load the cell, so that its servo is read")
+        if chosen.spread and self.exchange == "trimmed":
+            raise ConfigError(
+                f"cell {self.name}: exchange: trimmed needs drives whose PDOs can be mapped, and"
+                f" that of {axis.joint} has fixed ones, or is asked for its torque; leave it out"
+            )
         if axis.velocity_unit is None:
             return chosen
         return chosen.model_copy(update={"velocity_unit": axis.velocity_unit})

@@ -10,14 +10,24 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from config.cell.fixed_pdo import (
+    ANSWERS,
+    COMMANDS,
+    FixedPdo,
+    ObjectName,
+    Signal,
+    object_address,
+    object_of,
+)
 from config.model import ConfigModel
 from config.plausible import Plausible
 from config.robot.robot import Positive
 
 Unsigned32 = Annotated[int, Field(ge=0, lt=2**32)]
-ObjectName = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h:[0-9A-F]{2}$")]
 FamilyObject = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$")]
-Mode = Literal["cyclic_velocity", "profile_velocity", "cyclic_position", "interpolated_position"]
+Mode = Literal[
+    "cyclic_velocity", "profile_velocity", "cyclic_position", "interpolated_position", "makers"
+]
 VelocityUnit = Literal["increments_per_s", "rpm", "0.1rpm"]
 Watch = Literal["heartbeat", "life_guarding"]
 Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
@@ -28,22 +38,21 @@ _INCREMENTS: Final = ("increments_per_s", 1.0)
 _TENTHS: Final = {"0.1rpm": 10.0}
 
 
-def object_address(name: str) -> tuple[int, int]:
-    """Return index and sub-index of ``6077h:00``."""
-    index, subindex = name.split("h:")
-    return int(index, 16), int(subindex, 16)
-
+BY_RAMP: Final[tuple[Mode, ...]] = ("profile_velocity", "makers")
+"""Modes in which the drive's own ramp, by 6083h and 6084h, leads to each velocity."""
 
 class TorqueObject(ConfigModel):
     """An object that holds a torque or a current.
 
-    `units` of its numbers are the rated torque, the rated current, or one ampere.
+    `units` of its numbers are the rated torque, the rated current, or one ampere. `asked`: no PDO
+    can carry it, and it is asked for by SDO after every SYNC.
     """
 
     object: ObjectName
     of: Literal["rated_torque", "rated_current", "ampere"] = "rated_torque"
     units: Units = 1000.0
     bits: Literal[16, 32] = 16
+    asked: bool = False
 
 
 class ExtraSetting(ConfigModel):
@@ -63,9 +72,9 @@ class ServoProfile(ConfigModel):
 
     Keys that are left out are those of `base`, a bundled profile; without it, what CiA 402 says.
 
-    `mode` is one of CiA 402's: 9, 3, 8 or 7 in 6060h. A drive that follows positions is told the
-    sum
-    of its velocities, in increments.
+    `mode` is one of CiA 402's: 9, 3, 8 or 7 in 6060h; or the maker's own -1, in which `pdos` say
+    what is told a velocity. A drive that follows positions is told the sum of its velocities, in
+    increments.
     `encoder_increments`, units of 6064h in a motor revolution, stand for 608Fh; `rated_torque_nm`
     for 6076h, of whose numbers `rated_torque_units` are 1 N m; `rated_current_a` for 6075h. A drive
     that tells a current in place of a torque needs `torque_constant_nm_per_a`, the motor's.
@@ -76,6 +85,9 @@ class ServoProfile(ConfigModel):
     `torque` goes into the answer of every cycle. `torque_limit` is written to what the cell's
     `drive_safety` says, or, with `torque_limit_written: false`, read and shown; null: there is
     none. `deceleration_rad_s2` is the joint's where the drive has no 6085h that could be set.
+
+    `commands` are taken up at the next SYNC, or, of a drive whose RPDOs know no SYNC, when they
+    come. `pdos` are those of a drive that does not let them be mapped; they are used as they are.
 
     `watch` is how drive and computer notice each other's silence: by heartbeats (1016h, 1017h), or,
     of a drive without 1016h, by life guarding (100Ch, 100Dh), in which it is asked for its state.
@@ -100,6 +112,8 @@ class ServoProfile(ConfigModel):
     torque_limit: TorqueObject | None = TorqueObject(object="6072h:00")
     torque_limit_written: bool = True
     deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")] | None = None
+    commands: Literal["at_sync", "on_arrival"] = "at_sync"
+    pdos: tuple[FixedPdo, ...] = ()
     watch: Watch = "heartbeat"
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()
@@ -107,16 +121,30 @@ class ServoProfile(ConfigModel):
 
     @model_validator(mode="after")
     def _mappable(self) -> Self:
-        if self.torque.bits != 16:
+        if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
             raise ValueError("torque goes into an answer of 8 bytes: bits must be 16")
         if self.by_position and (self.velocity_unit, self.velocity_units) != _INCREMENTS:
             raise ValueError("a drive that follows positions is told increments: no velocity_unit")
+        if self.mode == "makers" and not (self.pdos or self.base):
+            raise ValueError("mode makers: name the PDO that is told the velocity, in pdos")
+        if self.pdos:
+            _check_pdos(self.pdos, self.torque, complete=self.base is None)
         return self
 
     def on(self, base: ServoProfile) -> ServoProfile:
         """Return this profile with what it leaves out taken from another."""
         said = {name: getattr(self, name) for name in self.model_fields_set}
         return base.model_copy(update=said | {"base": None})
+
+    @property
+    def spread(self) -> bool:
+        """Whether what a cycle tells of the drive comes in more than one frame."""
+        return bool(self.pdos) or self.torque.asked
+
+    @property
+    def by_ramp(self) -> bool:
+        """Whether the drive's own ramp leads to each velocity."""
+        return self.mode in BY_RAMP
 
     @property
     def by_position(self) -> bool:
@@ -145,3 +173,17 @@ def _per(unit: VelocityUnit, units: float) -> tuple[float, float]:
     if unit == "increments_per_s":
         return units, 0.0
     return 0.0, units * _TENTHS.get(unit, 1.0)
+
+
+def _check_pdos(pdos: tuple[FixedPdo, ...], torque: TorqueObject, *, complete: bool) -> None:
+    carried = [signal for pdo in pdos for signal in pdo.signals]
+    wanted: list[Signal] = [*COMMANDS, *ANSWERS]
+    if torque.asked:
+        wanted.remove("torque")
+    if len({pdo.pdo for pdo in pdos}) < len(pdos) or len(set(carried)) < len(carried):
+        raise ValueError("pdos: each PDO, and each signal, is named once")
+    if complete and set(carried) != set(wanted):
+        raise ValueError(f"pdos must carry {', '.join(wanted)}; they carry {', '.join(carried)}")
+    told = object_of(pdos, "torque")
+    if complete and told not in (None, object_address(torque.object)):
+        raise ValueError(f"pdos: the torque is {torque.object}, which they do not carry as such")

@@ -70,6 +70,8 @@ class PdoMapping:
         1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
     event_timer_ms : int
         Of an event-driven TPDO: how often it is sent even without a change; 0 for never.
+    fixed : bool
+        Whether its objects are the device's choice, and only read back.
     """
 
     direction: Literal["rpdo", "tpdo"]
@@ -78,6 +80,7 @@ class PdoMapping:
     objects: tuple[MappedObject, ...]
     transmission_type: int = EVERY_SYNC
     event_timer_ms: int = 0
+    fixed: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.number <= 512:
@@ -112,11 +115,12 @@ class PdoMapping:
 
     def writes(self) -> Iterator[ObjectWrite]:
         """Yield the SDO writes that configure this PDO, in the order that CiA 301 asks for."""
-        yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id | INVALID))
-        yield ObjectWrite(self.mapping_index, 0, b"\0")
-        for position, item in enumerate(self.objects, start=1):
-            yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
-        yield ObjectWrite(self.mapping_index, 0, bytes((len(self.objects),)))
+        if not self.fixed:
+            yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id | INVALID))
+            yield ObjectWrite(self.mapping_index, 0, b"\0")
+            for position, item in enumerate(self.objects, start=1):
+                yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
+            yield ObjectWrite(self.mapping_index, 0, bytes((len(self.objects),)))
         yield ObjectWrite(self.communication_index, 2, bytes((self.transmission_type,)))
         if self.event_timer_ms:
             yield ObjectWrite(

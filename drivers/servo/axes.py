@@ -104,7 +104,7 @@ class CanServoAxes:
             WristCoupling.of_robot(robot),
             trimmed=cell.exchange == "trimmed",
             bitrate=cell.can.bitrate,
-            modes=[cell.servo_of(axis).mode for axis in self._axes],
+            profiles=[cell.servo_of(axis) for axis in self._axes],
             cycle_time_s=cell.cycle_time_s,
         )
         self.answers = self.cyclic.answers

@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterable, Sequence
 
 from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError, DeviceTimeoutError, PreflightError, ProtocolError
 from config.robot.robot import RobotDescription
-from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load
+from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load, typical_bits
 from drivers.canopen.nmt import NmtCommand, nmt_frame
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
+from drivers.servo.axis_frames import AxisFrames
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.requirements import STATUS_EVENT_MS
 
@@ -45,7 +47,8 @@ def bus_load(cell: CellConfig) -> float:
     """Return the typical load of a cell's bus (1.0: full) by its cyclic exchange and heartbeats."""
     safety = cell.drive_safety
     trimmed = cell.exchange == "trimmed"
-    return cyclic_load(
+    more_bits = sum(_more_bits(axis.node_id, cell.servo_of(axis)) for axis in cell.axes)
+    return more_bits / cell.cycle_time_s / cell.can.bitrate + cyclic_load(
         len(cell.axes),
         cell.cycle_time_s,
         cell.can.bitrate,
@@ -54,6 +57,15 @@ def bus_load(cell: CellConfig) -> float:
         status_s=STATUS_EVENT_MS / 1000.0 if trimmed else math.inf,
         guarded=sum(cell.servo_of(axis).watch == "life_guarding" for axis in cell.axes),
     )
+
+
+def _more_bits(node_id: int, profile: ServoProfile) -> int:
+    """Return how much longer a drive's frames of a cycle are than one there and one back [bit]."""
+    if not profile.spread:
+        return 0
+    frames = AxisFrames.of_profile(node_id, profile)
+    sizes = (*frames.sent_bytes, *frames.answer_bytes)
+    return sum(map(typical_bits, sizes)) - sum(map(typical_bits, FULL_BYTES))
 
 
 def check_bus_load(cell: CellConfig) -> float:
@@ -66,7 +78,8 @@ def check_bus_load(cell: CellConfig) -> float:
     """
     load = bus_load(cell)
     if load > LOAD_LIMIT:
-        trim = ", set exchange: trimmed" if cell.exchange == "full" else ""
+        spread = any(cell.servo_of(axis).spread for axis in cell.axes)
+        trim = ", set exchange: trimmed" if cell.exchange == "full" and not spread else ""
         raise ConfigError(
             f"cell {cell.name!r}: {len(cell.axes)} axes every {cell.cycle_time_ms} ms would fill"
             f" {100 * load:.0f} % of the CAN bus at {cell.can.bitrate} bit/s, more than"

@@ -10,6 +10,7 @@ from typing import Literal
 from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
 from config.errors import ConfigError
 
+MAKERS_OWN = -1
 PROFILE_VELOCITY = 3
 INTERPOLATED_POSITION = 7
 CYCLIC_SYNCHRONOUS_POSITION = 8

@@ -1,4 +1,5 @@
-"""The frames that carry set-points and controlwords in a cycle: `FullCommands`, `TrimmedCommands`.
+"""What carries set-points and controlwords in a cycle: `FullCommands`, `TrimmedCommands`, and
+`SpreadCommands` where a drive's PDOs are fixed.
 
 Buffers are made once and used again; what is returned is to be sent before the next call.
 """
@@ -9,6 +10,7 @@ import struct
 from collections.abc import Sequence
 
 from drivers.canopen.frames import rpdo_cob_id
+from drivers.servo.axis_frames import AxisFrames
 from drivers.servo.cia402 import ControlWord
 
 Frames = Sequence[tuple[int, bytearray]]
@@ -61,6 +63,55 @@ class FullCommands:
 
     def forget(self) -> None:
         """Do nothing: every frame says everything."""
+
+
+class SpreadCommands:
+    """Commands wherever the drives' PDOs have them, the controlword's before the velocity's.
+
+    Parameters
+    ----------
+    frames : sequence of AxisFrames
+        The drives', base to flange.
+    enables : sequence of int
+        The controlword of each that enables its operation.
+    """
+
+    def __init__(self, frames: Sequence[AxisFrames], enables: Sequence[int]) -> None:
+        self._enables = tuple(enables)
+        self._frames: list[tuple[int, bytearray]] = []
+        self._words: list[tuple[bytearray, int]] = []
+        self._targets: list[tuple[bytearray, int]] = []
+        for each in frames:
+            buffers = {cob_id: bytearray(data) for cob_id, data in each.commands}
+            word, target = each.places["controlword"], each.places["target"]
+            self._words.append((buffers[word.cob_id], word.start))
+            self._targets.append((buffers[target.cob_id], target.start))
+            later = sorted(buffers, key=lambda cob_id: cob_id == target.cob_id)
+            self._frames += [(cob_id, buffers[cob_id]) for cob_id in later]
+
+    def velocities(self, values: Sequence[int]) -> Frames:
+        """Return set-points with Enable Operation.
+
+        Raises
+        ------
+        struct.error
+            A value does not fit.
+        """
+        return self._filled(self._enables, values)
+
+    def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
+        """Return controlwords with the set-points at rest."""
+        return self._filled(_told(words, self._enables), rest)
+
+    def forget(self) -> None:
+        """Do nothing: every frame says everything."""
+
+    def _filled(self, words: Sequence[int], values: Sequence[int]) -> Frames:
+        for (buffer, start), value in zip(self._targets, values, strict=True):
+            _VELOCITY.pack_into(buffer, start, value)
+        for (buffer, start), word in zip(self._words, words, strict=True):
+            _WORD.pack_into(buffer, start, word)
+        return self._frames
 
 
 class TrimmedCommands:

@@ -3,6 +3,7 @@
 Cycle k: SYNC, at which every drive takes up the set-point of cycle k-1 and answers with statusword,
 position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. Where it is
 trimmed, controlword and statusword are frames of their own (RPDO 2, TPDO 2), sent when they change.
+Where a drive's PDOs are fixed, or its torque is asked for, its answer is joined from several frames.
 """
 
 from __future__ import annotations
@@ -14,19 +15,20 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from config.cell.servo_profile import BY_POSITION, Mode, ServoProfile
+from config.cell.servo_profile import ServoProfile
 from config.errors import TransportError
 from config.robot.wrist_coupling import WristCoupling
 from drivers.canopen.frames import SYNC, Frame, tpdo_cob_id
 from drivers.interfaces.servo_axes import Answers
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
+from drivers.servo.axis_frames import ANSWER as _ANSWER
+from drivers.servo.axis_frames import AnswerJoiner, AxisFrames
 from drivers.servo.cia402 import AxisUnits, PowerState, enabling_word, state_of
-from drivers.servo.command_frames import Frames, FullCommands, TrimmedCommands
+from drivers.servo.command_frames import Frames, FullCommands, SpreadCommands, TrimmedCommands
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.position_targets import PositionTargets
 
-_ANSWER = struct.Struct("<Hih")
 _TRIMMED_ANSWER = struct.Struct("<ih")
 _STATUS = struct.Struct("<H")
 _BARE_BITS = 47  # of a frame without data, intermission included, no stuff bit
@@ -63,8 +65,8 @@ class CyclicExchange:
         What the motors do to the joints, where a wrist is coupled.
     trimmed : bool
         Whether the cell's exchange is the trimmed one.
-    modes : sequence of Mode
-        How each drive is told where to go; all by cyclic velocity where it is left out.
+    profiles : sequence of ServoProfile
+        What each drive is told, and how; CiA 402's where it is left out.
     cycle_time_s : float
         How long a set-point acts [s]; of matter to drives that follow positions.
     bitrate : int
@@ -100,7 +102,7 @@ class CyclicExchange:
         *,
         trimmed: bool = False,
         bitrate: int = 0,
-        modes: Sequence[Mode] = (),
+        profiles: Sequence[ServoProfile] = (),
         cycle_time_s: float = 0.0,
     ) -> None:
         count = len(node_ids)
@@ -127,21 +129,34 @@ class CyclicExchange:
         self._counts_per_rad = [1.0] * count
         self._units_per_rad_s = [1.0] * count
         self._nm_per_unit = [1.0] * count
-        self._commands: FullCommands | TrimmedCommands
-        if not modes:
-            modes = [ServoProfile().mode for _ in node_ids]
-        enables = [enabling_word(mode) for mode in modes]
-        self._commands = (TrimmedCommands if trimmed else FullCommands)(node_ids, enables)
+        profiles = profiles or [ServoProfile() for _ in node_ids]
+        enables = [enabling_word(profile.mode) for profile in profiles]
+        self._receive_all = link.receive_all
+        self._joiner: AnswerJoiner | None = None
+        self._commands: FullCommands | TrimmedCommands | SpreadCommands
+        spread: list[AxisFrames] = []
+        if any(profile.spread for profile in profiles):
+            nodes = zip(node_ids, profiles, strict=True)
+            spread = [AxisFrames.of_profile(node, profile) for node, profile in nodes]
+            self._joiner = AnswerJoiner(link, node_ids, spread, watch)
+            self._receive_all = self._joiner.receive_all
+            self._commands = SpreadCommands(spread, enables)
+        else:
+            self._commands = (TrimmedCommands if trimmed else FullCommands)(node_ids, enables)
         self._rest = [0] * count
         self._positions: PositionTargets | None = None
-        if any(mode in BY_POSITION for mode in modes):
-            self._positions = PositionTargets([mode in BY_POSITION for mode in modes], cycle_time_s)
+        if any(profile.by_position for profile in profiles):
+            self._positions = PositionTargets(
+                [profile.by_position for profile in profiles], cycle_time_s
+            )
         self._trimmed = trimmed
         self._answer_bytes = _TRIMMED_ANSWER.size if trimmed else _ANSWER.size
         self._status_slots = {
             tpdo_cob_id(node, 2): axis for axis, node in enumerate(node_ids) if trimmed
         }
-        bits = (count + 1) * _BARE_BITS + 8 * self._answer_bytes * count
+        sizes = [size for each in spread for size in each.answer_bytes]
+        sizes = sizes or [self._answer_bytes] * count
+        bits = (len(sizes) + 1) * _BARE_BITS + 8 * sum(sizes)
         self._burst_s = bits / bitrate if bitrate and not link.simulated else 0.0
         self._expected_s = self._burst_s
         self._telling_s = TELLING_S + (TELLING_BURSTS * bits / bitrate if bitrate else 0.0)
@@ -172,12 +187,16 @@ class CyclicExchange:
             self._read_waiting()
         self._cycle += 1
         self.sync_time_s = self._link.clock.now_s()
-        self._link.send_frames((SYNC,))
+        if self._joiner is None:
+            self._link.send_frames((SYNC,))
+        else:
+            self._joiner.begin(self.sync_time_s)
+            self._link.send_frames((SYNC, *self._joiner.questions))
         return self.sync_time_s
 
     def _read_waiting(self) -> None:
         taken = 0
-        while taken < MOST_FRAMES and (arrived := self._link.receive_all(-math.inf)):
+        while taken < MOST_FRAMES and (arrived := self._receive_all(-math.inf)):
             taken += len(arrived)
             for arrival in arrived:
                 axis = self._slots.get(arrival.cob_id)
@@ -230,7 +249,7 @@ class CyclicExchange:
         while (
             (missing or cycle <= self._watched_until)
             and taken < MOST_FRAMES
-            and (arrived := link.receive_all(deadline_s))
+            and (arrived := self._receive_all(deadline_s))
         ):
             taken += len(arrived)
             read_s = arrived[-1].time_s

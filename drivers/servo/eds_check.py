@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from config.cell.cell import CellConfig, DriveAxis
+from config.cell.fixed_pdo import object_address
 from config.cell.servo_profile import ServoProfile
 from config.formats.eds import ElectronicDataSheet
 from config.formats.eds_object import DataType, EdsObject, is_signed
@@ -96,6 +97,14 @@ def eds_findings(
     findings += _unknown(profile)
     for pdo in cyclic_pdos(axis.node_id, cell.exchange, profile):
         findings += _pdo_findings(eds, pdo, axis.node_id)
+    if profile.torque.asked:
+        torque = Requirement(
+            *object_address(profile.torque.object), profile.torque.bits // 8, "torque, by SDO"
+        )
+        found = eds.get(torque.index, torque.subindex)
+        lack = _lack(torque, found)
+        if lack is not None:
+            findings.append(_finding(torque, *lack, found))
     return tuple(findings)
 
 
@@ -181,8 +190,27 @@ def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping, node_id: int) -> It
         lack = _lack(requirement, found, node_id)
         if lack is not None:
             yield _finding(requirement, *lack, found)
+    if pdo.fixed:
+        yield from _fixed_findings(eds, pdo, title)
+        return
     for item in pdo.objects:
         yield from _mapped_findings(eds, pdo, item, title)
+
+
+def _fixed_findings(eds: ElectronicDataSheet, pdo: PdoMapping, title: str) -> Iterator[EdsFinding]:
+    """Yield where the objects of a PDO are others than those that are not to be changed."""
+    for held in pdo.read_back():
+        if held.index != pdo.mapping_index:
+            continue
+        value = int.from_bytes(held.data, "little")
+        requirement = Requirement(held.index, held.subindex, len(held.data), f"{title} object",
+                                  value, write=False, hexadecimal=True)  # fmt: skip
+        found = eds.get(held.index, held.subindex)
+        required = requirement.words(value)
+        if found is None:
+            yield _finding(requirement, required, "not in the EDS", None)
+        elif not _delivered_right(requirement, found):
+            yield _finding(requirement, required, requirement.words(_delivered(found)), found)
 
 
 def _mapped_findings(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final, get_args
 
 from config.cell.cell import CellConfig, DriveAxis
-from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
+from config.cell.servo_profile import BY_RAMP, Mode, ServoProfile, TorqueObject
 from config.formats.eds import ElectronicDataSheet
 from config.formats.eds_object import EdsObject, is_signed
 from config.formats.yaml_tree import dump_yaml
@@ -28,7 +28,7 @@ SAFETY_OBJECTS: Final = frozenset(
 """What protects people: without one of these a drive is not used, whatever the cell file says."""
 
 _RAMP: Final = "6084h:00"
-_MODES: Final[tuple[Mode, ...]] = get_args(Mode)
+_MODES: Final[tuple[Mode, ...]] = tuple(mode for mode in get_args(Mode) if mode != "makers")
 _OF_MODES = ("6502h:00", "60FFh:00", "607Ah:00", "60C1h:01", "60C2h:01", "60C2h:02", "6083h:00")
 _CURRENT_WORDS = ("current", "torque")
 _ACTUAL_WORDS = ("actual", "present", "feedback")
@@ -83,7 +83,7 @@ class EdsFit:
 
         In profile velocity a stop does not take 6084h, the ramp to the next set-point does.
         """
-        ramp = finding.object_name == _RAMP and self.mode == "profile_velocity"
+        ramp = finding.object_name == _RAMP and self.mode in BY_RAMP
         return finding.object_name in SAFETY_OBJECTS and not ramp
 
 
@@ -161,7 +161,7 @@ def _keys_for(
         keys = {"watch": "life_guarding"}
     elif name == "6085h:00":
         keys = {"deceleration_rad_s2": 10.0}
-    elif name in _OF_MODES and profile.mode != _MODES[-1]:
+    elif name in _OF_MODES and profile.mode in _MODES[:-1]:
         keys = {"mode": _MODES[_MODES.index(profile.mode) + 1]}
     elif any(name == extra.object for extra in profile.settings):
         kept = tuple(extra for extra in profile.settings if extra.object != name)

@@ -12,16 +12,25 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from config.cell.cell import CellConfig
-from config.cell.servo_profile import Mode, ServoProfile, object_address
+from config.cell.fixed_pdo import FixedPdo, Signal, object_address, object_of
+from config.cell.servo_profile import Mode, ServoProfile
 from config.errors import ConfigError
 from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
-from drivers.canopen.pdo import ON_EVENT, RPDO_COMMUNICATION, MappedObject, PdoMapping
+from drivers.canopen.pdo import (
+    EVERY_SYNC,
+    ON_EVENT,
+    RPDO_COMMUNICATION,
+    MappedObject,
+    PdoMapping,
+)
+from drivers.canopen.sdo import object_name
 from drivers.servo.cia402 import (
     CYCLIC_SYNCHRONOUS_POSITION,
     CYCLIC_SYNCHRONOUS_VELOCITY,
     DRIVE_PROFILE,
     INTERPOLATED_POSITION,
+    MAKERS_OWN,
     PROFILE_VELOCITY,
     AxisUnits,
     MotorRatings,
@@ -39,6 +48,7 @@ MODES: Final[dict[Mode, int]] = {
     "profile_velocity": PROFILE_VELOCITY,
     "cyclic_position": CYCLIC_SYNCHRONOUS_POSITION,
     "interpolated_position": INTERPOLATED_POSITION,
+    "makers": MAKERS_OWN,
 }
 TARGETS: Final[dict[Mode, tuple[int, int]]] = {
     "cyclic_velocity": (0x60FF, 0),
@@ -46,7 +56,7 @@ TARGETS: Final[dict[Mode, tuple[int, int]]] = {
     "cyclic_position": (0x607A, 0),
     "interpolated_position": (0x60C1, 1),
 }
-"""What the set-points are written to."""
+"""What the set-points are written to; in a mode of the maker's, what its PDOs say."""
 INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
 GUARD_TIME, LIFE_TIME_FACTOR = (0x100C, 0), (0x100D, 0)
 RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)
@@ -127,9 +137,14 @@ def mode_words(mode: Mode) -> str:
 
 def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
     """Return what says that a device is a servo drive that follows velocities."""
+    device = Requirement(
+        0x1000, 0, 4, "device profile", DRIVE_PROFILE, mask=0xFFFF, write=False
+    )  # fmt: skip
+    if profile.mode == "makers":  # 6502h has no bit for it
+        return (device,)
     bit = 1 << MODES[profile.mode] - 1
     return (
-        Requirement(0x1000, 0, 4, "device profile", DRIVE_PROFILE, mask=0xFFFF, write=False),
+        device,
         Requirement(
             0x6502, 0, 4, f"supports {mode_words(profile.mode)}", bit,
             mask=bit, write=False, hexadecimal=True, lack="shown",
@@ -139,10 +154,11 @@ def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
 
 def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
     """Return what is read of the motor, as far as the profile does not say it."""
-    used = {profile.torque.of}
-    if profile.torque_limit is not None:
-        used.add(profile.torque_limit.of)
-    current = "rated_current" in used or (profile.torque_limit_written and "ampere" in used)
+    used, limit = {profile.torque.of}, profile.torque_limit
+    if limit is not None:
+        used.add(limit.of)
+    in_amperes = limit is not None and limit.of == "ampere" and profile.torque_limit_written
+    current = "rated_current" in used or in_amperes
     ratings = []
     if profile.encoder_increments is None:
         ratings += [
@@ -174,32 +190,58 @@ def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
     return MotorRatings(increments, torque, current, constant)
 
 
+def signal_object(profile: ServoProfile, signal: Signal) -> tuple[int, int]:
+    """Return the object that carries a signal: that of the fixed PDOs, or CiA 402's."""
+    fixed = object_of(profile.pdos, signal)
+    if fixed is not None:
+        return fixed
+    if signal == "target":
+        return TARGETS[profile.mode]
+    if signal == "torque":
+        return object_address(profile.torque.object)
+    return {"controlword": (0x6040, 0), "statusword": (0x6041, 0), "position": (0x6064, 0)}[signal]
+
+
 def cyclic_pdos(
     node_id: int, exchange: str, profile: ServoProfile | None = None
 ) -> tuple[PdoMapping, ...]:
     """Return the PDOs of a drive in a cell's `exchange`, full or trimmed.
 
     Those with a SYNC are taken up and sent at every SYNC. In the trimmed exchange the statusword
-    comes when it changes, and every `STATUS_EVENT_MS`.
+    comes when it changes, and every `STATUS_EVENT_MS`. Where the drive's are fixed, these are they.
     """
     profile = profile or ServoProfile()
-    torque_address = object_address(profile.torque.object)
-    word, status = MappedObject(0x6040, 0, 16), MappedObject(0x6041, 0, 16)
-    target = MappedObject(*TARGETS[profile.mode], 32)
-    position, torque = MappedObject(0x6064, 0, 32), MappedObject(*torque_address, 16)
+    if profile.pdos:
+        return tuple(_fixed_pdo(node_id, pdo) for pdo in profile.pdos)
+    acts = EVERY_SYNC if profile.commands == "at_sync" else ON_EVENT
+    word = MappedObject(*signal_object(profile, "controlword"), 16)
+    status = MappedObject(*signal_object(profile, "statusword"), 16)
+    target = MappedObject(*signal_object(profile, "target"), 32)
+    position = MappedObject(*signal_object(profile, "position"), 32)
+    torque = MappedObject(*signal_object(profile, "torque"), 16)
     if exchange == "full":
+        told = (status, position) if profile.torque.asked else (status, position, torque)
         return (
-            PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, target)),
-            PdoMapping("tpdo", 1, tpdo_cob_id(node_id), (status, position, torque)),
+            PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, target), acts),
+            PdoMapping("tpdo", 1, tpdo_cob_id(node_id), told),
         )
     return (
-        PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (target,)),
-        PdoMapping("rpdo", 2, rpdo_cob_id(node_id, 2), (word,)),
+        PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (target,), acts),
+        PdoMapping("rpdo", 2, rpdo_cob_id(node_id, 2), (word,), acts),
         PdoMapping("tpdo", 1, tpdo_cob_id(node_id), (position, torque)),
         PdoMapping(
             "tpdo", 2, tpdo_cob_id(node_id, 2), (status,), ON_EVENT, event_timer_ms=STATUS_EVENT_MS
         ),
     )
+
+
+def _fixed_pdo(node_id: int, pdo: FixedPdo) -> PdoMapping:
+    objects = tuple(
+        MappedObject(*object_address(entry.object), entry.bits) for entry in pdo.objects
+    )
+    direction: Literal["rpdo", "tpdo"] = "rpdo" if pdo.receives else "tpdo"
+    cob_id = (rpdo_cob_id if pdo.receives else tpdo_cob_id)(node_id, pdo.number)
+    return PdoMapping(direction, pdo.number, cob_id, objects, pdo.transmission, fixed=True)
 
 
 def safety_requirements(
@@ -299,10 +341,11 @@ def _ramps(
     if profile.deceleration_rad_s2 is None:
         value = round(deceleration * factor)
         yield Requirement(*QUICK_STOP_DECELERATION, 4, "quick-stop deceleration", value)
-    if profile.mode == "profile_velocity":
+    if profile.by_ramp:
         steep = round(max(deceleration, _STEEPER * acceleration) * factor)
         yield Requirement(0x6083, 0, 4, "profile acceleration", steep)
-        yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", steep, lack="shown")
+        told = None if object_name(*PROFILE_DECELERATION) in profile.read_only else steep
+        yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", told, lack="shown")
     elif uses_profile_deceleration(cell):
         value = round(deceleration * factor)
         yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", value)
@@ -323,6 +366,6 @@ def _torque_limit(
 
 
 def _cycle_time(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
-    if profile.mode != "profile_velocity":
+    if not profile.by_ramp:
         yield Requirement(0x60C2, 1, 1, "cycle time [ms]", cell.cycle_time_ms)
         yield Requirement(0x60C2, 2, 1, "cycle time, power of ten", -3, signed=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from config.cell.cell import CellConfig, DeviceIdentity, DriveAxis
-from config.cell.servo_profile import object_address
+from config.cell.fixed_pdo import object_address
 from config.errors import ConfigError
 from config.robot.robot import Joint
 from drivers.canopen.emcy import code_text
@@ -139,20 +139,25 @@ class DriveSetup:
             said = f"{self._profile.deceleration_rad_s2:g} rad/s² or m/s², by the cell file"
             self._note(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "", said, "shown")
         self._settings += stop_settings(self._cell, axis, joint, motor, units, self._held)
+        if self._profile.torque.asked:
+            torque = object_address(self._profile.torque.object)
+            said = "asked for after every SYNC: once a cycle, as old as the drive's answer"
+            self._note(*torque, "torque", "", said, "shown")
         pdos = cyclic_pdos(axis.node_id, self._cell.exchange, self._profile)
         for pdo in pdos:
             self._configure_pdo(pdo)
         self._switch_off_other_pdos({pdo.communication_index for pdo in pdos})
 
     def _identify(self) -> None:
-        device, modes = kind_requirements(self._profile)
+        device, *modes = kind_requirements(self._profile)
         self._require(device)
         try:
             name = printable(self._port.read(0x1008, 0).rstrip(b"\0"))
         except SdoAbort as abort:
             name = abort_text(abort.code)
         self._note(0x1008, 0, "device name", "", name, "shown")
-        self._require(modes)
+        for requirement in modes:
+            self._require(requirement)
 
     def _is_expected(self) -> bool:
         """Read 1018h; return whether it is as the cell file, or the drive's EDS, says."""
@@ -278,7 +283,7 @@ class DriveSetup:
             try:
                 self._port.write(write.index, write.subindex, write.data)
             except SdoAbort as abort:
-                if abort.code == SdoCode.READ_ONLY and _is_identifier(pdo, write):
+                if abort.code == SdoCode.READ_ONLY and write.index == pdo.communication_index:
                     continue  # what is read back below decides
                 wanted = write.data[::-1].hex().upper() + "h"
                 found = f"refused: {abort_text(abort.code)}"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from config.cell.cell import CellConfig, DriveAxis
-from config.cell.servo_profile import object_address
+from config.cell.fixed_pdo import object_address
 from config.errors import ConfigError
 from config.robot.robot import Joint
 from drivers.interfaces.servo_axes import DriveSetting

@@ -10,7 +10,8 @@ import struct
 from abc import abstractmethod
 from typing import NamedTuple, Protocol
 
-from config.cell.servo_profile import TorqueObject, object_address
+from config.cell.fixed_pdo import object_address
+from config.cell.servo_profile import TorqueObject
 from drivers.canopen.sdo import object_name
 from mock_hw.drive import objects as od
 from mock_hw.drive.object_dictionary import ObjectDictionary
@@ -129,7 +130,7 @@ class DrivenAxis:
         units, motor, profile = identity.units, identity.motor, identity.profile
         self._counts_per_unit = units.counts_per_rad / units.velocity_units_per_rad_s
         permille_nm = 1e-6 * identity.rated_torque_mnm
-        self._torque = object_address(profile.torque.object)
+        self._torque = od.TORQUE if profile.pdos else object_address(profile.torque.object)
         self._torque_per_permille = permille_nm / motor.nm_per_unit(profile.torque)
         limit = profile.torque_limit or TorqueObject(object=object_name(*od.TORQUE_LIMIT))
         self._limit = object_address(limit.object)

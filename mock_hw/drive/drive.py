@@ -20,6 +20,7 @@ from drivers.canopen.heartbeat import guard_request, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, next_nmt_state, parse_nmt
 from drivers.canopen.sdo_server import SdoServer
 from drivers.servo.cia402 import ControlWord, PowerState
+from drivers.servo.requirements import signal_object
 from mock_hw.drive import objects as od
 from mock_hw.drive.axis import AxisPort, DrivenAxis
 from mock_hw.drive.errors import (
@@ -85,7 +86,7 @@ class SimulatedDrive:
         self.node_id = identity.node_id
         self._now_s = now_s
         self.clock = DriveClock()
-        self.objects = ObjectDictionary(od.drive_entries(identity))
+        self.objects = ObjectDictionary(od.drive_entries(identity), od.mirrors(identity.profile))
         units = identity.units
         ramps = units.velocity_units_per_rad_s / units.acceleration_units_per_rad_s2
         self.power = PowerStage(self.objects, self.clock, ramps)
@@ -101,6 +102,7 @@ class SimulatedDrive:
         self._sync_deadline_s = math.inf
         self._master = MasterWatch(self.objects, self.clock, identity)
         self._guard_cob_id = guard_request(identity.node_id).cob_id
+        self._targets = _TARGETS | {signal_object(identity.profile, "target")}
         self.beats = True
         self.watches = True
         self.ignores_quick_stop = False
@@ -345,7 +347,7 @@ class SimulatedDrive:
                 objects[key] = value
         if od.CONTROLWORD in keys:
             self._command()
-        if not _TARGETS.isdisjoint(keys):
+        if not self._targets.isdisjoint(keys):
             self.power.take_target(self._now_s)
 
     def _send_changes(self) -> None:
@@ -376,7 +378,7 @@ class SimulatedDrive:
             self._command()
         elif key == od.STORE:
             self.objects.store()
-        elif key in _TARGETS:
+        elif key in self._targets:
             self.power.take_target(self._now_s)
         elif key == od.HEARTBEAT_PRODUCER:
             self._beat_s = self._now_s if value else math.inf

@@ -59,6 +59,15 @@ class Entry:
         return 8 * struct.calcsize(f"<{self.code}")
 
 
+@dataclass(frozen=True, slots=True)
+class Mirror:
+    """An object that takes over what another is set to, while some hold what they must."""
+
+    key: Key
+    of: Key
+    conditions: tuple[tuple[Key, int], ...] = ()
+
+
 class ObjectDictionary:
     """Values by index and sub-index; numbers are integers, texts are bytes.
 
@@ -69,9 +78,12 @@ class ObjectDictionary:
     ----------
     entries : iterable of Entry
         The objects that exist.
+    mirrors : iterable of Mirror
+        Objects that take over what others are set to.
     """
 
-    def __init__(self, entries: Iterable[Entry]) -> None:
+    def __init__(self, entries: Iterable[Entry], mirrors: Iterable[Mirror] = ()) -> None:
+        self._mirrors = {mirror.of: mirror for mirror in mirrors}
         self._entries = {entry.key: entry for entry in entries}
         self._indices = {index for (index, _), entry in self._entries.items() if not entry.hidden}
         self._stored = {key: entry.default for key, entry in self._entries.items()}
@@ -84,6 +96,10 @@ class ObjectDictionary:
 
     def __setitem__(self, key: Key, value: int) -> None:
         self._values[key] = value
+        if key in self._mirrors:
+            mirror = self._mirrors[key]
+            if all(self._values[other] == wanted for other, wanted in mirror.conditions):
+                self._values[mirror.key] = value
 
     def __contains__(self, key: Key) -> bool:
         return key in self._entries

@@ -8,7 +8,8 @@ from fractions import Fraction
 from typing import Literal
 
 from config.cell.cell import CellConfig, DriveAxis
-from config.cell.servo_profile import BY_POSITION, ServoProfile, object_address
+from config.cell.fixed_pdo import FixedPdo, object_address
+from config.cell.servo_profile import BY_POSITION, ServoProfile
 from config.errors import ConfigError
 from config.robot.robot import Joint
 from config.simulation.plant import SimulatedAxis
@@ -25,7 +26,7 @@ from drivers.canopen.pdo import (
 from drivers.canopen.sdo import object_name
 from drivers.servo.cia402 import DRIVE_PROFILE, AxisUnits, MotorRatings
 from drivers.servo.requirements import MODES, TARGETS
-from mock_hw.drive.object_dictionary import Entry
+from mock_hw.drive.object_dictionary import Entry, Mirror
 
 ERROR_REGISTER = (0x1001, 0)
 ERROR_HISTORY = 0x1003
@@ -70,10 +71,12 @@ PDO_NUMBERS = (1, 2, 3, 4)
 FOLLOWING_ERROR_OFF = 0xFFFF_FFFF
 
 _PRODUCT_CODE = 0x0361
+ON_REQUEST = 253
 _PDO_TYPES = frozenset((*range(241), 254, 255))
 _CIA402 = ServoProfile()
 _NM_PER_A = 0.1
 _LARGEST = 3.0  # times the rated torque
+_CIA402_AREA = 0x6000
 _CODES = {8: "B", 16: "H", 32: "I"}
 
 
@@ -164,17 +167,79 @@ def drive_entries(identity: DriveIdentity) -> Iterator[Entry]:
 
 def _all_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield from _communication_entries(identity)
+    fixed = {pdo.pdo: pdo for pdo in identity.profile.pdos}
     for number in PDO_NUMBERS:
-        yield from _pdo_entries(identity.node_id, number)
+        for entry in _pdo_entries(identity.node_id, number):
+            yield entry if not fixed else _as_delivered(entry, fixed, identity.node_id)
     yield from _profile_entries(identity)
     yield from _makers_entries(identity)
+    yield from _channel_entries(identity.profile)
+
+
+def _as_delivered(entry: Entry, fixed: dict[str, FixedPdo], node_id: int) -> Entry:
+    """Return an object of a PDO record as a drive with fixed PDOs has it.
+
+    Types can be written, mappings and identifiers cannot.
+    """
+    receives = entry.index & 0xFC00 == RPDO_COMMUNICATION
+    number = (entry.index & 0xFF) + 1
+    pdo = fixed.get(f"{'r' if receives else 't'}pdo{number}")
+    if pdo is None:
+        return replace(entry, hidden=True)
+    if entry.index in (RPDO_MAPPING + number - 1, TPDO_MAPPING + number - 1):
+        held = len(pdo.objects)
+        if entry.subindex:
+            listed = dict(enumerate(pdo.objects, start=1)).get(entry.subindex)
+            held = 0
+            if listed is not None:
+                held = MappedObject(*object_address(listed.object), listed.bits).entry()
+        return replace(entry, default=held, access="ro")
+    if entry.subindex == 1:
+        cob_id = (rpdo_cob_id if receives else tpdo_cob_id)(node_id, number)
+        return replace(entry, default=cob_id, access="ro")
+    if entry.subindex == 2 and not receives:
+        return replace(entry, default=ON_REQUEST, allowed=_PDO_TYPES | {ON_REQUEST})
+    return entry
+
+
+def _channel_entries(profile: ServoProfile) -> Iterator[Entry]:
+    """Yield what fixed PDOs carry and nothing else has: a channel of the maker's."""
+    known = {extra.object for extra in profile.settings}
+    for pdo in profile.pdos:
+        for listed in pdo.objects:
+            if object_address(listed.object)[0] < _CIA402_AREA and listed.object not in known:
+                known.add(listed.object)
+                signed = listed.signal is not None
+                code = _CODES[listed.bits].lower() if signed else _CODES[listed.bits]
+                access: Literal["ro", "rw"] = "rw" if pdo.receives else "ro"
+                mapping: Literal["r", "t"] = "r" if pdo.receives else "t"
+                yield Entry(*object_address(listed.object), "channel", code, 0, access, mapping)
+
+
+def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
+    """Yield how the maker's channel and CiA 402's objects depend on each other.
+
+    A set-point counts while its PDO holds the command; a value is told while the settings hold.
+    """
+    settings = tuple((object_address(each.object), each.value) for each in profile.settings)
+    standard = {"target": TARGET_VELOCITY, "position": POSITION, "torque": TORQUE}
+    for pdo in profile.pdos:
+        held = [(object_address(each.object), each.holds) for each in pdo.objects]
+        for listed in pdo.objects:
+            key = object_address(listed.object)
+            internal = standard.get(listed.signal or "", key)
+            if key != internal and pdo.receives:
+                told = tuple((other, value) for other, value in held if value is not None)
+                yield Mirror(internal, key, told)
+            elif key != internal:
+                yield Mirror(key, internal, settings)
 
 
 def _makers_entries(identity: DriveIdentity) -> Iterator[Entry]:
     """Yield what the family has besides, or in place of CiA 402's: torque, limit, settings."""
     profile, motor = identity.profile, identity.motor
     torque, limit = profile.torque, profile.torque_limit
-    if torque.object != object_name(*TORQUE):
+    if torque.object != object_name(*TORQUE) and not profile.pdos:
         yield Entry(*object_address(torque.object), "torque or current", "h", 0, mapping="t")
     if limit is not None and limit.object != object_name(*TORQUE_LIMIT):
         code = _CODES[limit.bits]
@@ -185,7 +250,7 @@ def _makers_entries(identity: DriveIdentity) -> Iterator[Entry]:
         yield Entry(0x6075, 0, "rated current [mA]", "I", round(1e3 * (motor.current_a or 0.0)))
     if profile.by_position:
         yield Entry(*TARGETS[profile.mode], "target position", "i", 0, "rw", "r")
-    if profile.mode == "profile_velocity":
+    if profile.by_ramp:
         yield Entry(*PROFILE_ACCELERATION, "profile acceleration", "I", 10_000_000, "rw")
     for extra in profile.settings:
         code = _CODES[extra.bits].lower() if extra.value < 0 else _CODES[extra.bits]
@@ -270,7 +335,11 @@ def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield Entry(*VELOCITY, "velocity", "i", 0, mapping="t")
     yield Entry(*TORQUE_LIMIT, "torque limit [0.1 %]", "H", 3000, "rw", "r")
     yield Entry(0x6076, 0, "rated torque", "I", round(rated))
-    yield Entry(*TORQUE, "torque [0.1 %]", "h", 0, mapping="t")
+    torque = identity.profile.torque
+    if torque.asked and torque.object == object_name(*TORQUE):
+        yield Entry(*TORQUE, "torque", _CODES[torque.bits].lower(), 0)
+    else:
+        yield Entry(*TORQUE, "torque [0.1 %]", "h", 0, mapping="t")
     yield Entry(*PROFILE_DECELERATION, "profile deceleration", "I", 10_000_000, "rw")
     yield Entry(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "I", 10_000_000, "rw")
     yield Entry(0x608F, 0, "encoder resolution", "B", 2)
@@ -285,4 +354,5 @@ def _profile_entries(identity: DriveIdentity) -> Iterator[Entry]:
     yield Entry(*INTERPOLATION_INDEX, "its power of ten [s]", "b", -3, "rw", "", range(-4, -1))
     yield Entry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
     yield Entry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")
-    yield Entry(0x6502, 0, "supported modes", "I", 1 << mode - 1)
+    listed = 1 << mode - 1 if mode > 0 else 0
+    yield Entry(0x6502, 0, "supported modes", "I", listed)

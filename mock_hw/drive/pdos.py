@@ -16,7 +16,7 @@ from drivers.canopen.pdo import (
 )
 from drivers.canopen.sdo import SdoAbort, SdoCode
 from mock_hw.drive.object_dictionary import Key, ObjectDictionary
-from mock_hw.drive.objects import PDO_NUMBERS
+from mock_hw.drive.objects import ON_REQUEST, PDO_NUMBERS
 from mock_hw.drive.power_stage import DriveClock
 
 SYNCHRONOUS_TYPES = range(241)
@@ -139,7 +139,9 @@ class PdoTable:
             if is_valid(objects[RPDO_COMMUNICATION + number - 1, 1]):
                 pdo = DrivePdo(objects, clock, RPDO_COMMUNICATION, number, now_s)
                 self.received[pdo.cob_id] = pdo
-            if is_valid(objects[TPDO_COMMUNICATION + number - 1, 1]):
+            communication = TPDO_COMMUNICATION + number - 1
+            requested = objects[communication, 2] == ON_REQUEST  # by a remote frame, and nobody does
+            if is_valid(objects[communication, 1]) and not requested:
                 pdo = DrivePdo(objects, clock, TPDO_COMMUNICATION, number, now_s)
                 self.transmitted.append(pdo)
         self.event_driven = [pdo for pdo in self.transmitted if not pdo.synchronous]

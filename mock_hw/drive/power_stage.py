@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from drivers.servo.cia402 import (
     CYCLIC_SYNCHRONOUS_VELOCITY,
     FOLLOWS_COMMAND,
+    MAKERS_OWN,
     PROFILE_VELOCITY,
     VOLTAGE_ENABLED,
     PowerState,
@@ -152,7 +153,7 @@ class PowerStage:
             self._followed = target
             velocity = (target - before) / period_s + _STIFFNESS * (before - objects[POSITION])
             self.set_target(velocity, now_s, period_s)
-        elif mode == PROFILE_VELOCITY:
+        elif mode in (PROFILE_VELOCITY, MAKERS_OWN):
             change = target - self._ramp.at(now_s)
             self.set_target(target, now_s, self._ramp_s(change, PROFILE_ACCELERATION))
 

@@ -1,0 +1,96 @@
+"""`FixedPdo`: a PDO that carries what its drive's maker chose, and cannot be mapped otherwise."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from config.model import ConfigModel
+
+ObjectName = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h:[0-9A-F]{2}$")]
+Signal = Literal["controlword", "target", "statusword", "position", "torque"]
+
+COMMANDS: Final[tuple[Signal, ...]] = ("controlword", "target")
+ANSWERS: Final[tuple[Signal, ...]] = ("statusword", "position", "torque")
+ON_ARRIVAL: Final = (254, 255)
+
+_BITS: Final[dict[Signal, tuple[int, ...]]] = {
+    "controlword": (16,), "statusword": (16,), "target": (32,), "position": (32,),
+    "torque": (16, 32),
+}  # fmt: skip
+
+
+def object_address(name: str) -> tuple[int, int]:
+    """Return index and sub-index of ``6077h:00``."""
+    index, subindex = name.split("h:")
+    return int(index, 16), int(subindex, 16)
+
+
+class FixedEntry(ConfigModel):
+    """One object in such a PDO.
+
+    `signal` says what of a cycle it carries. What carries none is, in an RPDO, always told `holds`;
+    in a TPDO it is not looked at.
+    """
+
+    object: ObjectName
+    bits: Literal[8, 16, 32]
+    signal: Signal | None = None
+    holds: Annotated[int, Field(ge=0, lt=2**32)] | None = None
+
+
+class FixedPdo(ConfigModel):
+    """A PDO with its objects in order, and its transmission type.
+
+    Type 1: with every SYNC. An RPDO of 254 or 255 acts when it comes. A TPDO of another type than 1
+    may come whenever it likes, and is not used.
+    """
+
+    pdo: Annotated[str, Field(pattern=r"^[rt]pdo[1-4]$")]
+    transmission: Annotated[int, Field(ge=0, le=255)]
+    objects: Annotated[tuple[FixedEntry, ...], Field(min_length=1, max_length=8)]
+
+    @model_validator(mode="after")
+    def _usable(self) -> Self:
+        signals = self.signals
+        if sum(entry.bits for entry in self.objects) > 64:
+            raise ValueError(f"{self.pdo}: more than 64 bits do not fit a frame")
+        if any(signal not in (COMMANDS if self.receives else ANSWERS) for signal in signals):
+            raise ValueError(f"{self.pdo} cannot carry {', '.join(signals)}")
+        for entry in self.objects:
+            free = entry.signal is None
+            if entry.signal is not None and entry.bits not in _BITS[entry.signal]:
+                raise ValueError(f"{self.pdo}: {entry.signal} does not have {entry.bits} bits")
+            if (entry.holds is not None) != (free and self.receives and bool(signals)):
+                raise ValueError(f"{self.pdo}: {entry.object}: name what it holds, or its signal")
+            if entry.holds is not None and entry.holds >= 1 << entry.bits:
+                raise ValueError(f"{self.pdo}: {entry.holds} does not fit {entry.bits} bits")
+        in_time = (1, *ON_ARRIVAL) if self.receives else (1,)
+        if signals and self.transmission not in in_time:
+            raise ValueError(f"{self.pdo}: transmission {self.transmission} comes in no cycle")
+        return self
+
+    @property
+    def receives(self) -> bool:
+        """Whether the drive receives it."""
+        return self.pdo.startswith("r")
+
+    @property
+    def number(self) -> int:
+        """Which of the drive's it is, from 1."""
+        return int(self.pdo[-1])
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """What of a cycle it carries."""
+        return tuple(entry.signal for entry in self.objects if entry.signal is not None)
+
+
+def object_of(pdos: tuple[FixedPdo, ...], signal: Signal) -> tuple[int, int] | None:
+    """Return the address of the object that carries a signal; None where none does."""
+    for pdo in pdos:
+        for entry in pdo.objects:
+            if entry.signal == signal:
+                return object_address(entry.object)
+    return None

@@ -1,0 +1,252 @@
+"""Where an axis's commands and answers lie in its frames, and several frames as one answer.
+
+Most drives are told everything in one RPDO and tell everything in one TPDO. One whose PDOs are
+fixed has its signals in several; one whose torque fits no PDO is asked for it after every SYNC.
+`AnswerJoiner` makes one answer of the parts, so that whoever takes answers sees no difference.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from config.cell.fixed_pdo import Signal
+from config.cell.servo_profile import ServoProfile
+from drivers.canopen.frames import sdo_answer_cob_id, sdo_request_cob_id, tpdo_cob_id
+from drivers.canopen.pdo import PdoMapping
+from drivers.canopen.sdo import MULTIPLEXER
+from drivers.ports.can_link import CanLink
+from drivers.ports.can_ports import Arrival
+from drivers.servo.drive_watch import DriveWatch
+from drivers.servo.requirements import cyclic_pdos, signal_object
+
+ANSWER: Final = struct.Struct("<Hih")
+MOST_READS = 1024
+
+_UPLOAD, _EXPEDITED, _UNUSED_SHIFT = 0x40, 0x43, 2
+_SDO_BYTES, _VALUE = 8, 4
+_INT16: Final = range(-(2**15), 2**15)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a signal lies: the frame's identifier, and the bytes."""
+
+    cob_id: int
+    start: int
+    size: int
+
+    @property
+    def end(self) -> int:
+        """Where the frame's next object begins."""
+        return self.start + self.size
+
+
+@dataclass(frozen=True)
+class AxisFrames:
+    """One axis's frames of a cycle.
+
+    Attributes
+    ----------
+    commands : tuple of (int, bytes)
+        Identifier and data of what it is sent, with what never changes; zeros elsewhere.
+    places : dict of Signal to Place
+        Where the signals are. A torque that is asked for lies in the SDO answer.
+    asked : tuple of int or None
+        The object that is asked for after every SYNC.
+    answer_bytes : tuple of int
+        How long the frames are that a cycle brings at most, used or not.
+    """
+
+    commands: tuple[tuple[int, bytes], ...]
+    places: dict[Signal, Place]
+    asked: tuple[int, int] | None
+    answer_bytes: tuple[int, ...]
+
+    @classmethod
+    def of_profile(cls, node_id: int, profile: ServoProfile) -> AxisFrames:
+        """Return those of a drive, each of whose PDOs comes in every cycle."""
+        pdos = cyclic_pdos(node_id, "full", profile)
+        held = _held(profile)
+        wanted: dict[tuple[int, int], Signal] = {
+            signal_object(profile, "controlword"): "controlword",
+            signal_object(profile, "target"): "target",
+            signal_object(profile, "statusword"): "statusword",
+            signal_object(profile, "position"): "position",
+        }
+        asked = None
+        if profile.torque.asked:
+            asked = signal_object(profile, "torque")
+        else:
+            wanted[signal_object(profile, "torque")] = "torque"
+        places: dict[Signal, Place] = {}
+        commands = []
+        for pdo in pdos:
+            data = bytearray(pdo.bits // 8)
+            used = False
+            for start, item in _starts(pdo):
+                signal = wanted.get((item[0], item[1]))
+                receives = signal in ("controlword", "target")
+                if signal is not None and receives == (pdo.direction == "rpdo"):
+                    bits = min(item[2], profile.torque.bits) if signal == "torque" else item[2]
+                    places[signal] = Place(pdo.cob_id, start, bits // 8)
+                    used = True
+                elif (item[0], item[1]) in held:
+                    value = held[item[0], item[1]]
+                    data[start : start + item[2] // 8] = value.to_bytes(item[2] // 8, "little")
+            if used and pdo.direction == "rpdo":
+                commands.append((pdo.cob_id, bytes(data)))
+        back = [pdo.bits // 8 for pdo in pdos if pdo.direction == "tpdo"]
+        if asked is not None:
+            size = profile.torque.bits // 8
+            places["torque"] = Place(sdo_answer_cob_id(node_id), _VALUE, size)
+            back.append(_SDO_BYTES)
+        return cls(tuple(commands), places, asked, tuple(back))
+
+    @property
+    def sent_bytes(self) -> tuple[int, ...]:
+        """How long the frames are that a cycle sends to the drive."""
+        asked = () if self.asked is None else (_SDO_BYTES,)
+        return (*(len(data) for _, data in self.commands), *asked)
+
+
+def _held(profile: ServoProfile) -> dict[tuple[int, int], int]:
+    held = {}
+    for pdo in profile.pdos:
+        for entry in pdo.objects:
+            if entry.holds is not None:
+                index, subindex = entry.object.split("h:")
+                held[int(index, 16), int(subindex, 16)] = entry.holds
+    return held
+
+
+def _starts(pdo: PdoMapping) -> Iterator[tuple[int, tuple[int, int, int]]]:
+    start = 0
+    for item in pdo.objects:
+        yield start, (item.index, item.subindex, item.bits)
+        start += item.bits // 8
+
+
+class _Parts:
+    """What has come of one axis's answer in one cycle."""
+
+    def __init__(self) -> None:
+        self.first: dict[int, Arrival] = {}
+        self.again: dict[int, Arrival] = {}
+        self.joined = False
+
+
+class AnswerJoiner:
+    """The bus as `CyclicExchange` reads it: an axis's parts come as one answer, when all are there.
+
+    An answer is as old as its oldest part. A part that comes twice makes a second answer. Parts
+    from before the last SYNC are never joined with later ones.
+
+    Parameters
+    ----------
+    link : CanLink
+        The bus.
+    node_ids : sequence of int
+        The drives, base to flange.
+    frames : sequence of AxisFrames
+        Theirs.
+    watch : DriveWatch
+        Is told of parts that are too short.
+    """
+
+    def __init__(
+        self,
+        link: CanLink,
+        node_ids: Sequence[int],
+        frames: Sequence[AxisFrames],
+        watch: DriveWatch,
+    ) -> None:
+        self._link = link
+        self._watch = watch
+        self._sync_s = 0.0
+        self._answer_ids = [tpdo_cob_id(node) for node in node_ids]
+        self._places = [
+            [each.places[name] for name in ("statusword", "position", "torque")] for each in frames
+        ]
+        self._axis_of: dict[int, int] = {}
+        self._ends: dict[int, int] = {}
+        for axis, places in enumerate(self._places):
+            for place in places:
+                self._axis_of[place.cob_id] = axis
+                self._ends[place.cob_id] = max(self._ends.get(place.cob_id, 0), place.end)
+        self._wanted = [{place.cob_id for place in places} for places in self._places]
+        self._asked = {
+            sdo_answer_cob_id(node): MULTIPLEXER.pack(0, *each.asked, bytes(4))[1:_VALUE]
+            for node, each in zip(node_ids, frames, strict=True)
+            if each.asked is not None
+        }
+        self.questions = [
+            (sdo_request_cob_id(node), MULTIPLEXER.pack(_UPLOAD, *each.asked, bytes(4)))
+            for node, each in zip(node_ids, frames, strict=True)
+            if each.asked is not None
+        ]
+        self._now = [_Parts() for _ in node_ids]
+        self._before = [_Parts() for _ in node_ids]
+
+    def begin(self, sync_s: float) -> None:
+        """Take notice of a SYNC [s]: what comes from now on belongs to it."""
+        self._sync_s = sync_s
+        self._before, self._now = self._now, [_Parts() for _ in self._now]
+
+    def receive_all(self, until_s: float) -> Sequence[Arrival]:
+        """Return answers and every other frame, oldest first; as the link's own does."""
+        for _ in range(MOST_READS):
+            arrived = self._link.receive_all(until_s)
+            if not arrived:
+                return ()
+            told = [answer for arrival in arrived for answer in self._take(arrival)]
+            if told:
+                return told
+        return ()
+
+    def _take(self, arrival: Arrival) -> Iterator[Arrival]:
+        axis = self._axis_of.get(arrival.cob_id)
+        if axis is None or not self._is_meant(arrival):
+            yield arrival
+            return
+        needed = self._ends[arrival.cob_id]
+        if len(arrival.data) < needed:
+            self._watch.wrong_length(axis, len(arrival.data), arrival.time_s, needed)
+            return
+        parts = (self._before if arrival.time_s < self._sync_s else self._now)[axis]
+        if arrival.cob_id not in parts.first:
+            parts.first[arrival.cob_id] = arrival
+            if parts.first.keys() == self._wanted[axis]:
+                parts.joined = True
+                yield from self._joined(axis, parts.first)
+                for cob_id, again in parts.again.items():
+                    yield from self._joined(axis, parts.first | {cob_id: again})
+        elif parts.joined:
+            yield from self._joined(axis, parts.first | {arrival.cob_id: arrival})
+        else:
+            parts.again[arrival.cob_id] = arrival
+
+    def _is_meant(self, arrival: Arrival) -> bool:
+        """Return whether an SDO answer is the one that was asked for."""
+        wanted = self._asked.get(arrival.cob_id)
+        if wanted is None:
+            return True
+        data = arrival.data
+        expedited = len(data) == _SDO_BYTES and data[0] & 0xF3 == _EXPEDITED
+        size = 4 - (data[0] >> _UNUSED_SHIFT & 0x03) if expedited else 0
+        return data[1:_VALUE] == wanted and _VALUE + size >= self._ends[arrival.cob_id]
+
+    def _joined(self, axis: int, parts: dict[int, Arrival]) -> Iterator[Arrival]:
+        """Yield the answer; nothing where the torque is beyond 16 bits: the axis did not answer."""
+        status, position, torque = [
+            int.from_bytes(
+                parts[place.cob_id].data[place.start : place.end], "little", signed=number > 0
+            )
+            for number, place in enumerate(self._places[axis])
+        ]
+        if torque in _INT16:
+            oldest_s = min(part.time_s for part in parts.values())
+            data = ANSWER.pack(status, position, torque)
+            yield Arrival(self._answer_ids[axis], data, oldest_s)

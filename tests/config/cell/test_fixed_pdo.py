@@ -1,0 +1,68 @@
+"""PDOs that a drive does not let be mapped: what a profile may say of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from config.cell.cell import CellConfig
+from config.cell.servo_profile import ServoProfile
+from config.errors import ConfigError
+from config.load import load_bundled_or_path, load_cell
+
+
+def entry(name: str, bits: int, **more: Any) -> dict[str, Any]:
+    return {"object": name, "bits": bits, **more}
+
+
+def pdo(name: str, *objects: dict[str, Any], transmission: int = 1) -> dict[str, Any]:
+    return {"pdo": name, "transmission": transmission, "objects": objects}
+
+
+WORD = entry("6040h:00", 16, signal="controlword")
+TARGET = entry("60FFh:00", 32, signal="target")
+STATUS = entry("6041h:00", 16, signal="statusword")
+POSITION = entry("6064h:00", 32, signal="position")
+TORQUE = entry("6077h:00", 16, signal="torque")
+GOOD = (pdo("rpdo1", WORD, TARGET), pdo("tpdo1", STATUS, POSITION, TORQUE))
+
+
+def test_all_signals_once_are_well() -> None:
+    profile = ServoProfile.model_validate({"pdos": GOOD})
+    assert profile.spread
+    assert profile.pdos[0].signals == ("controlword", "target")
+
+
+@pytest.mark.parametrize(
+    ("pdos", "words"),
+    [
+        ((GOOD[0],), "must carry"),
+        ((*GOOD, GOOD[0]), "named once"),
+        ((pdo("rpdo1", WORD, TARGET), pdo("tpdo1", WORD)), "cannot carry controlword"),
+        ((pdo("rpdo1", WORD, TARGET, entry("2301h:01", 8)), GOOD[1]), "name what it holds"),
+        ((pdo("rpdo1", WORD, TARGET, entry("2301h:01", 8, holds=256)), GOOD[1]), "does not fit 8"),
+        ((GOOD[0], pdo("tpdo1", STATUS, POSITION, TORQUE, transmission=253)), "in no cycle"),
+        ((GOOD[0], pdo("tpdo1", STATUS, entry("6064h:00", 16, signal="position"))), "16 bits"),
+        ((pdo("rpdo1", *[entry(f"2000h:0{n}", 32) for n in (1, 2, 3)]), *GOOD), "more than 64"),
+        ((GOOD[0], pdo("tpdo1", STATUS, POSITION, TORQUE | {"object": "6078h:00"})), "as such"),
+    ],
+)
+def test_what_cannot_work_is_refused(pdos: tuple[dict[str, Any], ...], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        ServoProfile.model_validate({"pdos": pdos})
+
+
+def test_a_makers_mode_needs_pdos() -> None:
+    with pytest.raises(ValidationError, match="name the PDO that is told the velocity"):
+        ServoProfile(mode="makers")
+
+
+@pytest.mark.parametrize("name", ["faulhaber_mc3000", "trinamic_tmcm16xx"])
+def test_the_trimmed_exchange_needs_pdos_that_can_be_mapped(name: str) -> None:
+    cell: CellConfig = load_cell("ir361").config
+    profile = load_bundled_or_path(name, "servos", ServoProfile)
+    trimmed = cell.model_copy(update={"servo": profile, "exchange": "trimmed"})
+    with pytest.raises(ConfigError, match="axis1 has fixed ones"):
+        trimmed.servo_of(trimmed.axes[0])

@@ -1,0 +1,171 @@
+"""Signals of a drive in several frames: where they lie, and how an answer is joined of its parts."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any, cast
+
+import pytest
+
+from config.cell.servo_profile import ServoProfile
+from config.load import load_bundled_or_path
+from drivers.canopen.pdo import ON_EVENT
+from drivers.ports.can_link import CanLink
+from drivers.ports.can_ports import Arrival
+from drivers.servo.axis_frames import ANSWER, AnswerJoiner, AxisFrames
+from drivers.servo.command_frames import SpreadCommands
+from drivers.servo.drive_watch import DriveWatch
+from drivers.servo.requirements import cyclic_pdos
+
+FIXED = load_bundled_or_path("faulhaber_mc3000", "servos", ServoProfile)
+ASKED = load_bundled_or_path("trinamic_tmcm16xx", "servos", ServoProfile)
+STATUS, TRACE = 0x181, 0x381
+
+
+def test_commands_lie_where_the_fixed_pdos_have_them_with_what_they_hold() -> None:
+    commands = SpreadCommands([AxisFrames.of_profile(1, FIXED)], [0x000F])
+    frames = [(cob_id, bytes(data)) for cob_id, data in commands.velocities([-300])]
+    assert frames == [(0x201, b"\x0f\x00"), (0x301, b"\x93" + struct.pack("<i", -300))]
+    frames = [(cob_id, bytes(data)) for cob_id, data in commands.words([0x0002], [0])]
+    assert frames == [(0x201, b"\x02\x00"), (0x301, b"\x93\0\0\0\0")]
+
+
+def test_a_drive_as_the_standard_has_it_keeps_its_frames_beside_one_that_is_not() -> None:
+    nodes = [AxisFrames.of_profile(1, FIXED), AxisFrames.of_profile(2, ServoProfile())]
+    frames = SpreadCommands(nodes, [0x000F, 0x000F]).velocities([1, -2])
+    assert [bytes(data) for cob_id, data in frames if cob_id == 0x202] == [
+        struct.pack("<Hi", 0x000F, -2)
+    ]
+
+
+def test_rpdos_without_sync_are_set_to_act_when_they_come() -> None:
+    pdo = cyclic_pdos(1, "full", ASKED)[0]
+    assert (pdo.direction, pdo.transmission_type) == ("rpdo", ON_EVENT)
+
+
+class Bus:
+    """Frames that have come, a batch a call."""
+
+    def __init__(self, *batches: Sequence[Arrival]) -> None:
+        self.batches = list(batches)
+
+    def receive_all(self, until_s: float) -> Sequence[Arrival]:
+        return self.batches.pop(0) if self.batches else ()
+
+
+class Watch:
+    def __init__(self) -> None:
+        self.short: list[tuple[int, int]] = []
+
+    def wrong_length(self, axis: int, data_bytes: int, now_s: float, mapped: int = 8) -> None:
+        self.short.append((axis, data_bytes))
+
+
+def joined(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[list[Arrival], Watch]:
+    """Return what a cycle whose SYNC was at 1 s brings of one drive."""
+    bus, watch = Bus(*batches), Watch()
+    frames = [AxisFrames.of_profile(1, profile)]
+    joiner = AnswerJoiner(cast(CanLink, bus), [1], frames, cast(DriveWatch, watch))
+    joiner.begin(1.0)
+    told: list[Arrival] = []
+    while bus.batches:
+        told += joiner.receive_all(2.0)
+    return told, watch
+
+
+def status(time_s: float, word: int = 0x27) -> Arrival:
+    return Arrival(STATUS, struct.pack("<H", word), time_s)
+
+
+def trace(time_s: float, counts: int = -70_000, current: int = -5) -> Arrival:
+    return Arrival(TRACE, struct.pack("<ii", counts, current), time_s)
+
+
+ANSWER_DATA = ANSWER.pack(0x27, -70_000, -5)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_parts_in_any_order_are_one_answer_as_old_as_its_oldest(order: tuple[int, int]) -> None:
+    parts = [status(1.001 + 0.001 * order[0]), trace(1.001 + 0.001 * order[1])]
+    parts.sort(key=lambda part: part.time_s)
+    told, _ = joined(FIXED, [parts[0]], [parts[1]])
+    assert told == [Arrival(STATUS, ANSWER_DATA, 1.001)]
+
+
+def test_a_part_alone_is_no_answer() -> None:
+    assert joined(FIXED, [status(1.001)])[0] == []
+    assert joined(FIXED, [trace(1.001)])[0] == []
+
+
+def test_a_current_of_sixteen_bits_may_come_without_its_upper_half() -> None:
+    short = Arrival(TRACE, struct.pack("<ih", -70_000, -5), 1.001)
+    assert [each.data for each in joined(FIXED, [status(1.001), short])[0]] == [ANSWER_DATA]
+
+
+def test_a_part_that_is_too_short_is_told_and_not_used() -> None:
+    told, watch = joined(FIXED, [status(1.001), Arrival(TRACE, bytes(5), 1.001)])
+    assert (told, watch.short) == ([], [(0, 5)])
+
+
+def test_a_part_from_before_sync_is_not_joined_with_a_later_one() -> None:
+    assert joined(FIXED, [status(0.999), trace(1.001)])[0] == []
+    late = joined(FIXED, [status(0.998), trace(0.999), status(1.001), trace(1.001)])[0]
+    assert [each.time_s for each in late] == [0.998, 1.001]
+
+
+@pytest.mark.parametrize("after", [False, True])
+def test_a_part_that_comes_twice_makes_a_second_answer(after: bool) -> None:
+    again = status(1.0005, word=0x1627)
+    batch = [status(1.0), trace(1.001)]
+    batch.insert(2 if after else 1, again)
+    told = joined(FIXED, batch)[0]
+    assert [ANSWER.unpack(each.data)[0] for each in told] == [0x27, 0x1627]
+
+
+def test_other_frames_pass() -> None:
+    other = Arrival(0x701, b"\x05", 1.001)
+    assert joined(FIXED, [other])[0] == [other]
+
+
+def asked(data: bytes, time_s: float = 1.002) -> Arrival:
+    return Arrival(0x581, data, time_s)
+
+
+POSITION = Arrival(0x181, struct.pack("<Hi", 0x27, -70_000), 1.001)
+
+
+def test_a_torque_is_asked_for_and_its_answer_joined() -> None:
+    frames = [AxisFrames.of_profile(1, ASKED)]
+    joiner = AnswerJoiner(cast(CanLink, Bus()), [1], frames, cast(DriveWatch, Watch()))
+    assert joiner.questions == [(0x601, b"\x40\x77\x60\0\0\0\0\0")]
+    answer = asked(b"\x43\x77\x60\0" + struct.pack("<i", -5))
+    assert [each.data for each in joined(ASKED, [POSITION, answer])[0]] == [ANSWER_DATA]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\x80\x77\x60\0\0\0\x02\x06",  # an abort
+        b"\x43\x78\x60\0\0\0\0\0",  # another object
+        b"\x4b\x77\x60\0\0\0\0\0",  # 16 bits of 32
+        b"\x41\x77\x60\0\x08\0\0\0",  # segments
+        b"\x43\x77\x60",
+        b"\x43\x77\x60\0" + struct.pack("<i", 40_000),  # more than 16 bits are recorded
+    ],
+)
+def test_an_answer_that_is_not_the_torque_leaves_the_axis_without_one(data: bytes) -> None:
+    told = joined(ASKED, [POSITION, asked(data)])[0]
+    assert [each for each in told if each.cob_id == 0x181] == []
+
+
+def test_a_flood_of_parts_ends() -> None:
+    told, _ = joined(FIXED, *([status(1.001)] for _ in range(3000)))
+    assert told == []
+
+
+@pytest.mark.parametrize("profile", [FIXED, ASKED])
+def test_a_cycles_frames_are_counted(profile: ServoProfile) -> None:
+    frames: Any = AxisFrames.of_profile(1, profile)
+    wanted = ((2, 5), (2, 6, 8)) if profile is FIXED else ((6, 8), (6, 8))
+    assert (frames.sent_bytes, frames.answer_bytes) == wanted
