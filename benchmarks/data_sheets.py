@@ -2,7 +2,8 @@
 
 Every EDS and DCF file below a folder that is of a servo drive (CiA 402) is held against what this
 program needs of a drive: with a bundled profile, or with at most ten lines in the cell file, which
-are printed; or it is refused, with every object that is missing and whether it protects people.
+are printed; or it is refused, with the reason, whether it concerns safety, and every object that is
+missing.
 
 What is of no servo drive is counted apart, by what the sheet itself says: another device, one that
 neither tells torque or current nor calls itself a servo drive (a stepper), and one without a single
@@ -60,6 +61,7 @@ class EdsFile:
                 for finding in self.fit.findings
             },
             "concerns_safety": self.fit.concerns_safety,
+            "reason": self.fit.reason,
         }
 
     @property
@@ -195,14 +197,14 @@ def main() -> None:
                 "most_lines": max((len(file.fit.lines) for file in accepted), default=0),
                 "refused_for_safety": len(safety),
                 "refused_otherwise": len(refused) - len(safety),
-                "refused_otherwise_lack": sorted(
+                "refused": [
                     {
-                        each.object_name
-                        for file in refused
-                        for each in file.fit.findings
-                        if not file.fit.concerns_safety
+                        "file": str(file.path),
+                        "reason": file.fit.reason,
+                        "concerns_safety": file.fit.concerns_safety,
                     }
-                ),
+                    for file in refused
+                ],
                 "copies": copies,
                 "unreadable": len(unread),
                 "no_servo_drives": {kind: len(names) for kind, names in others.items()},
@@ -218,6 +220,9 @@ def _print(file: EdsFile) -> None:
     verdict = "accepted" if fit.accepted else "refused"
     profile = fit.base or "CiA 402"
     print(f"{verdict:9} {profile:16} {len(fit.lines):2} lines  {file.path}")
+    if not fit.accepted:
+        concerns = "safety" if fit.concerns_safety else "no safety"
+        print(f"{'':10}refused ({concerns}): {fit.reason}")
     for line in fit.lines:
         print(f"{'':29}{line}")
     for finding in fit.findings:

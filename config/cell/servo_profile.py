@@ -41,6 +41,7 @@ _TENTHS: Final = {"0.1rpm": 10.0}
 BY_RAMP: Final[tuple[Mode, ...]] = ("profile_velocity", "makers")
 """Modes in which the drive's own ramp, by 6083h and 6084h, leads to each velocity."""
 
+
 class TorqueObject(ConfigModel):
     """An object that holds a torque or a current.
 

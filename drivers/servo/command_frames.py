@@ -1,6 +1,6 @@
-"""What carries set-points and controlwords in a cycle: `FullCommands`, `TrimmedCommands`, and
-`SpreadCommands` where a drive's PDOs are fixed.
+"""The frames that carry set-points and controlwords in a cycle: `FullCommands`, `TrimmedCommands`.
 
+`SpreadCommands` are those of drives whose PDOs are fixed.
 Buffers are made once and used again; what is returned is to be sent before the next call.
 """
 

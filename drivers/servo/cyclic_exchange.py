@@ -3,7 +3,7 @@
 Cycle k: SYNC, at which every drive takes up the set-point of cycle k-1 and answers with statusword,
 position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. Where it is
 trimmed, controlword and statusword are frames of their own (RPDO 2, TPDO 2), sent when they change.
-Where a drive's PDOs are fixed, or its torque is asked for, its answer is joined from several frames.
+Where a drive's PDOs are fixed, or its torque is asked for, its answer is joined of several frames.
 """
 
 from __future__ import annotations

@@ -48,12 +48,15 @@ class EdsFit:
         What is still red.
     mode : Mode
         The mode that the drive would be used in.
+    torque : str
+        The object that would tell its torque.
     """
 
     base: str | None
     added: ServoProfile
     findings: tuple[EdsFinding, ...]
     mode: Mode
+    torque: str = "6077h:00"
 
     @property
     def accepted(self) -> bool:
@@ -72,6 +75,20 @@ class EdsFit:
         if not self.keys:
             return ()
         return ("servo:", *(f"  {line}" for line in dump_yaml(self.keys).splitlines()))
+
+    @property
+    def reason(self) -> str:
+        """Why the drive cannot be used; empty for one that can be."""
+        missing = [each for each in self.findings if self.protects(each)]
+        if missing:
+            said = ", ".join(f"{each.object_name} ({each.name})" for each in missing)
+            return f"what protects people is missing, and nothing stands for it: {said}"
+        if self.torque in [each.object_name for each in self.findings]:
+            return "it tells neither torque nor current, which is what is identified from"
+        if self.findings:
+            said = ", ".join(each.object_name for each in self.findings)
+            return f"what is told or commanded in every cycle is missing: {said}"
+        return "" if self.accepted else f"the cell file needs {len(self.lines)} lines"
 
     @property
     def concerns_safety(self) -> bool:
@@ -132,7 +149,8 @@ def _fitted(
         for finding in red:
             keys |= _keys_for(finding, own.on(profile), eds, torques)
         if keys.items() <= added.items():
-            return EdsFit(base, own, tuple(red), own.on(profile).mode)
+            used = own.on(profile)
+            return EdsFit(base, own, tuple(red), used.mode, used.torque.object)
         added |= keys
 
 
@@ -188,14 +206,23 @@ def _readable(eds: ElectronicDataSheet, name: str, bits: int) -> bool:
 
 
 def _torques(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
-    """Yield what may tell the torque, the standard's first, then the maker's by its name."""
-    candidates = [item for item in tells_torque(eds) if _fits_answer(item)]
+    """Yield what may tell the torque, the standard's first, then the maker's by its name.
+
+    What no PDO can carry comes last: it is asked for by SDO.
+    """
     standard = {0x6077: "rated_torque", 0x6078: "rated_current"}
-    for item in sorted(candidates, key=lambda item: (item.index not in standard, item.index)):
-        of = standard.get(item.index, "ampere")
-        yield TorqueObject.model_validate(
-            {"object": object_name(item.index, item.subindex), "of": of}
-        )
+    candidates = sorted(
+        (item for item in tells_torque(eds) if _fits_answer(item) or _can_be_asked(item)),
+        key=lambda item: (not _fits_answer(item), item.index not in standard, item.index),
+    )
+    for item in candidates:
+        keys: dict[str, object] = {
+            "object": object_name(item.index, item.subindex),
+            "of": standard.get(item.index, "ampere"),
+        }
+        if not _fits_answer(item):
+            keys |= {"bits": item.bits, "asked": True}
+        yield TorqueObject.model_validate(keys)
 
 
 def tells_torque(eds: ElectronicDataSheet) -> tuple[EdsObject, ...]:
@@ -211,3 +238,8 @@ def _named_so(words: str) -> bool:
 def _fits_answer(item: EdsObject) -> bool:
     signed = item.data_type is not None and is_signed(item.data_type)
     return item.bits == 16 and signed and item.mappable and item.sendable
+
+
+def _can_be_asked(item: EdsObject) -> bool:
+    signed = item.data_type is not None and is_signed(item.data_type)
+    return item.bits in (16, 32) and signed and not item.faults

@@ -140,7 +140,9 @@ class PdoTable:
                 pdo = DrivePdo(objects, clock, RPDO_COMMUNICATION, number, now_s)
                 self.received[pdo.cob_id] = pdo
             communication = TPDO_COMMUNICATION + number - 1
-            requested = objects[communication, 2] == ON_REQUEST  # by a remote frame, and nobody does
+            requested = (
+                objects[communication, 2] == ON_REQUEST
+            )  # by a remote frame, and nobody does
             if is_valid(objects[communication, 1]) and not requested:
                 pdo = DrivePdo(objects, clock, TPDO_COMMUNICATION, number, now_s)
                 self.transmitted.append(pdo)

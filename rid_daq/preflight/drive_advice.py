@@ -48,6 +48,11 @@ REPLACED_BY: Final[dict[str, str]] = {
     "6085": "name deceleration_rad_s2, of the joint, as the drive's own tool has it, in the axis's"
     " servo",
 }
+_FIXED_PDOS = (
+    "the drive does not let its PDOs be mapped: name in the axis's servo what they carry (pdos), or"
+    " the drive's profile"
+)
+_NO_SYNC = "the drive's RPDOs know no SYNC: name commands: on_arrival in the axis's servo"
 _SETTING: Final[dict[str, str]] = {
     "605A": "drive_safety.quick_stop_option",
     "605E": "drive_safety.fault_reaction_option",
@@ -81,6 +86,10 @@ def next_action(setting: DriveSetting) -> str:
         return REPLACED_BY.get(index, f"{otherwise} object, in the axis's servo")
     if index in ("608F", "6075", "6076"):
         return REPLACED_BY[index]
+    if index[:2] == "14" and setting.object_name.endswith(":02"):
+        return _NO_SYNC
+    if index[:2] in ("16", "1A") and "read-only" in setting.found:
+        return _FIXED_PDOS
     if "read-only" in setting.found:
         ask = f", or let {key} ask for what it holds" if key else ""
         return f"the drive does not let this be written: set it in the drive's own tool{ask}"

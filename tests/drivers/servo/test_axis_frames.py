@@ -1,4 +1,4 @@
-"""Signals of a drive in several frames: where they lie, and how an answer is joined of its parts."""
+"""Signals of a drive in several frames: where they lie, and answers joined of parts."""
 
 from __future__ import annotations
 

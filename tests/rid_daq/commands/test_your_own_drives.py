@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from acquisition.journal.cycles import read_journal
+from acquisition.runs.catalogue import find_run
 from config.load import read_named
 from rid_daq.app import run
 from tests.builders.told import document
@@ -62,3 +65,36 @@ def test_drives_that_lack_what_the_standard_has_are_told_which_key_stands_for_it
     assert {line["next_action"] for line in red} == {
         "name encoder_increments, of the motor's encoder, in the axis's servo"
     }
+
+
+@pytest.mark.slow
+def test_fixed_pdos_and_a_torque_that_is_asked_for_are_recorded_like_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One axis of each kind, from the trial of the watches to the recording, in lock-step."""
+    assert run(["init", str(tmp_path)]) == 0
+    motion = tmp_path / "validation.yaml"
+    motion.write_text(motion.read_text().replace("points: 20", "points: 3"))
+    cell = (tmp_path / "cell.yaml").read_text()
+    own = "encoder_increments: 16384.0, torque_constant_nm_per_a: 0.1"
+    for joint, node, name in (("axis2", 2, "faulhaber_mc3000"), ("axis3", 3, "trinamic_tmcm16xx")):
+        plain = f"  - {{joint: {joint}, node_id: {node}}}"
+        assert plain in cell
+        cell = cell.replace(plain, f"{plain[:-1]}, servo: {{base: {name}, {own}}}}}")
+    (tmp_path / "others.yaml").write_text(cell)
+    torques = []
+    for label in ("cell", "others"):
+        words = [str(tmp_path / f"{label}.yaml"), str(motion), "--label", label]
+        assert run(["record", *words, "--runs", str(tmp_path / "runs")]) == 0
+        rows = read_journal(find_run(tmp_path / "runs", label).path / "recording.mcap").rows
+        moving = rows["sample_index"] >= 0
+        assert rows["valid"][moving].all()
+        torques.append(rows["torque_nm"][moving])
+    capsys.readouterr()
+    standard, other = (np.array(each) for each in torques)
+    length = min(len(standard), len(other))
+    standard, other = standard[:length], other[:length]
+    power = np.mean(standard**2, axis=0)
+    assert np.mean(standard * other, axis=0) / power == pytest.approx(np.ones(3), abs=0.03)
+    # commands in whole rpm, taken up by a ramp and not in between two SYNCs, are not so smooth
+    assert np.all(np.mean((standard - other) ** 2, axis=0) < 0.2**2 * power)

@@ -32,3 +32,9 @@ def test_a_watch_that_is_not_taken_leaves_a_drive_that_goes_on(name: str) -> Non
     advice = next_action(red(name, "0"))
     assert "would not stop when this computer dies" in advice
     assert GUARDED not in advice
+
+
+def test_pdos_that_cannot_be_mapped_or_know_no_sync_have_keys_of_their_own() -> None:
+    assert "(pdos)" in next_action(red("1601h:00", "refused: the object is read-only (06010002h)"))
+    assert "commands: on_arrival" in next_action(red("1400h:02", "FFh"))
+    assert "(pdos)" not in next_action(red("1601h:01", "60400010h"))
