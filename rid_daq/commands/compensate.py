@@ -10,6 +10,7 @@ import typer
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import LoopsFile, ModelFile
 from rid_daq.terminal.options import DEFAULT_RUNS, CellName, RunsFolder, Unfinished
 from rid_daq.terminal.output_file import Overwrite
 
@@ -17,8 +18,8 @@ from rid_daq.terminal.output_file import Overwrite
 def compensate(
     cell: CellName,
     motion: Annotated[Path, typer.Argument(metavar="MOTION", help="A motion file.")],
-    model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
-    loop: Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")],
+    model: ModelFile,
+    loop: LoopsFile,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FEEDFORWARD", help="The file to write.")
     ],

@@ -13,7 +13,7 @@ from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import CriterionName, Grid, Kind, Method, Phases
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import is_given, refuse_inapplicable
-from rid_daq.terminal.options import CellName
+from rid_daq.terminal.options import CellName, Scheduler
 from rid_daq.terminal.output_file import Overwrite
 
 DEFAULT_PERIOD_S = 10.0
@@ -68,10 +68,7 @@ def design(
             "--budget", min=1.0, help="End after the start that is ready after this time [s]."
         ),
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="A Dask scheduler to compute on, as tcp://host:8786."),
-    ] = None,
+    scheduler: Scheduler = None,
     model: Annotated[
         Path | None,
         typer.Option(metavar="MODEL", help="A model file to hold torque limits by."),

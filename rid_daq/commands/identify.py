@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 import typer
 
 from config.errors import ConfigError
-from config.robot.friction_terms import FrictionTerm
 from identification.choices import (
     BAND_HZ,
     STANDSTILL_RAD_S,
-    BandHz,
     LoadMassKg,
     LoadMassSigmaKg,
-    StandstillRadS,
 )
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import MODEL, Estimator, Model
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import Band, FrictionTerms, Rotors, Standstill
 from rid_daq.terminal.options import DEFAULT_RUNS, RunNames, RunsFolder, Unfinished
 from rid_daq.terminal.output_file import Overwrite
 from rid_daq.terminal.plausible_option import plausible_as
@@ -37,14 +35,7 @@ def identify(
     choose: Annotated[
         bool, typer.Option(help="Choose each joint's friction terms by cross-validation.")
     ] = False,
-    friction_terms: Annotated[
-        str | None,
-        typer.Option(
-            "--friction-terms",
-            metavar="TERM,...",
-            help=f"Friction of every joint: {', '.join(get_args(FrictionTerm))}.",
-        ),
-    ] = None,
+    friction_terms: FrictionTerms = None,
     estimator: Annotated[
         Estimator, typer.Option(help="Weighted by noise, not weighted, or robust.")
     ] = Estimator.ML,
@@ -86,22 +77,9 @@ def identify(
             help="Look for mistakes of wiring, units and files that explain the runs far better."
         ),
     ] = True,
-    band_hz: Annotated[
-        float,
-        typer.Option(
-            "--band", min=0.01, callback=plausible_as(BandHz), help="Highest frequency used [Hz]."
-        ),
-    ] = BAND_HZ,
-    standstill_rad_s: Annotated[
-        float,
-        typer.Option(
-            "--standstill",
-            min=0.0,
-            callback=plausible_as(StandstillRadS),
-            help="Lowest speed used for friction [rad/s].",
-        ),
-    ] = STANDSTILL_RAD_S,
-    rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
+    band_hz: Band = BAND_HZ,
+    standstill_rad_s: Standstill = STANDSTILL_RAD_S,
+    rotors: Rotors = True,
     friction: Annotated[bool, typer.Option(help="Friction as the robot file names it.")] = True,
     spring: Annotated[bool, typer.Option(help="The gravity spring.")] = True,
     overwrite: Overwrite = False,

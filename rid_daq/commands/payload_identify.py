@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 import typer
 
-from config.robot.friction_terms import FrictionTerm
 from identification.choices import (
     BAND_HZ,
     REPORTED,
     STANDSTILL_RAD_S,
-    BandHz,
-    Millimetres,
     PayloadLimits,
-    Share,
-    StandstillRadS,
     TorqueConstantSigma,
 )
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import PAYLOAD, How
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import (
+    Band,
+    CentreLimit,
+    FrictionTerms,
+    InertiaLimit,
+    MassLimit,
+    ResidualLimit,
+    Rotors,
+    Standstill,
+)
 from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
 from rid_daq.terminal.output_file import Overwrite
 from rid_daq.terminal.plausible_option import plausible_as
@@ -73,72 +78,20 @@ def identify(
             " not given; `apart` counts them as right.",
         ),
     ] = None,
-    mass_limit_percent: Annotated[
-        float,
-        typer.Option(
-            "--mass-limit",
-            min=0.0,
-            callback=plausible_as(Share),
-            help="2σ of the mass at most [%].",
-        ),
-    ] = PayloadLimits.mass_percent,
-    centre_limit_mm: Annotated[
-        float,
-        typer.Option(
-            "--centre-limit",
-            min=0.0,
-            callback=plausible_as(Millimetres),
-            help="2σ of the centre at most [mm].",
-        ),
-    ] = PayloadLimits.centre_mm,
-    inertia_limit_percent: Annotated[
-        float,
-        typer.Option(
-            "--inertia-limit",
-            min=0.0,
-            callback=plausible_as(Share),
-            help="2σ of inertia at most, of that about the flange [%].",
-        ),
-    ] = PayloadLimits.inertia_percent,
-    residual_limit_percent: Annotated[
-        float,
-        typer.Option(
-            "--residual-limit",
-            min=0.0,
-            callback=plausible_as(Share),
-            help="Residual of an axis' torque at most [%].",
-        ),
-    ] = PayloadLimits.residual_percent,
+    mass_limit_percent: MassLimit = PayloadLimits.mass_percent,
+    centre_limit_mm: CentreLimit = PayloadLimits.centre_mm,
+    inertia_limit_percent: InertiaLimit = PayloadLimits.inertia_percent,
+    residual_limit_percent: ResidualLimit = PayloadLimits.residual_percent,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output", "-o", metavar="FILE", help=f"The payload file; {PAYLOAD} in the run if not."
         ),
     ] = None,
-    band_hz: Annotated[
-        float,
-        typer.Option(
-            "--band", min=0.01, callback=plausible_as(BandHz), help="Highest frequency used [Hz]."
-        ),
-    ] = BAND_HZ,
-    standstill_rad_s: Annotated[
-        float,
-        typer.Option(
-            "--standstill",
-            min=0.0,
-            callback=plausible_as(StandstillRadS),
-            help="Lowest speed used for friction [rad/s].",
-        ),
-    ] = STANDSTILL_RAD_S,
-    rotors: Annotated[bool, typer.Option(help="Rotors with their coupling.")] = True,
-    friction_terms: Annotated[
-        str | None,
-        typer.Option(
-            "--friction-terms",
-            metavar="TERM,...",
-            help=f"Friction of every joint: {', '.join(get_args(FrictionTerm))}.",
-        ),
-    ] = None,
+    band_hz: Band = BAND_HZ,
+    standstill_rad_s: Standstill = STANDSTILL_RAD_S,
+    rotors: Rotors = True,
+    friction_terms: FrictionTerms = None,
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,

@@ -8,16 +8,15 @@ from typing import Annotated
 import typer
 
 from identification.choices import (
-    Millimetres,
     PayloadLimits,
     RehearsalPercent,
-    Share,
     UntilMassKg,
     WarmUpPercent,
 )
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import CentreLimit, InertiaLimit, MassLimit, ResidualLimit
 from rid_daq.terminal.inapplicable_options import is_given
 from rid_daq.terminal.options import (
     DEFAULT_LISTEN,
@@ -93,42 +92,10 @@ def session(
     warm_up_periods: Annotated[
         int, typer.Option("--warm-up-periods", min=3, help="Periods of the warm-up at most.")
     ] = 30,
-    mass_limit_percent: Annotated[
-        float,
-        typer.Option(
-            "--mass-limit",
-            min=0.0,
-            callback=plausible_as(Share),
-            help="2σ of the mass at most [%].",
-        ),
-    ] = PayloadLimits.mass_percent,
-    centre_limit_mm: Annotated[
-        float,
-        typer.Option(
-            "--centre-limit",
-            min=0.0,
-            callback=plausible_as(Millimetres),
-            help="2σ of the centre at most [mm].",
-        ),
-    ] = PayloadLimits.centre_mm,
-    inertia_limit_percent: Annotated[
-        float,
-        typer.Option(
-            "--inertia-limit",
-            min=0.0,
-            callback=plausible_as(Share),
-            help="2σ of inertia at most [%].",
-        ),
-    ] = PayloadLimits.inertia_percent,
-    residual_limit_percent: Annotated[
-        float,
-        typer.Option(
-            "--residual-limit",
-            min=0.0,
-            callback=plausible_as(Share),
-            help="Residual of an axis' torque at most [%].",
-        ),
-    ] = PayloadLimits.residual_percent,
+    mass_limit_percent: MassLimit = PayloadLimits.mass_percent,
+    centre_limit_mm: CentreLimit = PayloadLimits.centre_mm,
+    inertia_limit_percent: InertiaLimit = PayloadLimits.inertia_percent,
+    residual_limit_percent: ResidualLimit = PayloadLimits.residual_percent,
     label: Annotated[str, typer.Option(help="What to call the session and its runs.")] = "payload",
     resume: Annotated[
         str | None,

@@ -7,15 +7,14 @@ from typing import Annotated
 
 import typer
 
-from identification.choices import BaseMassKg
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import BaseMass, ModelFile
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import CellName
 from rid_daq.terminal.output_file import Overwrite
-from rid_daq.terminal.plausible_option import plausible_as
 
 
 def retime(
@@ -24,7 +23,7 @@ def retime(
     motion: Annotated[
         Path, typer.Argument(metavar="MOTION", help="A motion file: a path of any kind.")
     ],
-    model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
+    model: ModelFile,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="MOTION", help="The motion file to write.")
     ],
@@ -69,15 +68,7 @@ def retime(
             " model.",
         ),
     ] = False,
-    mass_kg: Annotated[
-        float | None,
-        typer.Option(
-            "--mass",
-            min=0.0,
-            callback=plausible_as(BaseMassKg),
-            help="Mass of all that the base carries [kg].",
-        ),
-    ] = None,
+    mass_kg: BaseMass = None,
     report: Annotated[
         Path | None, typer.Option(metavar="PAGE", help="A page with the pictures to write.")
     ] = None,

@@ -10,6 +10,7 @@ import typer
 from rid_daq.terminal.choices import Against
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
+from rid_daq.terminal.options import Scheduler
 from rid_daq.terminal.output_file import Overwrite, refuse_output
 from rid_daq.terminal.plausible_option import SHARE, plausible
 
@@ -86,10 +87,7 @@ def sensitivity(
         ),
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="A Dask scheduler to compute on, as tcp://host:8786."),
-    ] = None,
+    scheduler: Scheduler = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="CSV", help="The table as CSV.")
     ] = None,

@@ -11,6 +11,7 @@ from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import LoopsFile, ModelFile
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
@@ -28,8 +29,8 @@ from rid_daq.terminal.options import (
 def stream(
     context: typer.Context,
     cell: CellName,
-    model: Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")],
-    loop: Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")],
+    model: ModelFile,
+    loop: LoopsFile,
     motion: Annotated[
         Path | None,
         typer.Argument(

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
+from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.estimate_options import BaseMass
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
 from rid_daq.terminal.plausible_option import plausible_as
@@ -56,15 +57,7 @@ def validate(
         bool,
         typer.Option("--base-limits", help="Judge the reaction on the base by the cell's limits."),
     ] = False,
-    mass_kg: Annotated[
-        float | None,
-        typer.Option(
-            "--mass",
-            min=0.0,
-            callback=plausible_as(BaseMassKg),
-            help="Mass of all that the base carries [kg].",
-        ),
-    ] = None,
+    mass_kg: BaseMass = None,
     cell: Annotated[
         str | None,
         typer.Option(metavar="CELL", help="Of a motion file: the cell, for its limits and cycle."),

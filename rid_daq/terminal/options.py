@@ -113,3 +113,9 @@ WithoutAxisTest = Annotated[
     ),
 ]
 """The option that every command has that moves a real robot by itself."""
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="A Dask scheduler to compute on, as tcp://host:8786."),
+]
+"""The option of what is computed in many independent parts."""

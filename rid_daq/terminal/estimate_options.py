@@ -1,0 +1,94 @@
+"""Options that commands on estimates share: what is used of a recording, what is sure enough.
+
+A command's help is shown from its options alone, so nothing here imports numerics.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, get_args
+
+import typer
+
+from config.robot.friction_terms import FrictionTerm
+from identification.choices import BandHz, BaseMassKg, Millimetres, Share, StandstillRadS
+from rid_daq.terminal.plausible_option import plausible_as
+
+MassLimit = Annotated[
+    float,
+    typer.Option(
+        "--mass-limit", min=0.0, callback=plausible_as(Share), help="2σ of the mass at most [%]."
+    ),
+]
+
+CentreLimit = Annotated[
+    float,
+    typer.Option(
+        "--centre-limit",
+        min=0.0,
+        callback=plausible_as(Millimetres),
+        help="2σ of the centre at most [mm].",
+    ),
+]
+
+InertiaLimit = Annotated[
+    float,
+    typer.Option(
+        "--inertia-limit",
+        min=0.0,
+        callback=plausible_as(Share),
+        help="2σ of inertia at most, of that about the flange [%].",
+    ),
+]
+
+ResidualLimit = Annotated[
+    float,
+    typer.Option(
+        "--residual-limit",
+        min=0.0,
+        callback=plausible_as(Share),
+        help="Residual of an axis' torque at most [%].",
+    ),
+]
+
+Band = Annotated[
+    float,
+    typer.Option(
+        "--band", min=0.01, callback=plausible_as(BandHz), help="Highest frequency used [Hz]."
+    ),
+]
+
+Standstill = Annotated[
+    float,
+    typer.Option(
+        "--standstill",
+        min=0.0,
+        callback=plausible_as(StandstillRadS),
+        help="Lowest speed used for friction [rad/s].",
+    ),
+]
+
+Rotors = Annotated[bool, typer.Option(help="Rotors with their coupling.")]
+
+FrictionTerms = Annotated[
+    str | None,
+    typer.Option(
+        "--friction-terms",
+        metavar="TERM,...",
+        help=f"Friction of every joint: {', '.join(get_args(FrictionTerm))}.",
+    ),
+]
+
+BaseMass = Annotated[
+    float | None,
+    typer.Option(
+        "--mass",
+        min=0.0,
+        callback=plausible_as(BaseMassKg),
+        help="Mass of all that the base carries [kg].",
+    ),
+]
+
+ModelFile = Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")]
+
+LoopsFile = Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")]
