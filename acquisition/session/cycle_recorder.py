@@ -16,7 +16,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from acquisition.task.states import RecorderState
 from config.errors import RecordingError
-from config.process.process_name import ProcessName, set_process_name
+from config.process.own_process import ProcessName, set_process_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
 

@@ -16,7 +16,7 @@ from acquisition.task.set_points import SetPointSource
 from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.errors import RecordingError
-from config.process.process_name import ProcessName, set_process_name
+from config.process.own_process import ProcessName, set_process_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription

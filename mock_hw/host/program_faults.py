@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from config.errors import ConfigError, RidDaqError
-from config.process.process_name import ProcessName
+from config.process.own_process import ProcessName
 from config.simulation.faults import DiskFault, ProcessKilled, ProgramFault, ProgramSignalled
 from mock_hw.host.full_disk import FullDisk
 

@@ -11,7 +11,7 @@ import socket
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
-from config.process.collection import keep_from_collections
+from config.process.own_process import keep_from_collections
 from config.process.termination import leave_terminal
 from rid_daq.live.access import Access
 from rid_daq.live.asgi_server import AsgiServer

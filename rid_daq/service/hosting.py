@@ -12,8 +12,8 @@ from typing import Final
 from fastapi import APIRouter
 
 from config.errors import ConfigError, LockedError
-from config.process.collection import keep_from_collections
 from config.process.file_locks import held_file
+from config.process.own_process import keep_from_collections
 from config.process.termination import ending_signals
 from rid_daq.live.access import Access
 from rid_daq.live.asgi_server import AsgiServer

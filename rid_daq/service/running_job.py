@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
-from config.process.own_python import own_python
+from config.process.own_process import own_python
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell

@@ -11,7 +11,7 @@ from typing import Final
 
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_whole
-from config.process.own_python import own_python
+from config.process.own_process import own_python
 from rid_daq.session.versions import program_version
 
 NAME: Final = "rid-daq.service"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from config.process.own_python import own_python
+from config.process.own_process import own_python
 
 
 @pytest.fixture

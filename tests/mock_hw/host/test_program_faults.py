@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from config.errors import ConfigError
-from config.process.process_name import ProcessName
+from config.process.own_process import ProcessName
 from config.simulation.faults import FaultScript
 from mock_hw.host.full_disk import FullDisk
 from mock_hw.host.program_faults import ProgramFaults

@@ -7,7 +7,7 @@ import sys
 def test_what_is_there_already_is_not_gone_through_again() -> None:
     code = (
         "import gc\n"
-        "from config.process.collection import keep_from_collections\n"
+        "from config.process.own_process import keep_from_collections\n"
         "kept = [[number] for number in range(10_000)]\n"
         "keep_from_collections()\n"
         "assert gc.get_freeze_count() > 10_000\n"
