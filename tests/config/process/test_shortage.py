@@ -1,0 +1,64 @@
+"""What a computer lacks is said by its name; a mistake of the program stays one."""
+
+from __future__ import annotations
+
+import errno
+
+import pytest
+
+from config.errors import ConfigError, ShortageError
+from config.process.shortage import as_named, as_shortage, require_memory
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (MemoryError(), "not enough memory"),
+        (OSError(errno.ENOSPC, "x", "/runs/a"), "/runs/a: the disk is full"),
+        (OSError(errno.EMFILE, "x"), "too many files are open"),
+        (OSError(errno.EROFS, "x"), "the disk may only be read"),
+        (OSError(errno.EFBIG, "x"), r"`ulimit -f`"),
+        (ImportError("libx.so: failed to map segment from shared object"), "not enough memory"),
+        (RuntimeError("can't start new thread"), "no more processes or threads"),
+    ],
+)
+def test_what_is_lacking_is_named_with_what_to_do(error: Exception, words: str) -> None:
+    found = as_shortage(error)
+    assert isinstance(found, ShortageError)
+    assert words in str(found)
+
+
+def test_what_led_to_an_error_counts() -> None:
+    outer = ValueError("no array")
+    outer.__cause__ = RuntimeError("inside")
+    outer.__cause__.__context__ = MemoryError()
+    found = as_shortage(outer)
+    assert found is not None
+    assert "memory" in str(found)
+
+
+def test_errors_that_led_to_one_another_end_the_search() -> None:
+    first, second = ValueError("a"), ValueError("b")
+    first.__context__, second.__context__ = second, first
+    assert as_shortage(first) is None
+
+
+def test_words_of_other_errors_are_no_shortage() -> None:
+    assert as_shortage(ValueError("too many open files were asked for")) is None
+    assert as_shortage(OSError(errno.ENOENT, "no such file")) is None
+
+
+def test_an_error_of_ours_stays_itself_and_a_mistake_is_raised() -> None:
+    ours = ConfigError("a key is wrong")
+    assert as_named(ours) is ours
+    assert isinstance(as_named(OSError(errno.EIO, "x")), ShortageError)
+    mistake = KeyError("x")
+    with pytest.raises(KeyError) as caught:
+        as_named(mistake)
+    assert caught.value is mistake
+
+
+def test_what_cannot_be_finished_is_not_begun() -> None:
+    require_memory(1 << 20)
+    with pytest.raises(ShortageError, match=f"{1 << 40} MB more are needed"):
+        require_memory(1 << 60)

@@ -1,0 +1,186 @@
+"""What a held key moves, how far, and what the drive's own counts say of it afterwards."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquisition.hold_to_run.line import Line, LineCheck
+from acquisition.journal.cycle_row import row_dtype
+from config.arrays import FloatArray
+from config.errors import PreflightError
+from config.load import load_cell
+from rid_daq.commissioning.axis_motion import AxisMotion, travelled
+from rid_daq.commissioning.axis_test_job import AxisBench, seen_by
+from rid_daq.commissioning.axis_verdict import Seen, judge_axis
+from rid_daq.commissioning.jog_job import Jogging
+from rid_daq.recording.run_session import RunSession
+from rid_daq.terminal.console import Console
+
+LOADED = load_cell("ir361")
+ROBOT = LOADED.robot
+N = len(ROBOT.joints)
+PER_REV = 65536
+CYCLE_S = 0.008
+
+
+@dataclass
+class Said:
+    """A console that keeps what is said."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def say(self, text: str) -> None:
+        self.lines.append(text)
+
+
+def jogging(said: Said, home: FloatArray | None = None, obstacle: str = "") -> Jogging:
+    """Return the keys of a jog of which every line is clear, or none is."""
+
+    def check(start: FloatArray, wanted: FloatArray) -> Line:
+        return Line(start, start if obstacle else wanted, 1.0, obstacle)
+
+    return Jogging(ROBOT, home, cast(LineCheck, check), cast(Console, said))
+
+
+@pytest.mark.parametrize(("key", "end"), [("+", "position_max"), ("-", "position_min")])
+def test_a_held_key_leads_the_chosen_joint_and_no_other_to_its_end(key: str, end: str) -> None:
+    keys, pose = jogging(Said()), np.full(N, 0.1)
+    keys.tapped("3")
+    line = keys.line(key, pose)
+    assert line is not None
+    assert line.goal[2] == getattr(ROBOT.joints[2].limits, end)
+    assert np.delete(line.goal, 2).tolist() == np.delete(pose, 2).tolist()
+    assert pose.tolist() == [0.1] * N
+
+
+@pytest.mark.parametrize("key", [" ", "x", "0", "9", "h", "²"])
+def test_any_other_key_moves_nothing_and_chooses_nothing(key: str) -> None:
+    said = Said()
+    keys = jogging(said)
+    assert not keys.tapped(key)
+    assert keys.line(key, np.zeros(N)) is None
+    assert said.lines == []
+    assert "Chosen: axis1" in keys.help
+
+
+def test_home_is_a_key_where_there_is_one() -> None:
+    home = np.linspace(0.0, 0.5, N)
+    keys = jogging(Said(), home)
+    line = keys.line("h", np.zeros(N))
+    assert line is not None
+    assert line.goal.tolist() == home.tolist()
+    assert "hold h to go home" in keys.help
+
+
+def test_q_ends_a_jog_and_an_obstacle_is_said_where_nothing_moves() -> None:
+    said = Said()
+    keys = jogging(said, obstacle="floor")
+    line = keys.line("+", np.zeros(N))
+    assert line is not None
+    assert line.is_empty
+    assert said.lines == ["axis1 +: no further, floor is in the way."]
+    assert keys.tapped("q")
+
+
+def bench(pose: FloatArray, number: int) -> Line:
+    """Return the small way that the axis test takes from a pose."""
+    session = SimpleNamespace(loaded=LOADED, cell=LOADED.config)
+    made = AxisBench(cast(RunSession, session), cast(Console, Said()), unattended=True)
+    return made._small(number, pose)
+
+
+def inside(number: int, share: float) -> FloatArray:
+    """Return the middle of every range, one joint at another share of its own."""
+    low = np.array([joint.limits.position_min for joint in ROBOT.joints])
+    high = np.array([joint.limits.position_max for joint in ROBOT.joints])
+    pose = 0.5 * (low + high)
+    pose[number] = low[number] + share * (high - low)[number]
+    return pose
+
+
+def test_an_axis_test_moves_one_axis_by_two_degrees_towards_its_middle() -> None:
+    for share, sign in ((0.3, 1.0), (0.7, -1.0)):
+        pose = inside(0, share)
+        way = bench(pose, 0).goal - pose
+        assert way[0] == pytest.approx(sign * math.radians(2.0))
+        assert np.count_nonzero(way) == 1
+
+
+def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> None:
+    def blocked(_check: LineCheck, start: FloatArray, _wanted: FloatArray) -> Line:
+        return Line(start, start, 1.0, "floor")
+
+    monkeypatch.setattr(LineCheck, "__call__", blocked)
+    with pytest.raises(PreflightError, match="axis1: floor is in the way"):
+        bench(inside(0, 0.5), 0)
+
+
+def rows(moved_rad: float, *, told_rad: float | None = None, valid: int = 1) -> NDArray[Any]:
+    """Return a recording in which axis 2 rests, moves and rests; the drive went `moved_rad`."""
+    count = 200
+    told = moved_rad if told_rad is None else told_rad
+    found = np.zeros(count, dtype=row_dtype(N))
+    share = np.clip((np.arange(count) - 50) / 100.0, 0.0, 1.0)
+    found["time_s"] = 1.0 + CYCLE_S * np.arange(count)
+    found["valid"] = 1
+    found["target_position"][:, 1] = 0.3 + told * share
+    found["target_velocity"][50:150, 1] = told / (100 * CYCLE_S)
+    found["velocity_command"][50:150, 1] = told / (100 * CYCLE_S)
+    found["position"][:, 1] = 0.3 + moved_rad * share
+    revs = moved_rad * share * ROBOT.joints[1].gear_ratio / (2.0 * math.pi)
+    found["position_counts"][:, 1] = np.rint(PER_REV * revs)
+    found["valid"][60:80, 1] = valid
+    return found
+
+
+def test_an_axis_motion_is_what_the_drive_went_and_counted() -> None:
+    moved = AxisMotion.of(rows(math.radians(2.0)), ROBOT, 1)
+    assert (moved.joint, moved.unit) == ("axis2", "°")
+    assert moved.commanded == pytest.approx(2.0)
+    assert moved.measured == pytest.approx(2.0)
+    assert moved.command_share == pytest.approx(1.0)
+    assert moved.increments_per_rev == pytest.approx(PER_REV, rel=1e-3)
+
+
+def test_a_drive_that_goes_ten_times_as_far_shows_in_its_share() -> None:
+    moved = AxisMotion.of(rows(math.radians(20.0), told_rad=math.radians(2.0)), ROBOT, 1)
+    assert moved.commanded == pytest.approx(2.0)
+    assert moved.measured == pytest.approx(20.0)
+    assert moved.command_share == pytest.approx(0.1)
+
+
+def test_rows_without_an_answer_do_not_count() -> None:
+    lost = rows(math.radians(2.0), valid=0)
+    lost["position"][60:80, 1] = 99.0
+    assert AxisMotion.of(lost, ROBOT, 1).measured == pytest.approx(2.0)
+
+
+def test_a_drive_that_does_not_follow_is_said_whatever_was_seen() -> None:
+    dead = AxisMotion.of(rows(0.0, told_rad=math.radians(2.0)), ROBOT, 1)
+    assert dead.counts == 0
+    verdict = judge_axis(dead, Seen("axis2", 2.0), LOADED.config, ROBOT)
+    assert not verdict.passed
+    assert "was told +2.00 ° and measured" in verdict.sentence
+
+
+def test_how_much_of_a_line_was_driven_is_told_by_the_set_points() -> None:
+    start, goal = np.zeros(N), np.zeros(N)
+    start[1], goal[1] = 0.3, 0.3 + math.radians(2.0)
+    half = rows(math.radians(2.0))[:101]
+    assert travelled(Line(start, goal, 1.0), half, 1) == pytest.approx(0.5)
+
+
+def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degree() -> None:
+    moved = np.zeros(N)
+    moved[2], moved[1] = math.radians(-1.9), math.radians(0.2)
+    seen = seen_by(ROBOT, moved)
+    assert seen.joint == "axis3"
+    assert seen.amount == pytest.approx(-1.9)
+    assert seen_by(ROBOT, np.full(N, math.radians(0.09))).joint == ""

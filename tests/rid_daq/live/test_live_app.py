@@ -1,0 +1,126 @@
+"""Who may stop a motion from a browser, and who may look: the stop asks for less."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+import pytest
+from starlette.types import Receive, Scope, Send
+
+from rid_daq.live.access import STOP_HEADER, Access
+from rid_daq.live.feed import Feed
+from rid_daq.live.live_app import live_app
+
+TOKEN = "t" * 40
+HERE, ELSEWHERE = "127.0.0.1", "192.0.2.7"
+ADDRESS = "http://127.0.0.1:8642"
+JSON = {"Content-Type": "application/json"}
+STOP = {STOP_HEADER: "stop", **JSON}
+
+
+class Page:
+    """The application, with a count of the stops that it has asked for."""
+
+    def __init__(self) -> None:
+        self.access = Access("127.0.0.1", 8642, TOKEN)
+        self.feed = Feed()
+        self.stops = 0
+        self._app = live_app(self.access, self.feed, self._stop)
+
+    def _stop(self) -> None:
+        self.stops += 1
+
+    @property
+    def key(self) -> dict[str, str]:
+        """What a browser that was let in shows."""
+        return {"Cookie": self.access.cookie().split(";")[0]}
+
+    def ask(
+        self,
+        path: str,
+        method: str = "GET",
+        headers: dict[str, str] | None = None,
+        *,
+        client: str = HERE,
+        local: bool = False,
+    ) -> httpx.Response:
+        async def served(scope: Scope, receive: Receive, send: Send) -> None:
+            scope["state"] = {"local": local}
+            await self._app(scope, receive, send)
+
+        async def asked() -> httpx.Response:
+            transport: Any = httpx.ASGITransport(served, client=(client, 40000))
+            async with httpx.AsyncClient(transport=transport, base_url=ADDRESS) as browser:
+                return await browser.request(method, path, headers=headers)
+
+        return asyncio.run(asked())
+
+
+@pytest.fixture
+def page() -> Page:
+    return Page()
+
+
+def test_a_stop_from_this_computer_needs_no_token(page: Page) -> None:
+    assert page.ask("/stop", "POST", STOP).status_code == 202
+    assert page.stops == 1
+
+
+def test_a_stop_from_another_machine_needs_it(page: Page) -> None:
+    refused = page.ask("/stop", "POST", STOP, client=ELSEWHERE)
+    assert refused.status_code == 403
+    assert page.stops == 0
+    assert page.ask("/stop", "POST", {**STOP, **page.key}, client=ELSEWHERE).status_code == 202
+    assert page.stops == 1
+
+
+def test_a_stop_over_the_local_socket_needs_none_wherever_it_seems_to_come_from(page: Page) -> None:
+    assert page.ask("/stop", "POST", STOP, client=ELSEWHERE, local=True).status_code == 202
+    assert page.stops == 1
+
+
+def test_a_form_of_another_page_is_not_even_read(page: Page) -> None:
+    form = {STOP_HEADER: "stop", "Content-Type": "application/x-www-form-urlencoded"}
+    assert page.ask("/stop", "POST", form).status_code == 415
+    assert page.stops == 0
+
+
+@pytest.mark.parametrize("headers", [JSON, {**JSON, STOP_HEADER: "yes"}])
+def test_who_does_not_say_stop_stops_nothing(page: Page, headers: dict[str, str]) -> None:
+    assert page.ask("/stop", "POST", headers).status_code == 403
+    assert page.stops == 0
+
+
+@pytest.mark.parametrize("method", ["GET", "PUT", "DELETE"])
+def test_only_a_post_stops(page: Page, method: str) -> None:
+    assert page.ask("/stop", method, {**STOP, **page.key}).status_code == 404
+    assert page.stops == 0
+
+
+@pytest.mark.parametrize("path", ["/", "/page.js", "/events", "/nothing"])
+def test_nobody_looks_on_without_the_token_not_even_from_here(page: Page, path: str) -> None:
+    refused = page.ask(path)
+    assert refused.status_code == 403
+    assert "the whole address" in refused.text
+
+
+def test_the_token_of_the_address_becomes_a_cookie_and_leaves_the_address(page: Page) -> None:
+    let_in = page.ask(f"/?t={TOKEN}")
+    assert let_in.status_code == 303
+    assert let_in.headers["Location"] == "/"
+    assert "HttpOnly" in let_in.headers["Set-Cookie"]
+    assert page.ask("/", headers=page.key).headers["Content-Type"].startswith("text/html")
+
+
+def test_a_wrong_token_is_refused_even_beside_the_right_cookie(page: Page) -> None:
+    assert page.ask("/?t=wrong", headers=page.key).status_code == 403
+
+
+def test_events_come_as_they_were_shown(page: Page) -> None:
+    page.feed.show(b'{"row":1}')
+    page.feed.end()
+    told = page.ask("/events", headers=page.key)
+    assert told.headers["Content-Type"].startswith("text/event-stream")
+    assert 'data: {"row":1}\n\n' in told.text

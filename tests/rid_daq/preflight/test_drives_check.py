@@ -1,0 +1,154 @@
+"""What `check` says of the drives' answers: each lost one is red, and what was found is kept."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from config.errors import DriverError
+from config.load import load_cell
+from drivers.interfaces.servo_axes import DriveEvent, DriveSetting, EventKind
+from rid_daq.preflight import drives_check
+from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.drives_check import DriveTrouble, check_drives
+
+LOADED = load_cell("ir361")
+NAMES = LOADED.robot.joint_names
+N = len(NAMES)
+CYCLE_S = LOADED.config.cycle_time_s
+CYCLES = 100
+SETTING = DriveSetting("axis1", 1, "6085h:00", "quick-stop deceleration", "10", "10", "ok")
+
+
+@dataclass
+class Axes:
+    """Drives that answer as a test says, on a clock that stands still but for their answers."""
+
+    lost: Sequence[tuple[int, int]] = ()
+    answer_s: Sequence[float] = (0.001,)
+    events: Sequence[DriveEvent] = ()
+    trouble: Exception | None = None
+    answers_within_s: float = 0.004
+    joint_names: tuple[str, ...] = NAMES
+    now_s: float = 0.0
+    cycle: int = -1
+    quick_stops: int = 0
+    asked: list[str] = field(default_factory=list)
+
+    def bring_up(self) -> None:
+        self.asked.append("bring up")
+        if self.trouble is not None:
+            raise self.trouble
+
+    def start(self) -> None:
+        self.asked.append("start")
+
+    def settings(self) -> tuple[DriveSetting, ...]:
+        return (SETTING,)
+
+    def exchange(self) -> float:
+        self.cycle += 1
+        sync_s = self.now_s
+        self.now_s += self.answer_s[self.cycle % len(self.answer_s)]
+        return sync_s
+
+    @property
+    def answers(self) -> SimpleNamespace:
+        received = np.array([(self.cycle, joint) not in self.lost for joint in range(N)])
+        return SimpleNamespace(received=received, position=np.zeros(N))
+
+    def send_heartbeat(self, now_s: float) -> None:
+        assert now_s == self.now_s
+
+    def quick_stop(self) -> None:
+        self.quick_stops += 1
+
+    def take_events(self) -> Sequence[DriveEvent]:
+        return self.events
+
+    def sleep_until(self, due_s: float) -> None:
+        self.now_s = max(self.now_s, due_s)
+
+
+@pytest.fixture
+def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return what checks such drives over a hundred cycles."""
+
+    def check(axes: Axes, lost_frames: int = 0) -> list[CheckLine]:
+        clock = SimpleNamespace(now_s=lambda: axes.now_s, sleep_until=axes.sleep_until)
+        link = SimpleNamespace(lost_frames=lost_frames)
+        opened = SimpleNamespace(config=LOADED.config, axes=axes, clock=clock, link=link)
+
+        @contextlib.contextmanager
+        def open_cell(*_: object) -> Iterator[SimpleNamespace]:
+            yield opened
+
+        monkeypatch.setattr(drives_check, "open_cell", open_cell)
+        monkeypatch.setattr(drives_check, "sender_lines", lambda *_: [])
+        monkeypatch.setattr(drives_check, "watch_lines", lambda _: [WATCHED])
+        lines, position = check_drives(LOADED.config, LOADED.robot, CYCLES * CYCLE_S, None)
+        assert position == [0.0] * N
+        return lines
+
+    return check
+
+
+WATCHED = CheckLine("drives", "watched", "", "", "ok")
+
+
+def red(lines: Sequence[CheckLine]) -> list[str]:
+    return [f"{line.where}: {line.what} {line.found}" for line in lines if line.verdict == "red"]
+
+
+def test_drives_that_answer_are_green_and_their_watch_is_tried_last(checked: Any) -> None:
+    axes = Axes()
+    lines = checked(axes)
+    assert red(lines) == []
+    assert lines[0].what == "6085h:00 quick-stop deceleration"
+    assert lines[-1] is WATCHED
+    assert axes.quick_stops == CYCLES  # nothing may move
+
+
+def test_each_answer_that_is_missing_is_counted_at_its_drive(checked: Any) -> None:
+    lines = checked(Axes(lost=[(0, 1), (7, 1), (99, 2)]))
+    assert red(lines) == [
+        "axis2, node 2: answers missing of 100 2",
+        "axis3, node 3: answers missing of 100 1",
+    ]
+    assert WATCHED not in lines  # drives that lose answers are not tried further
+
+
+def test_one_slow_answer_in_a_hundred_is_forgiven_and_two_are_not(checked: Any) -> None:
+    slow = 0.0051
+    assert red(checked(Axes(answer_s=[slow, *[0.001] * 99]))) == []
+    (line,) = red(checked(Axes(answer_s=[slow, slow, *[0.001] * 98])))
+    assert line == "drives: from SYNC to the last answer, 99 of 100 5.10 ms"
+
+
+def test_frames_that_this_computer_lost_are_red(checked: Any) -> None:
+    (line,) = red(checked(Axes(), lost_frames=3))
+    assert line.endswith("frames lost by this computer 3")
+
+
+def test_a_fault_is_red_and_what_only_happened_is_not(checked: Any) -> None:
+    told = [
+        DriveEvent(EventKind.EMERGENCY, "axis1", 0.0, "axis1: emergency 7121h", 0x7121),
+        DriveEvent(EventKind.EMERGENCY_CLEARED, "axis1", 0.0, "axis1: over", 0),
+    ]
+    assert red(checked(Axes(events=told[1:]))) == []
+    assert red(checked(Axes(events=told))) == ["drives: faults axis1: emergency 7121h"]
+
+
+def test_what_was_read_before_a_drive_refused_is_kept(checked: Any) -> None:
+    axes = Axes(trouble=DriverError("axis2 does not answer"))
+    with pytest.raises(DriveTrouble, match="axis2 does not answer") as caught:
+        checked(axes)
+    assert [line.what for line in caught.value.lines] == ["6085h:00 quick-stop deceleration"]
+    assert axes.asked == ["bring up"]
+    assert axes.cycle == -1

@@ -1,0 +1,197 @@
+"""`rid-daq stop`: everyone is asked before anyone is waited for, and nothing unseen is claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
+from rid_daq.session import stopping
+from rid_daq.session.stopping import Stopped, stop_sessions
+
+COMMAND = StopReason(StopCode.STOP_COMMAND, "rid-daq stop")
+LIMIT = StopReason(StopCode.POSITION_LIMIT, "axis2 is beyond its limit")
+
+
+class Told:
+    """A session of which a test says what it does; it counts what it is told."""
+
+    def __init__(
+        self,
+        control: ControlBlock | None = None,
+        *,
+        refusal: str | None = None,
+        broken: Exception | None = None,
+        lives: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.refusal = refusal
+        self.terminated = 0
+        self._control, self._broken, self._lives = control, broken, lives
+
+    def control(self) -> ControlBlock | None:
+        if self._broken is not None:
+            raise self._broken
+        return self._control
+
+    def terminate(self) -> None:
+        self.terminated += 1
+
+    @property
+    def is_running(self) -> bool:
+        return self._lives()
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody is waited for: what a session does is done already, or never."""
+    for name in ("STOP_PATIENCE_S", "REST_PATIENCE_S", "END_PATIENCE_S"):
+        monkeypatch.setattr(stopping, name, 0.0)
+
+
+@pytest.fixture
+def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Stopped]]:
+    """Return what stops such sessions and says what became of each."""
+
+    def stop(*sessions: Told) -> list[Stopped]:
+        monkeypatch.setattr(stopping, "running_sessions", lambda _cell: list(sessions))
+        return [result for _, result in stop_sessions()]
+
+    return stop
+
+
+def moving(
+    *,
+    reason: StopReason | None = None,
+    rest_s: float | None = None,
+    state: TaskState = TaskState.MOVING,
+    cycles: int = 100,
+) -> ControlBlock:
+    """Return the words of a motion as they stand once it was told."""
+    control = ControlBlock.create()
+    control.task.state = state
+    control.task.set_progress(10, 3, cycles)
+    if reason is not None:
+        control.task.report_stop(reason)
+    if rest_s is not None:
+        control.task.report_rest(rest_s)
+    return control
+
+
+def test_a_motion_is_stopped_where_its_axes_were_seen_at_rest(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    control = moving(reason=COMMAND, rest_s=0.25)
+    (result,) = stopped(Told(control, lives=lambda: True))
+    assert control.program.stop_code == StopCode.STOP_COMMAND
+    assert result.seen
+    assert "quick stop seen" in result.sentence
+    assert "all axes at rest 0.250 s later" in result.sentence
+    assert result.rest_at is not None
+
+
+def test_a_motion_that_was_stopping_already_says_why(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    (result,) = stopped(Told(moving(reason=LIMIT, rest_s=0.1), lives=lambda: True))
+    assert result.seen
+    assert f"was stopping already ({LIMIT.text})" in result.sentence
+
+
+def test_a_motion_that_does_not_answer_was_not_stopped(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    (result,) = stopped(Told(moving(), lives=lambda: True))
+    assert result == Stopped(False, "did not answer within 0 s")
+
+
+def test_axes_whose_rest_nobody_saw_do_not_count_as_stopped(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    ended = moving(reason=COMMAND, state=TaskState.FINISHED)
+    (result,) = stopped(Told(ended))
+    assert result == Stopped(False, "stopped, but the axes were not seen to come to rest")
+
+
+def test_a_program_that_died_on_the_way_leaves_nobody_in_the_know(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    (result,) = stopped(Told(moving(reason=COMMAND), lives=lambda: False))
+    assert result == Stopped(False, "did not come to its end: nobody knows what its axes do")
+
+
+def test_a_motion_told_before_it_began_did_not_move(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    ended = moving(reason=COMMAND, state=TaskState.FINISHED, cycles=0)
+    assert stopped(Told(ended)) == [
+        Stopped(True, "stopped before the motion; the axes did not move")
+    ]
+
+
+def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[Stopped]]) -> None:
+    (result,) = stopped(Told(moving(state=TaskState.FINISHED)))
+    assert result == Stopped(True, "ended by itself meanwhile; the drives are off")
+
+
+def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[Stopped]]) -> None:
+    quiet = Told()
+    assert stopped(quiet) == [Stopped(True, "ended; no motion was under way")]
+    assert quiet.terminated == 1
+
+
+def test_a_session_that_does_not_end_is_not_stopped(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    assert stopped(Told(lives=lambda: True)) == [Stopped(False, "did not end within 0 s")]
+
+
+@pytest.mark.parametrize("broken", [PermissionError("no"), ValueError("no block")])
+def test_what_cannot_be_watched_is_told_to_end_and_never_called_stopped(
+    broken: Exception, stopped: Callable[..., list[Stopped]]
+) -> None:
+    guarded = Told(broken=broken)
+    (result,) = stopped(guarded)
+    assert guarded.terminated == 1
+    assert result == Stopped(False, "told to end; whether its axes rest was not seen")
+
+
+def test_what_may_not_be_stopped_from_here_is_left_alone(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    other = Told(refusal="belongs to another user")
+    assert stopped(other) == [Stopped(False, "belongs to another user")]
+    assert other.terminated == 0
+
+
+def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_other(
+    stopped: Callable[..., list[Stopped]],
+) -> None:
+    second = moving(reason=COMMAND, rest_s=0.1)
+    asked_by_then: list[int] = []
+
+    def lives() -> bool:
+        asked_by_then.append(second.program.stop_code)
+        return False
+
+    first = Told(lives=lives)
+    broken = Told(broken=RuntimeError("unforeseen"))
+    results = stopped(first, broken, Told(second, lives=lambda: True))
+    assert [each.seen for each in results] == [True, False, True]
+    assert results[1].sentence == "could not be stopped from here: unforeseen"
+    assert asked_by_then[0] == StopCode.STOP_COMMAND
+
+
+@pytest.mark.parametrize(
+    "text", ["name: cell-7\n", 'name: "cell-7"\naxes: [broken', "# x\nname:\tcell-7 # mine\n"]
+)
+def test_a_cell_file_names_its_cell_whatever_else_is_wrong_in_it(text: str, tmp_path: Path) -> None:
+    from rid_daq.commands.stop import _cell_name
+
+    file = tmp_path / "cell.yaml"
+    file.write_text(text)
+    assert _cell_name(str(file)) == "cell-7"
+    assert _cell_name("ir361") == "ir361"
