@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import difflib
-import inspect
-import typing
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TypeVar
 
-from pydantic import BaseModel, RootModel, TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from config.cell.amplifier_profile import AmplifierProfile, require_line
 from config.cell.cell import CellConfig, Servo
@@ -26,6 +23,7 @@ from config.formats.file_kinds import wrong_kind
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
 from config.plausible import implausible, key_name
+from config.refusals import described
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
@@ -253,7 +251,7 @@ def validate(tree: YamlTree, model: type[T]) -> T:
     except ValidationError as error:
         details = error.errors(include_url=False)
         other = wrong_kind(tree, getattr(model, "__name__", ""))
-        raise _refused(tree, other or [_describe(tree, d, model) for d in details]) from None
+        raise _refused(tree, other or [described(tree, d, model) for d in details]) from None
     found = [f"{tree.where(path)}: {key_name(path)}: {words}" for path, words in implausible(file)]
     if found:
         raise _refused(tree, found)
@@ -312,87 +310,3 @@ def _check_line(
     except ConfigError as error:
         where = tree.where(("plate", "amplifier", "rate_hz"))
         raise ConfigError(f"{where}: plate.amplifier.rate_hz: {error}") from None
-
-
-def _describe(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
-    path = _known_path(tree, detail["loc"])
-    where = tree.where(path)
-    key = key_name(path)
-    prefix = f"{where}: {key}: " if key else f"{where}: "
-    if detail["type"] == "extra_forbidden":
-        kinds = {part for part in detail["loc"] if part not in path}
-        allowed = sorted(
-            {name for each in _models_at(model, path[:-1], kinds) for name in each.model_fields}
-        )
-        close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
-        meant = f"; did you mean {close[0]}?" if close else "."
-        return f"{prefix}unknown key{meant} Allowed: {', '.join(allowed)}"
-    if detail["type"] == "missing":
-        missing = detail["loc"][-1]
-        return f"{prefix}the key {missing!r} is missing"
-    if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
-        found = _models_at(model, path, set())
-        return _unknown_kind(
-            tree, path, detail.get("input"), sorted(set().union(*map(_kinds, found)))
-        )
-    message = detail["msg"].removeprefix("Value error, ")
-    given = detail.get("input")
-    if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
-        return f"{prefix}{message} (got {given!r})"
-    return f"{prefix}{message}"
-
-
-def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]) -> str:
-    """Say which kinds there are, where `kind` is missing or names none of them."""
-    kind = given.get("kind") if isinstance(given, dict) else None
-    if kind is None:
-        return f"{tree.where(path)}: the key 'kind' is missing. It is one of: {', '.join(kinds)}"
-    close = difflib.get_close_matches(str(kind), kinds, n=1)
-    meant = f"; did you mean {close[0]}?" if close else "."
-    path = (*path, "kind")
-    where = f"{tree.where(path)}: {key_name(path)}"
-    return f"{where}: there is no {kind!r}{meant} Allowed: {', '.join(kinds)}"
-
-
-def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
-    path: tuple[int | str, ...] = ()
-    for part in location:
-        if (*path, part) in tree.positions:
-            path = (*path, part)
-    return path
-
-
-def _models_at(
-    annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
-) -> list[type[BaseModel]]:
-    """Collect the models at `path` below a model or annotation, of these kinds if any is."""
-    models = _models_in(annotation)
-    models = [model for model in models if kinds & _kinds(model)] or models
-    if not path:
-        return models
-    if isinstance(path[0], int):
-        return _models_at(annotation, path[1:], kinds)
-    fields = [model.model_fields.get(path[0]) for model in models]
-    return [
-        model
-        for field in fields
-        if field is not None
-        for model in _models_at(field.annotation, path[1:], kinds)
-    ]
-
-
-def _kinds(model: type[BaseModel]) -> set[str]:
-    """Return the values that a model's key `kind` may have."""
-    field = model.model_fields.get("kind")
-    return set() if field is None else set(typing.get_args(field.annotation))
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if inspect.isclass(annotation):
-        if issubclass(annotation, RootModel):
-            return _models_in(annotation.model_fields["root"].annotation)
-        return [annotation] if issubclass(annotation, BaseModel) else []
-    arguments = typing.get_args(annotation)
-    if typing.get_origin(annotation) is Annotated:
-        arguments = arguments[:1]
-    return [model for argument in arguments for model in _models_in(argument)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -107,6 +108,8 @@ def cause_of_loss(
     if not damaged:
         return "record more"
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
+    if reason == "without a number" and _decimal_commas(damaged, import_map):
+        return "its numbers have a decimal comma: put `decimal: ','` into the map"
     if reason != "with an absurd value":
         return _BY_REASON.get(
             reason, "the files' clocks start at different times, or a unit of time is wrong"
@@ -130,3 +133,9 @@ def cause_of_loss(
             f" {joint.limits.torque:g}: its torque constant or unit is probably too large"
         )
     return "check columns and units of the map, and what it calls plausible"
+
+
+def _decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) -> bool:
+    """Return whether what is no number of the last row would be one with a decimal comma."""
+    last = damaged[-1].detail
+    return import_map.decimal == "." and bool(re.search(r"'[-+]?\d+,\d+(e[-+]?\d+)?'$", last))

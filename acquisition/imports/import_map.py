@@ -227,7 +227,10 @@ class ImportMap(PhysicalFile, Derived):
         if self.rate_hz is not None and any(file.time for file in self.further_files):
             raise ValueError("with rate_hz rows are counted in every file: leave out their time")
         if self.decimal == self.delimiter:
-            raise ValueError("decimal and delimiter must not be the same character")
+            raise ValueError(
+                f"decimal and delimiter are both {self.decimal!r}: where numbers have a decimal"
+                " comma, say what stands between the columns, `delimiter: ';'`, tab or space"
+            )
         return self
 
     @model_validator(mode="after")

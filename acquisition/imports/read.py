@@ -26,7 +26,6 @@ from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 
 FEWEST_ROWS = 100
-RANGES_IN_ERRORS = 5
 
 
 def import_csv(
@@ -78,12 +77,9 @@ def import_csv(
     table = read_tables((file, *further), import_map, columns.columns, damaged)
     read = columns.rows(table, len(import_map.joints))
     rows, notes = leave_out(read, import_map, damaged)
-    ranges = group_damaged(damaged)
     used = len(rows.row)
     share = len(damaged) / max(table.rows_read, 1)
     if share > import_map.left_out_limit or used < FEWEST_ROWS:
-        named = "; ".join(map(str, ranges[:RANGES_IN_ERRORS]))
-        more = f"; and {len(ranges) - RANGES_IN_ERRORS} more" if len(ranges) > 5 else ""
         needed = f"{FEWEST_ROWS} are needed"
         if used >= FEWEST_ROWS:
             needed = (
@@ -94,7 +90,7 @@ def import_csv(
         raise DataQualityError(
             f"{file.name}: only {used} of {table.rows_read} rows are sound by map"
             f" {import_map.name!r} ({needed}): {_counted(damaged)}; wrong map or broken file:"
-            f" {cause}. {named}{more}"
+            f" {cause}.{_first_of_each(damaged)}"
         )
     try:
         findings = find(rows, columns, import_map, robot)
@@ -107,7 +103,7 @@ def import_csv(
         map_name=import_map.name,
         rows_read=table.rows_read,
         rows_used=used,
-        damaged=ranges,
+        damaged=group_damaged(damaged),
         duration_s=float(rows.time_s[-1] - rows.time_s[0]),
         step_min_s=float(steps.min()),
         step_median_s=float(np.median(steps)),
@@ -140,3 +136,14 @@ def _counted(damaged: Sequence[DamagedRow]) -> str:
     """Return how many rows are damaged for which reason."""
     counts = Counter(row.reason for row in damaged).most_common()
     return ", ".join(f"{count} {reason}" for reason, count in counts) or "the file is short"
+
+
+def _first_of_each(damaged: Sequence[DamagedRow]) -> str:
+    """Return the first row that is damaged for each reason, as a sentence."""
+    first: dict[str, DamagedRow] = {}
+    for row in sorted(damaged, key=lambda each: each.row):
+        first.setdefault(row.reason, row)
+    rows = "; ".join(f"row {row.row}: {row.detail}" for row in first.values())
+    which = "of each kind" if len(first) > 1 else "one"
+    last = max(row.row for row in damaged) if damaged else 0
+    return f" The first {which} is {rows}; the last is row {last}" if rows else ""

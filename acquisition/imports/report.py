@@ -110,8 +110,9 @@ class ImportReport:
         ]
         if self.damaged:
             reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
-            found.append(f"{self.rows_damaged} damaged rows left out: {reasons}")
-            found.extend(f"  {rows}" for rows in self.damaged[:RANGES_IN_WORDS])
+            rows = "damaged row" if self.rows_damaged == 1 else "damaged rows"
+            found.append(f"{self.rows_damaged} {rows} left out: {reasons}")
+            found.extend(f"  {some}" for some in self.damaged[:RANGES_IN_WORDS])
             if len(self.damaged) > RANGES_IN_WORDS:
                 found.append(f"  ... and {len(self.damaged) - RANGES_IN_WORDS} more ranges")
         else:

@@ -94,9 +94,11 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
         The cut-off is not well below half the sampling frequency.
     """
     if not 0.0 < cutoff_hz < 0.45 / sample_period_s:
+        step = sample_period_s
+        every = f"{step:.4g} s" if step >= 1.0 else f"{1e3 * step:.4g} ms"
         raise ConfigError(
-            f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {sample_period_s * 1e3:.4g}"
-            f" ms: choose one between 0 and {0.45 / sample_period_s:.4g} Hz"
+            f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {every}: choose one between"
+            f" 0 and {0.45 / step:.4g} Hz"
         )
     sections, start = _sections(cutoff_hz * sample_period_s)
     padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))

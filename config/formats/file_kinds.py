@@ -64,8 +64,16 @@ def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
     return [f"{tree.name}: this is {kind}; {_WANTED[wanted]} is wanted here"]
 
 
-def kind_of_text(data: bytes) -> str | None:
-    """Return which kind of file some bytes are that could not be read as what was wanted."""
+def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
+    """Return which kind of file some bytes are that could not be read as what was wanted.
+
+    Parameters
+    ----------
+    data
+        The file.
+    by_keys
+        Whether its keys count, which tell one YAML file from another.
+    """
     head = data[:_LOOKED_AT]
     for kind, beginning in _BEGINNINGS:
         if re.match(beginning, head, re.IGNORECASE | re.DOTALL):
@@ -74,6 +82,8 @@ def kind_of_text(data: bytes) -> str | None:
         name.decode(): value.decode()
         for name, value in re.findall(rb'"(kind|schema|format)"\s*:\s*"([ -~]{1,80})"', head)
     }
+    if not by_keys:
+        return _of_document(words)
     keys = re.findall(rb"^([A-Za-z_]\w*):", head, re.MULTILINE)
     return _of_document(words) or _of_keys([key.decode() for key in keys])
 

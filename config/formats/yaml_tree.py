@@ -23,6 +23,7 @@ from config.formats.file_kinds import kind_of_text
 MAX_BYTES = 1_000_000
 MAX_NODES = 200_000
 MAX_DEPTH = 40
+_QUOTED = tuple("[]{},:#&*!|>%@`'\"")  # mean something where a text begins, or in it
 WIDTH = 100
 
 Path = tuple[str | int, ...]
@@ -86,12 +87,10 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
         what = "not UTF-8 text" if kind is None else f"this is {kind}, and not UTF-8 text"
         raise ConfigError(f"{name}: {what} (byte {error.start}); is it the right file?") from None
     except yaml.MarkedYAMLError as error:
-        kind = kind_of_text(text)
+        kind = kind_of_text(text, by_keys=False)
         if kind is not None:
             raise ConfigError(f"{name}: this is {kind}, no YAML file") from None
-        mark = error.problem_mark or error.context_mark
-        where = f"{name}:{mark.line + 1}:{mark.column + 1}" if mark else name
-        raise ConfigError(f"{where}: not valid YAML: {error.problem or error.context}") from None
+        raise ConfigError(_not_valid(error, text, name)) from None
     except yaml.YAMLError as error:
         raise ConfigError(f"{name}: not valid YAML: {str(error).splitlines()[0]}") from None
     except (RecursionError, ValueError):
@@ -101,6 +100,18 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
     positions: dict[Path, tuple[int, int]] = {}
     data = _Builder(name, positions).build(root, (), 0)
     return YamlTree(name, data, positions)
+
+
+def _not_valid(error: yaml.MarkedYAMLError, text: bytes, name: str) -> str:
+    """Say where a text is no YAML, and what a newcomer may have left out there."""
+    mark = error.problem_mark or error.context_mark
+    said = f"not valid YAML: {error.problem or error.context}"
+    if mark is None:
+        return f"{name}: {said}"
+    line = text.decode("utf-8-sig").splitlines()[mark.line : mark.line + 1]
+    if line and line[0][mark.column : mark.column + 1] in _QUOTED:
+        said += "; a text that holds such a sign belongs in quotes"
+    return f"{name}:{mark.line + 1}:{mark.column + 1}: {said}"
 
 
 class _Builder:

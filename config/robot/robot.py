@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
@@ -367,15 +368,21 @@ class RobotDescription(PhysicalFile):
 
         Limits, friction terms, drawings and bodies may differ: they may be known better by now.
         """
-        own, others = self.joints, other.joints
-        of_joints = [
-            f"joints.{number}.{key}"
-            for number, pair in enumerate(zip(own, others, strict=False))
-            for key in _JOINT_IDENTITY
-            if getattr(pair[0], key) != getattr(pair[1], key)
-        ]
         of_robot = [key for key in _IDENTITY if getattr(self, key) != getattr(other, key)]
-        return (*of_robot, *(["joints"] if len(own) != len(others) else of_joints))
+        if len(self.joints) != len(other.joints):
+            return (*of_robot, "joints")
+        return (*of_robot, *self._differences_of_joints(other))
+
+    def _differences_of_joints(self, other: RobotDescription) -> Iterator[str]:
+        """Yield each key that is another one at some joint, and at which."""
+        pairs = list(zip(self.joints, other.joints, strict=True))
+        for key in _JOINT_IDENTITY:
+            here = [n for n, (a, b) in enumerate(pairs) if getattr(a, key) != getattr(b, key)]
+            if len(here) == 1:
+                yield f"joints.{here[0]}.{key}"
+            elif here:
+                names = ", ".join(self.joints[n].name for n in here)
+                yield f"{key} of {'all joints' if len(here) == len(pairs) else names}"
 
     @property
     def is_drawn(self) -> bool:

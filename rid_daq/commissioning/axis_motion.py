@@ -45,6 +45,17 @@ class AxisMotion:
     command_share: float
     increments_per_rev: float | None
 
+    def said(self, amount: float) -> str:
+        """Return a way with its sign and unit."""
+        return self._with_unit(f"{amount:+.2f}")
+
+    def size(self, amount: float) -> str:
+        """Return how long a way is, with its unit."""
+        return self._with_unit(f"{abs(amount):.3g}")
+
+    def _with_unit(self, amount: str) -> str:
+        return f"{amount}°" if self.unit == "°" else f"{amount} {self.unit}"
+
     @classmethod
     def of(cls, rows: NDArray[Any], robot: RobotDescription, number: int) -> AxisMotion:
         """Return what the rows of a recording show of the axis `number`."""

@@ -66,8 +66,8 @@ class AxisVerdict:
         if motion.increments_per_rev is not None:
             encoder = f", {motion.increments_per_rev:.0f} a revolution of the motor"
         return (
-            f"{motion.joint}: direction and gear are right; told {motion.commanded:+.2f}"
-            f" {motion.unit}, its drive measured {motion.measured:+.2f} {motion.unit}"
+            f"{motion.joint}: direction and gear are right; told"
+            f" {motion.said(motion.commanded)}, its drive measured {motion.said(motion.measured)}"
             f" ({motion.counts:+d} increments{encoder})."
         )
 
@@ -85,8 +85,8 @@ def _of_the_drive(motion: AxisMotion, cell: CellConfig, number: int) -> list[str
     off = abs(motion.measured - motion.commanded)
     if off > FOLLOWED * abs(motion.commanded):
         return [
-            f"its drive was told {motion.commanded:+.2f} {motion.unit} and measured"
-            f" {motion.measured:+.2f} {motion.unit}: check the drive's velocity loop, its brake and"
+            f"its drive was told {motion.said(motion.commanded)} and measured"
+            f" {motion.said(motion.measured)}: check the drive's velocity loop, its brake and"
             " position_gain_per_s."
         ]
     if not 1.0 / SAME <= motion.command_share <= SAME:
@@ -125,8 +125,8 @@ def _of_the_eyes(
     if not 1.0 / SAME <= abs(share) <= SAME:
         gear = robot.joints[number].gear_ratio
         problems.append(
-            f"it moved by {abs(seen.amount):.3g} {motion.unit} where {abs(motion.commanded):.3g}"
-            f" {motion.unit} were told. Change in the robot file: joints, {motion.joint}:"
+            f"it moved by {motion.size(seen.amount)} where {motion.size(motion.commanded)} were"
+            f" told. Change in the robot file: joints, {motion.joint}:"
             f" gear_ratio: {gear / abs(share):.4g} (is {gear:g}), or the encoder's resolution in"
             " the drive (608Fh)."
         )

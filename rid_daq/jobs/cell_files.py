@@ -58,7 +58,8 @@ def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Es
     if differences:
         raise ConfigError(
             f"{path}: is of robot {estimate.robot.name!r}, which is not this {robot.name!r}: they"
-            f" differ in {', '.join(differences)}. Identify this robot, or correct its file"
+            f" differ in {', '.join(differences)}. Identify this robot, or correct its file (of an"
+            " import: the map's `robot`)"
         )
     return estimate
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from identification.choices import REPORTED
 from identification.payload.body import REPORTED_UNITS
-from identification.sensitivity.cases import SensitivityRow
+from identification.sensitivity.cases import DIFFERENCE, SensitivityRow
 from identification.sensitivity.problem import SensitivityProblem
 from rid_daq.jobs.sensitivity_job import (
     DrawnPayloads,
@@ -16,6 +18,8 @@ from rid_daq.jobs.sensitivity_job import (
 )
 from rid_daq.report.formats import number
 from rid_daq.terminal.console import Console
+
+_NO_DECIMAL: Final = 100.0  # percent
 
 
 def perform(request: SensitivityRequest, console: Console) -> None:
@@ -64,21 +68,28 @@ def _document(
 
 def _print_rows(console: Console, rows: list[SensitivityRow]) -> None:
     console.say(
-        "Deviation in percent of the true value, inertia about the centre of gravity; less a model"
-        " of the unloaded robot, or less a run (difference):"
+        "Deviation of the estimate in percent of the true value, inertia about the centre of"
+        " gravity. Taken off before it is estimated: a model of the unloaded robot, or a run"
+        " without the payload."
     )
     console.table(
-        ("", "wrong", "less", *REPORTED),
+        ("", "wrong", "taken off", *REPORTED),
         [
             (
                 str(row.case.number),
                 row.case.words,
-                row.against,
-                *("–" if p is None else f"{round(p, 1) + 0.0:.1f}" for p in row.percent),
+                "a run" if row.against == DIFFERENCE else "a model",
+                *("–" if p is None else _percent(p) for p in row.percent),
             )
             for row in rows
         ],
+        key=3,
     )
+
+
+def _percent(value: float) -> str:
+    """Return a deviation [%] with a decimal where that is worth reading."""
+    return f"{round(value, 1) + 0.0:.1f}" if abs(value) < _NO_DECIMAL else f"{value:.0f}"
 
 
 def _print_draws(console: Console, drawn: DrawnPayloads, problem: SensitivityProblem) -> None:

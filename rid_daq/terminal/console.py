@@ -29,7 +29,6 @@ _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff
 
 
 _WIDEST = 1 << 16  # columns, where nobody knows how many
-_NAME_LENGTH = 26  # a run id; what is longer may be broken into lines
 
 
 class _Output:
@@ -165,8 +164,11 @@ class Console:
         columns: Sequence[str],
         rows: Sequence[Sequence[str]],
         red: Sequence[bool] | None = None,
+        key: int = 1,
     ) -> None:
         """Write a table for people, rows in red where told.
+
+        On a terminal that is too narrow for it, in parts one under the other.
 
         Parameters
         ----------
@@ -176,23 +178,16 @@ class Console:
             One sequence of cells a row, as many as `columns`.
         red
             One truth value a row.
+        key
+            How many of the first columns say what a row is.
         """
         if self.as_json:
             return
         rows = [[_cell(cell) for cell in row] for row in rows]
         if self.is_terminal:
-            from rich.console import Console as RichConsole
-            from rich.table import Table
-            from rich.text import Text
+            from rid_daq.terminal.tables import print_table
 
-            table = Table(box=None, pad_edge=False, header_style="bold")
-            names = all(len(row[0]) <= _NAME_LENGTH for row in rows)
-            for number, column in enumerate(columns):
-                table.add_column(column, no_wrap=names and not number, overflow="fold")
-            for number, row in enumerate(rows):
-                style = "red" if red is not None and red[number] else None
-                table.add_row(*[Text(cell) for cell in row], style=style)
-            RichConsole().print(table)
+            print_table(columns, rows, red, key)
             return
         widths = [max(len(row[i]) for row in (columns, *rows)) for i in range(len(columns))]
         for row in (columns, *rows):

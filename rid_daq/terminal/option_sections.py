@@ -1,9 +1,10 @@
-"""The help of a command with many options: by what they are for, in sections."""
+"""The options of a command: their help, by what they are for, and what is said of wrong values."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import typer
 from typer.core import TyperCommand
 
 MANY = 12  # options that one list holds
@@ -17,6 +18,16 @@ VALUES = {
     "<str>": "TEXT",
 }
 """What stands for a value in a help, by the kind of the option."""
+
+_PLAINLY = {
+    "Value error, ": "",
+    "valid number, unable to parse string as a number": "number",
+    "valid integer, unable to parse string as an integer": "whole number",
+    "Input should be greater than or equal to": "it should be at least",
+    "Input should be less than or equal to": "it should be at most",
+    "Input should be": "it should be",
+}
+"""Words of pydantic, by which Typer checks values, and what is said in their place."""
 
 SHARED: dict[str, tuple[str, ...]] = {
     "Payload": ("--loaded", "--load-mass", "--load-mass-sigma"),
@@ -78,6 +89,21 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
 
 class SectionedCommand(TyperCommand):
     """A command whose help says what is given to an option, in sections where they are many."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the options; what is refused is told without the words of a library.
+
+        Raises
+        ------
+        typer.BadParameter
+            An option has no value of its kind.
+        """
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as refused:
+            for word, plain in _PLAINLY.items():
+                refused.message = refused.message.replace(word, plain)
+            raise
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments and options."""

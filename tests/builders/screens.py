@@ -19,6 +19,7 @@ from typing import Any, Final
 from unittest.mock import patch
 
 import typer
+from rich.cells import cell_len
 from rich.console import Console as RichConsole
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME, MONOKAI, TerminalTheme
 from rich.text import Text
@@ -26,6 +27,7 @@ from rich.text import Text
 from rid_daq.app import COMMANDS, LazyCommands, root, run
 from rid_daq.terminal.console import Console
 from tests.builders.identified_run import friction_run
+from tests.builders.motion_texts import PICK
 
 WIDTHS: Final = (80, 120)
 THEMES: Final[dict[str, TerminalTheme]] = {"light": DEFAULT_TERMINAL_THEME, "dark": MONOKAI}
@@ -115,8 +117,12 @@ def helps(columns: int) -> list[Screen]:
 Call = Callable[[Console], None]
 
 
-def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
-    """Run a command, and return what it lets a console do, to be done again at any width."""
+@contextlib.contextmanager
+def noted() -> Iterator[list[Call]]:
+    """Yield what commands let their consoles do, to be done again at any width; nothing is shown.
+
+    What `--json` writes is written.
+    """
     calls: list[Call] = []
 
     def noting(name: str) -> Callable[..., None]:
@@ -128,10 +134,41 @@ def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
     with contextlib.ExitStack() as stack:
         for name in ("say", "verdict", "table"):
             stack.enter_context(patch.object(Console, name, noting(name)))
-        stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+        yield calls
+
+
+def said_by(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
+    """Run a command, and return what it lets a console do."""
+    with noted() as calls, contextlib.redirect_stdout(io.StringIO()):
         code = run(list(words))
     assert code in codes, (words, code)
     return calls
+
+
+def keep(screen: Screen, folder: str) -> None:
+    """Write a screen beside the screenshots of pages, where they are wanted."""
+    if "RID_DAQ_SCREENSHOTS" in os.environ:
+        screen.write(Path(os.environ["RID_DAQ_SCREENSHOTS"]) / "terminal" / folder)
+
+
+def require_fitting(words: Sequence[str], calls: Sequence[Call], folder: str = "more") -> None:
+    """Keep the screens of a command, and require that they fit."""
+    for columns in WIDTHS:
+        screen = replayed(words, calls, columns)
+        keep(screen, folder)
+        assert screen.lines, words
+        assert too_wide(screen.lines, columns) == [], words
+
+
+def too_wide(lines: list[str], columns: int) -> list[str]:
+    """Return the lines that a terminal must break, but commands and paths that are pasted."""
+    return [
+        line
+        for line in lines
+        if cell_len(line) > columns
+        and not line.strip().startswith("rid-daq ")
+        and not line.split()[-1].startswith("/")
+    ]
 
 
 def replayed(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
@@ -150,6 +187,8 @@ def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
     runs, motion = ["--runs", str(folder / "runs")], str(folder / "motion.yaml")
     small = ["--method", "two-harmonic", "--tries", "3", "--period", "4", "--periods", "3"]
     model = str(folder / "model.json")
+    path = str(folder / "path.yaml")
+    Path(path).write_text(PICK, encoding="utf-8")
     friction_run(folder / "runs", "there and back", 1)
     for words in (
         ["init", str(folder / "mine")],
@@ -163,6 +202,10 @@ def story(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
         ["validate", model, "second", *runs],
         ["identify", "second", "--no-diagnose", *runs],
         ["compare", model, "second", *runs],
+        ["retime", "ir361", path, "--model", model, "-o", str(folder / "fast.yaml")],
+        ["design", "ir361", "--kind", "multisine", "-o", str(folder / "multisine.yaml")],
+        ["design", "ir361", "--kind", "constant-velocity", "-o", str(folder / "steady.yaml")],
+        ["sensitivity", "kr15", "--payload", "medium", "--draws", "500"],
         ["tracking", "second", "--against", "first", *runs],
         ["friction", "there and back", "--model", model, *runs],
         ["report", "there and back", *runs],

@@ -2,31 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
 from rich.cells import cell_len
 
 from rid_daq.app import COMMANDS
-from tests.builders.screens import THEMES, WIDTHS, Screen, helps, replayed, story
-
-
-def keep(screen: Screen, folder: str) -> None:
-    """Write a screen beside the screenshots of pages, where they are wanted."""
-    if "RID_DAQ_SCREENSHOTS" in os.environ:
-        screen.write(Path(os.environ["RID_DAQ_SCREENSHOTS"]) / "terminal" / folder)
-
-
-def too_wide(lines: list[str], columns: int) -> list[str]:
-    """Return the lines that a terminal must break, but commands and paths that are pasted."""
-    return [
-        line
-        for line in lines
-        if cell_len(line) > columns
-        and not line.strip().startswith("rid-daq ")
-        and not line.split()[-1].startswith("/")
-    ]
+from tests.builders.screens import THEMES, WIDTHS, helps, keep, require_fitting, story, too_wide
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
@@ -53,11 +35,6 @@ def test_a_screen_is_a_picture_in_either_theme() -> None:
 @pytest.mark.slow
 def test_what_commands_say_on_a_simulated_cell_fits(tmp_path: Path) -> None:
     count = 0
-    for words, calls in story(tmp_path):
-        for columns in WIDTHS:
-            screen = replayed(words, calls, columns)
-            keep(screen, f"{count // len(WIDTHS) + 1:02d}")
-            assert screen.lines, words
-            assert too_wide(screen.lines, columns) == [], words
-            count += 1
-    assert count >= 42
+    for count, (words, calls) in enumerate(story(tmp_path), start=1):
+        require_fitting(words, calls, f"{count:02d}")
+    assert count >= 25

@@ -31,6 +31,10 @@ def perform(request: CompensateRequest, console: Console) -> None:
 
 
 def _print_tuning(console: Console, tuning: TuningEntry, names: tuple[str, ...]) -> None:
+    console.say(
+        "What the reference run shows of the feedforward's scale and delay; 1 and 0 are applied"
+        " where it cannot tell the value from them:"
+    )
     console.table(
         ("axis", "scale", "± 2σ", "applied", "delay [ms]", "± 2σ", "applied"),
         [

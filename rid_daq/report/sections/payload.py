@@ -239,9 +239,10 @@ class PayloadSection(Section):
         console.say("Centre of gravity from the flange, inertia about it, in the flange's axes.")
         if self.principal is not None and self.existence is not None:
             console.say(
-                "Principal moments [kg m^2] about: "
+                "Principal moments: "
                 + "; ".join(
-                    f"{number(each.moment, 4)} about ({', '.join(f'{x:.3f}' for x in each.axis)})"
+                    f"{number(each.moment, 3)} kg m^2 about"
+                    f" ({', '.join(f'{x:.3f}' for x in each.axis)})"
                     for each in self.principal
                 )
             )
@@ -307,7 +308,9 @@ def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) ->
         if failed
         else f"Passed: the payload has {mass.split(' (')[0]}"
     )
-    sentence = f"Mass: {mass}. Load data are exported where this verdict is passed."
+    sentence = "Load data are exported where this verdict is passed."
+    if failed:
+        sentence = f"Mass: {mass}. {sentence}"
     if estimate.procedure != "model":
         sentence += f" {_EMPTY[empty]}"
     if estimate.seen[0]:

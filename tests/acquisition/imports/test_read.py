@@ -160,6 +160,25 @@ class TestDamagedRows:
         with pytest.raises(DataQualityError, match=r"row 1: 1 columns instead of 7; 7 with `delim"):
             import_csv(write(lines), two_joint_map())
 
+    def test_with_decimal_commas_which_are_named(self, write: Write) -> None:
+        lines = [line.replace(".", ",") for line in as_lines(sound_table(), ";")]
+        with pytest.raises(DataQualityError) as refused:
+            import_csv(write(lines), two_joint_map(delimiter=";"))
+        assert "put `decimal: ','` into the map" in str(refused.value)
+
+    def test_in_many_places_which_are_told_by_one_of_each_kind(self, write: Write) -> None:
+        table = sound_table()
+        table[20::7, 1] = 50.0
+        lines = as_lines(table)
+        lines[25::11] = ["ERR"] * len(lines[25::11])
+        with pytest.raises(DataQualityError) as refused:
+            import_csv(write(lines), two_joint_map())
+        said = str(refused.value)
+        assert "The first of each kind is row 21: " in said
+        assert "; row 26: " in said
+        assert len(re.findall(r"row \d", said)) == 3
+        assert len(said) < 500
+
     def test_with_text_where_a_number_belongs(self, write: Write) -> None:
         found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
         assert found == ["row 7: 1 without a number (row 7: column 2 is 'ERR')"]
@@ -272,7 +291,9 @@ class TestHopelessFiles:
     def test_more_than_half_damaged(self, write: Write) -> None:
         lines = as_lines(sound_table())
         lines[: ROWS // 2 + 1] = ["rubbish"] * (ROWS // 2 + 1)
-        with pytest.raises(DataQualityError, match=r"only 199 of 400 rows are sound.*rows 1-201"):
+        with pytest.raises(
+            DataQualityError, match=r"only 199 of 400 .* is row 1: .* last is row 201"
+        ):
             import_csv(write(lines), two_joint_map())
 
     def test_too_short(self, write: Write) -> None:

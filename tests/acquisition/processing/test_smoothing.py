@@ -182,3 +182,10 @@ class TestTemperature:
     def test_is_unknown_where_it_was_not_recorded(self) -> None:
         assert smooth_nonperiodic(uneven(), 9.4).temperature_k is None
         assert resample_periods(uneven(duration_s=13.0), 4.0).temperature_k is None
+
+
+def test_a_cut_off_that_does_not_fit_is_refused_in_seconds_where_samples_are_seldom() -> None:
+    with pytest.raises(ConfigError, match=r"every 10 s: choose one between 0 and 0\.045 Hz"):
+        low_pass(np.zeros((9, 1)), 10.0, 10.0)
+    with pytest.raises(ConfigError, match="every 10 ms: choose one between 0 and 45 Hz"):
+        low_pass(np.zeros((9, 1)), 0.01, 60.0)

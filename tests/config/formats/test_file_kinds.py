@@ -112,3 +112,14 @@ def test_a_map_in_place_of_a_cell_is_named_and_a_damaged_model_is_not_called_ano
     path.write_bytes(MODEL)
     with pytest.raises(ConfigError, match="not an estimate as `rid-daq identify` writes it: "):
         read_estimate(path)
+
+
+def test_a_map_with_a_bracket_too_many_is_told_where(tmp_path: Path) -> None:
+    """It is an import map, and that is what was wanted: its kind explains nothing."""
+    path = tmp_path / "map.yaml"
+    path.write_text("name: a\nrobot: ir361\ncolumns: 13\ntime: {column: Time [ms], unit: ms}\n")
+    with pytest.raises(ConfigError) as refused:
+        load_import_map(str(path))
+    said = str(refused.value)
+    assert said.startswith(f"{path}:4:21: not valid YAML: ")
+    assert said.endswith("; a text that holds such a sign belongs in quotes")

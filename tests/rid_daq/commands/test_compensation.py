@@ -35,6 +35,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import reachable_cell
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
+from tests.builders.screens import require_fitting, said_by
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -61,7 +62,8 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for label in ("multisine", "circle"):
         motion = str(folder / f"{label}.yaml")
         assert run(["record", cell, motion, "--label", label, *runs]) == 0
-    assert run(["loop", "multisine", "-o", str(folder / "loops.json"), *runs]) == 0
+    words = ["loop", "multisine", "-o", str(folder / "loops.json"), *runs]
+    require_fitting(["loop", "multisine"], said_by(words))
     return folder
 
 
@@ -76,7 +78,8 @@ def compensated(workshop: Path) -> Path:
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     circle, ahead = str(workshop / "circle.yaml"), str(workshop / "ahead.json")
     words = ["compensate", cell, circle, *by(workshop), "-o", ahead]
-    assert run([*words, "--reference", "circle", *runs]) == 0
+    calls = said_by([*words, "--reference", "circle", *runs])
+    require_fitting(["compensate", "circle"], calls)
     words = ["record", cell, circle, "--feedforward", ahead, "--label", "compensated", *runs]
     assert run(words) == 0
     return workshop / "ahead.json"

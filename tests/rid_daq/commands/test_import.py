@@ -19,6 +19,7 @@ from config.load import to_yaml
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
+from tests.builders.screens import noted, require_fitting
 
 Change = Callable[[np.ndarray], Any]
 
@@ -35,7 +36,10 @@ def bring(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., S
         (tmp_path / "map.yaml").write_text(to_yaml(two_joint_map(robot="robot.yaml", **map_keys)))
         words = ["import", str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
         capsys.readouterr()
-        code = run([*words, "--runs", str(tmp_path / "runs"), "--json", *options])
+        with noted() as calls:
+            code = run([*words, "--runs", str(tmp_path / "runs"), "--json", *options])
+        if calls:
+            require_fitting(["import", "rec.csv"], calls)
         out, err = capsys.readouterr()
         return SimpleNamespace(code=code, said=err, **(json.loads(out) if out else {}))
 

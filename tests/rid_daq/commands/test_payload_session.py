@@ -26,6 +26,7 @@ from rid_daq.app import run
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.runs.run_data import RunData
+from tests.builders.screens import noted, require_fitting
 
 pytestmark = pytest.mark.slow
 
@@ -50,7 +51,10 @@ def weighed(
     runs = tmp_path_factory.mktemp("session") / "runs"
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
-        code = run(session(motion, runs, "--payload", "medium", "--centre-limit", "30"))
+        words = session(motion, runs, "--payload", "medium", "--centre-limit", "30")
+        with noted() as calls:
+            code = run(words)
+    require_fitting(["payload", "kr15"], calls)
     return runs, json.loads(said.getvalue()), code
 
 
@@ -78,7 +82,9 @@ def test_a_session_is_certified(weighed: tuple[Path, dict[str, Any], int], tmp_p
     runs, document, _ = weighed
     out = tmp_path / "certificate.pdf"
     words = ["payload", "certificate", document["session"], "-o", str(out)]
-    assert run([*words, "--runs", str(runs)]) == 0
+    with noted() as calls:
+        assert run([*words, "--runs", str(runs)]) == 0
+    require_fitting(["payload", "certificate"], calls)
     text = " ".join(" ".join(page.extract_text() for page in PdfReader(out).pages).split())
     mass = document["payload"]["parameters"][0]
     found = re.search(r"mass m ([\d.]+) ([\d.]+) kg", text)

@@ -28,6 +28,7 @@ from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.recording import plate_zero_job
+from tests.builders.screens import noted, require_fitting
 
 pytestmark = pytest.mark.slow
 
@@ -112,7 +113,9 @@ def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict
         said: list[str] = []
         patch.setattr("typer.echo", lambda text="", **_: said.append(str(text)))
         words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
-        assert run([*words, *runs]) == 0
+        with noted() as calls:
+            assert run([*words, *runs]) == 0
+    require_fitting(words, calls)
     document = json.loads("\n".join(said))
     assert isinstance(document, dict)
     return document

@@ -16,6 +16,7 @@ from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.jobs.mock_job import MockRequest, serve_cell
+from tests.builders.screens import noted, require_fitting
 from tests.builders.typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -40,7 +41,10 @@ def test_a_reversed_axis_is_found_within_two_degrees_and_the_others_are_signed(
     text = read_named("ir361", "cells", None)[0].decode()
     cell = tmp_path / "cell.yaml"
     cell.write_text(text.replace("node_id: 1}", "node_id: 1, direction: -1}"))
-    assert run(["axes", str(cell), "--unattended", "--json", "--runs", str(tmp_path / "r")]) == 1
+    with noted() as calls:
+        words = ["axes", str(cell), "--unattended", "--json", "--runs", str(tmp_path / "r")]
+        assert run(words) == 1
+    require_fitting(["axes", "cell.yaml"], calls)
     told = json.loads(capsys.readouterr().out)
     assert not told["passed"]
     assert [each["passed"] for each in told["axes"]] == [False, True, True]

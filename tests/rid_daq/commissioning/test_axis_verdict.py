@@ -61,7 +61,7 @@ def test_a_drive_that_is_faster_than_it_is_told_has_another_unit() -> None:
 
 def test_a_drive_that_does_not_follow_is_said() -> None:
     stuck = replace(MOTION, measured=-0.3)
-    assert "was told -2.00 ° and measured -0.30 °" in problems(Seen("axis2", -2.0), stuck)
+    assert "was told -2.00° and measured -0.30°" in problems(Seen("axis2", -2.0), stuck)
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,14 @@ def test_a_model_of_another_robot_with_the_same_joints_is_refused_by_what_differ
         estimate_for(tmp_path / "model.json", robot)
 
 
+def test_what_differs_at_many_joints_is_told_once(cell: LoadedCell) -> None:
+    robot = cell.robot
+    renamed = [joint.model_copy(update={"name": f"j{n}"}) for n, joint in enumerate(robot.joints)]
+    renamed[1:] = [each.model_copy(update={"gear_ratio": 9.0}) for each in renamed[1:]]
+    other = robot.model_copy(update={"joints": tuple(renamed)})
+    assert robot.differences(other) == ("name of all joints", "gear_ratio of axis2, axis3")
+
+
 @pytest.mark.parametrize("command", ["design", "compensate", "stream", "record"])
 def test_every_command_beside_a_cell_compares_the_model_with_its_robot(
     command: str, cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str]

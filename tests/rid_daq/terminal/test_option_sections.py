@@ -61,3 +61,19 @@ def test_the_help_shows_commands_in_groups(capsys: pytest.CaptureFixture[str]) -
 def test_a_payload_session_is_named_where_payloads_are(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["payload", "--help"]) == 0
     assert "rid-daq payload CELL" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--period", "soon"], "'--period': it should be a number"),
+        (["--periods", "1.5"], "'--periods': it should be a whole number"),
+        (["--periods", "1"], "'--periods': it should be at least 2"),
+        (["--kind", "payload"], "'--kind': 'payload' is not one of 'excitation', "),
+    ],
+)
+def test_a_value_that_is_refused_is_told_in_plain_words(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["design", "ir361", "-o", "motion.yaml", *words]) == 2
+    assert f"Invalid value for {said}" in capsys.readouterr().err

@@ -1,0 +1,131 @@
+"""`described`: what a validator refuses in a YAML file, with its line and what is wanted."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import re
+import typing
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, RootModel
+from pydantic_core import ErrorDetails
+
+from config.formats.yaml_tree import YamlTree
+from config.plausible import key_name
+
+WRITTEN: Final = {
+    r"^[A-Za-z0-9][\w.-]{0,63}$": "a name begins with a letter or a digit, and has letters, digits,"
+    " '_', '.' and '-' only, 64 at most",
+    r"^[A-Za-z][\w-]{0,31}$": "a joint's name begins with a letter, and has letters, digits, '_'"
+    " and '-' only, 32 at most",
+    r"^[0-9A-F]{4}h:[0-9A-F]{2}$": "an object is written as 6091h:01",
+    r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$": "an object is written as 6091h or 6091h:01",
+    r"^[!-~]{1,8}$": "one to eight characters of ASCII are wanted, no space",
+    r"^[!-/:-@]$": "one punctuation mark of ASCII is wanted",
+}
+"""What a text must be like, in words, by the pattern that it has in the models."""
+
+
+def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
+    """Return a line of what is wrong.
+
+    Parameters
+    ----------
+    tree
+        The file.
+    detail
+        One error of its validation.
+    model
+        What it was validated as.
+    """
+    path = _known_path(tree, detail["loc"])
+    where = tree.where(path)
+    key = key_name(path)
+    prefix = f"{where}: {key}: " if key else f"{where}: "
+    if detail["type"] == "extra_forbidden":
+        kinds = {part for part in detail["loc"] if part not in path}
+        allowed = sorted(
+            {name for each in _models_at(model, path[:-1], kinds) for name in each.model_fields}
+        )
+        close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
+        meant = f"; did you mean {close[0]}?" if close else "."
+        return f"{prefix}unknown key{meant} Allowed: {', '.join(allowed)}"
+    if detail["type"] == "missing":
+        missing = detail["loc"][-1]
+        return f"{prefix}the key {missing!r} is missing"
+    if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
+        found = _models_at(model, path, set())
+        return _unknown_kind(
+            tree, path, detail.get("input"), sorted(set().union(*map(_kinds, found)))
+        )
+    message = detail["msg"].removeprefix("Value error, ")
+    given = detail.get("input")
+    if detail["type"] == "string_pattern_mismatch":
+        return f"{prefix}{_unwritten(str(given), detail['ctx']['pattern'])}"
+    if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
+        return f"{prefix}{message} (got {given!r})"
+    return f"{prefix}{message}"
+
+
+def _unwritten(given: str, pattern: str) -> str:
+    """Say how a text is to be written, and what of it would do."""
+    said = f"{given!r}: {WRITTEN.get(pattern, f'it does not match {pattern}')}"
+    near = re.sub(r"[^\w.-]+", "_", given.strip())
+    return f"{said}; {near!r} would do" if near != given and re.search(pattern, near) else said
+
+
+def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]) -> str:
+    """Say which kinds there are, where `kind` is missing or names none of them."""
+    kind = given.get("kind") if isinstance(given, dict) else None
+    if kind is None:
+        return f"{tree.where(path)}: the key 'kind' is missing. It is one of: {', '.join(kinds)}"
+    close = difflib.get_close_matches(str(kind), kinds, n=1)
+    meant = f"; did you mean {close[0]}?" if close else "."
+    path = (*path, "kind")
+    where = f"{tree.where(path)}: {key_name(path)}"
+    return f"{where}: there is no {kind!r}{meant} Allowed: {', '.join(kinds)}"
+
+
+def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    path: tuple[int | str, ...] = ()
+    for part in location:
+        if (*path, part) in tree.positions:
+            path = (*path, part)
+    return path
+
+
+def _models_at(
+    annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
+) -> list[type[BaseModel]]:
+    """Collect the models at `path` below a model or annotation, of these kinds if any is."""
+    models = _models_in(annotation)
+    models = [model for model in models if kinds & _kinds(model)] or models
+    if not path:
+        return models
+    if isinstance(path[0], int):
+        return _models_at(annotation, path[1:], kinds)
+    fields = [model.model_fields.get(path[0]) for model in models]
+    return [
+        model
+        for field in fields
+        if field is not None
+        for model in _models_at(field.annotation, path[1:], kinds)
+    ]
+
+
+def _kinds(model: type[BaseModel]) -> set[str]:
+    """Return the values that a model's key `kind` may have."""
+    field = model.model_fields.get("kind")
+    return set() if field is None else set(typing.get_args(field.annotation))
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if inspect.isclass(annotation):
+        if issubclass(annotation, RootModel):
+            return _models_in(annotation.model_fields["root"].annotation)
+        return [annotation] if issubclass(annotation, BaseModel) else []
+    arguments = typing.get_args(annotation)
+    if typing.get_origin(annotation) is Annotated:
+        arguments = arguments[:1]
+    return [model for argument in arguments for model in _models_in(argument)]

@@ -1,0 +1,43 @@
+"""Words of a validator: what a text must be like is said in words, not as a pattern."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import config
+from acquisition.imports.import_map import load_import_map
+from config.errors import ConfigError
+from config.refusals import WRITTEN
+
+ROOT = Path(config.__file__).parents[1]
+PACKAGES = ("acquisition", "config", "mock_hw", "rid_daq")
+
+
+def test_every_pattern_of_the_models_is_said_in_words() -> None:
+    texts = [path.read_text() for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
+    patterns = {found for text in texts for found in re.findall(r'\bpattern=r"(.*)"', text)}
+    assert len(patterns) > 3
+    assert patterns == set(WRITTEN)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("my arm", "only, 64 at most; 'my_arm' would do"),
+        ("_arm", "only, 64 at most"),
+        ("kräftig (neu)", "only, 64 at most; 'kräftig_neu_' would do"),
+    ],
+)
+def test_a_name_that_is_refused_comes_with_one_that_would_do(
+    name: str, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "map.yaml"
+    path.write_text(f"name: {name}\nrobot: ir361\ncolumns: 4\nrate_hz: 100\njoints: []\n")
+    with pytest.raises(ConfigError) as refused:
+        load_import_map(str(path))
+    first = str(refused.value).splitlines()[0]
+    assert first.startswith(f"{path}:1:1: name: {name!r}: a name begins with a letter")
+    assert first.endswith(said)
