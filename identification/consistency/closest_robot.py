@@ -35,6 +35,7 @@ SMALLEST_BODY = (0.01, 0.0, 0.0, 0.0, 4e-7, 0.0, 0.0, 4e-7, 0.0, 4e-7)  # 10 g, 
 SLOWEST_SHARE = 0.02
 SPEEDS = 40
 SMALLEST_P = 0.05
+UNMOVED_SIGMAS = 0.01  # so little is the solver's own
 
 _STRAIGHT: frozenset[FrictionFunction] = frozenset({"coulomb", "viscous", "forward", "backward"})
 _LEFT_FREE: frozenset[FrictionFunction] = frozenset(
@@ -89,10 +90,16 @@ class ConsistentEstimate:
         moved = self.moved_sigmas
         worst = int(np.argmax(np.abs(moved)))
         explains = "explains" if self.can_exist else "DOES NOT explain"
+        most = abs(float(moved[worst]))
+        how_far = (
+            f"the parameter moved most is {self.estimate.base.names[worst]}, by {most:.2g} standard"
+            " deviations"
+            if most >= UNMOVED_SIGMAS
+            else "it is what was identified"
+        )
         return (
-            f"The nearest robot that can exist {explains} the data (p = {self.p_value:.2g}); the"
-            f" parameter moved most is {self.estimate.base.names[worst]}, by"
-            f" {abs(moved[worst]):.2g} standard deviations."
+            f"The nearest robot that can exist {explains} the data (p = {self.p_value:.2g});"
+            f" {how_far}."
         )
 
     @property

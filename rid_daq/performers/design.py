@@ -111,7 +111,6 @@ def _axes(designed: Designed, motion: MultisineMotion) -> list[_ShownAxis]:
 
 
 def _print_multisine(console: Console, axes: list[_ShownAxis]) -> None:
-    speed = "of limits: speed"
     console.table(
         (
             "axis",
@@ -119,9 +118,9 @@ def _print_multisine(console: Console, axes: list[_ShownAxis]) -> None:
             "RMS speed",
             "crest factor",
             "slow sine",
-            speed,
-            "acceleration",
-            "torque",
+            "of speed limit",
+            "of acceleration limit",
+            "of torque limit",
         ),
         [
             (

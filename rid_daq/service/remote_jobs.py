@@ -170,7 +170,7 @@ class _Shown:
             case "judged":
                 console.verdict(event.passed, event.text)
             case "tabled":
-                console.table(event.columns, event.rows, event.red)
+                console.table(event.columns, event.rows, event.red, event.key)
             case "documented":
                 console.document(event.document)
             case "asked":

@@ -35,12 +35,13 @@ class Judged(_Event):
 
 
 class Tabled(_Event):
-    """A table for people; `red` marks rows."""
+    """A table for people; `red` marks rows, the first `key` columns say what a row is."""
 
     kind: Literal["tabled"] = "tabled"
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     red: tuple[bool, ...] | None = None
+    key: int = 1
 
 
 class Documented(_Event):

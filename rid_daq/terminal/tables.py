@@ -35,8 +35,9 @@ def print_table(
     terminal = RichConsole()
     names = all(len(row[0]) <= _NAME_LENGTH for row in rows)
     parts = laid_out((head, *rows), terminal.width, key)
-    unbound: Sequence[tuple[int, int | None]] = [(number, None) for number in range(len(head))]
-    for part in parts or [unbound]:
+    unbound: list[tuple[int, int | None]] = [(number, None) for number in range(len(head))]
+    shown = [unbound] if parts is None else [[*part] for part in parts]
+    for part in shown:
         table = Table(box=None, pad_edge=False, header_style="bold")
         for number, width in part:
             table.add_column(

@@ -103,12 +103,13 @@ class JobConsole(Console):
         columns: Sequence[str],
         rows: Sequence[Sequence[str]],
         red: Sequence[bool] | None = None,
+        key: int = 1,
     ) -> None:
         """Tell a table."""
         told = tuple(tuple(printable(cell) for cell in row) for row in rows)
         marked = None if red is None else tuple(bool(each) for each in red)
-        event = Tabled(at_s=time.time(), columns=tuple(columns), rows=told, red=marked)
-        self.events.write(event)
+        head = tuple(columns)
+        self.events.write(Tabled(at_s=time.time(), columns=head, rows=told, red=marked, key=key))
 
     def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Tell that a motion begins."""

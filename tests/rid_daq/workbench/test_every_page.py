@@ -26,6 +26,10 @@ TARGETS = "button, .button, select, nav a, summary"
 SMALL_TARGETS = f"""(least) => [...document.querySelectorAll({TARGETS!r})]
   .filter((each) => each.offsetParent !== null && each.getBoundingClientRect().height < least - 0.5)
   .map((each) => each.textContent.trim())"""
+MENU_ROWS = """() => { const menu = document.querySelector("nav"), links = [...menu.children];
+  if (menu.scrollWidth > menu.clientWidth) return 0;
+  return new Set(links.map((each) => each.offsetTop)).size; }"""
+ROWS = {390: 2, 820: 1, 1280: 1}
 CUT_OFF = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
@@ -73,6 +77,8 @@ def test_every_page_can_be_read_and_pressed(
             page.set_viewport_size({"width": width, "height": 900})
             if page.evaluate(CUT_OFF):
                 wrong.append(f"{name}: wider than {width} px")
+            if page.evaluate(MENU_ROWS) != ROWS[width]:
+                wrong.append(f"{name}: the menu is not seen at once at {width} px")
             small = page.evaluate(SMALL_TARGETS, LARGE_ENOUGH_PX)
             if small:
                 wrong.append(f"{name}: too small for gloves at {width} px: {small}")
