@@ -106,6 +106,11 @@ def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder
     if meant:
         which = ", ".join(map(_words, meant[-SHOWN:]))
         raise ConfigError(f"run {reference!r} may be any of {which}: give more of the id")
+    if Path(reference).is_file():
+        raise ConfigError(
+            f"{reference} is a file, no run: name a run by its label or id, or make one of a"
+            " recording by `rid-daq import`"
+        )
     what = "run" if having is None else f"run with {having}"
     raise ConfigError(f"no {what} {reference!r} under {root}: `rid-daq runs` lists them")
 

@@ -31,7 +31,7 @@ from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, report_lacks, result_of
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.console import Console, as_command
 
 SHORTEST_S = 5.0
 """A verdict needs so many seconds of motion."""
@@ -121,6 +121,9 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     RidDaqError
         The run or the model cannot be used.
     """
+    if not request.model.exists() and Path(request.run).is_file():
+        turned = as_command("validate", request.run, request.model)
+        raise ConfigError(f"{request.run} is a file, no run: the model comes first: {turned}")
     estimate = read_estimate(request.model)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     require_robot(request.model, estimate, data.robot)

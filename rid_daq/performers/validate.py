@@ -17,7 +17,10 @@ def perform(request: ValidateRequest, console: Console) -> None:
         validated = validate_run(request, console)
     _print(console, validated)
     if validated.verdict.passed is False:
+        console.next_step("docs", "find-a-mistake")
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+    if not request.is_motion_file:
+        console.next_step("export", request.model, "--to", "FORMAT", "-o", "FILE")
 
 
 def _print(console: Console, validated: Validated) -> None:

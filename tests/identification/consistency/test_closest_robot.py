@@ -146,6 +146,7 @@ def test_an_estimate_that_a_robot_can_have_stays_as_it_is(make: Make, name: str)
     estimate, _ = make(name, 1e-3)
     result = consistent(estimate)
     assert np.max(np.abs(result.moved_sigmas)) < 0.01
+    assert result.sentence.endswith("; it is what was identified.")
     assert result.p_value > 0.999
 
 

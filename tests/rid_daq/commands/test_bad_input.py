@@ -132,6 +132,8 @@ TABLE: list[tuple[str, int, str]] = [
     ("average nothing", 7, "nothing was recorded"),
     ("identify nothing", 7, "nothing was recorded"),
     ("identify nothing --band 0", 2, "--band"),
+    ("identify text.csv", 2, "text.csv is a file, no run: "),
+    ("validate nothing model.json", 2, "comes first: rid-daq validate model.json nothing"),
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
     ("validate good.yaml nothing", 2, "this is a motion file; an estimate"),
