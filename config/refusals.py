@@ -62,7 +62,7 @@ def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
     if detail["type"] == "string_pattern_mismatch":
-        return f"{prefix}{_unwritten(str(given), detail['ctx']['pattern'])}"
+        return f"{prefix}{_unwritten(str(given), detail.get('ctx', {}).get('pattern', ''))}"
     if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
         return f"{prefix}{message} (got {given!r})"
     return f"{prefix}{message}"
