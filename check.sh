@@ -7,7 +7,8 @@ rid_daq_environment
 unset PYTHONDONTWRITEBYTECODE # the tests start hundreds of processes; compiled once, they start fast
 bin=.venv/bin
 step() { printf '\n== %s\n' "$*"; "$@"; }
-tests() { step $bin/python -m pytest -q -m "not slow and not alone and not long" "$@"; }
+lines="" # where the lines that tests reach are counted; nowhere if only some of the tests run
+tests() { step env RID_DAQ_LINES="$lines" $bin/python -m pytest -q -m "not slow and not alone and not long" "$@"; }
 step $bin/ruff format --check .
 step $bin/ruff check .
 step $bin/lint-imports --no-cache
@@ -16,6 +17,8 @@ pyright=$!
 step $bin/mypy &
 mypy=$!
 if [ $# = 0 ]; then
+    lines=$(mktemp -d)
+    trap 'rm -rf "$lines"' EXIT
     # Both by one process: three would each compile what the others compile too.
     collected=$(step $bin/python -m pytest --collect-only -qq) || { echo "$collected"; exit 1; }
     kernels=(tests/dynamics tests/compensation/online tests/mock_hw/plant tests/mock_hw/amplifier)
@@ -25,3 +28,4 @@ fi
 wait $pyright
 wait $mypy
 tests -n 3 --dist loadfile --no-loadscope-reorder "$@"
+[ -z "$lines" ] || step $bin/python -m tests.builders.measured_lines "$lines" --worst 20

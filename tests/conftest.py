@@ -6,6 +6,9 @@ import tempfile
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")  # sockets: short paths
 
+from tests.builders.measured_lines import write_lines  # before all that it counts
+
+# isort: split
 import atexit
 import importlib.util
 import select
@@ -57,6 +60,11 @@ def pytest_configure(config: pytest.Config) -> None:
         forget_stale_kernels(Path(__file__).parents[1])
     if config.getoption("--fault-page") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(FaultPage())
+
+
+def pytest_sessionfinish() -> None:
+    if write_lines is not None:
+        write_lines()
 
 
 def end_by_signals() -> None:

@@ -1,0 +1,63 @@
+"""The floor of lines that the fast tests must reach: what is added up, and when it is broken."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.builders import measured_lines
+from tests.builders.measured_lines import added, main, shares
+
+FILE = "config/process/file_locks.py"
+OTHER = "config/process/own_process.py"
+COMPILED = "dynamics/kernels/rigid_body.py"
+
+
+@pytest.fixture(autouse=True)
+def house_of_three_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    files = [measured_lines.ROOT / name for name in (FILE, OTHER, COMPILED)]
+    monkeypatch.setattr(measured_lines, "_sources", lambda: files)
+
+
+def counted(folder: Path, name: str, **files: dict[str, list[int]]) -> None:
+    """Write what one process has counted; `file` and `other` stand for two files of ours."""
+    paths = {"file": FILE, "other": OTHER}
+    counts = {"files": {paths[word]: lines for word, lines in files.items()}}
+    (folder / f"{name}.json").write_text(json.dumps(counts))
+
+
+def test_a_line_counts_once_whatever_process_has_reached_it(tmp_path: Path) -> None:
+    counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
+    counted(tmp_path, "2", file={"executed_lines": [2, 3], "missing_lines": [1, 4]})
+    assert added(tmp_path)[FILE] == (3, 4)
+
+
+def test_a_file_that_nobody_has_imported_counts_with_all_its_lines(tmp_path: Path) -> None:
+    counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": []})
+    reached, of = added(tmp_path)[OTHER]
+    assert reached == 0
+    assert of > 2
+
+
+def test_what_numba_compiles_is_not_counted(tmp_path: Path) -> None:
+    assert set(added(tmp_path)) == {FILE, OTHER}
+
+
+def test_a_package_below_its_floor_fails_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    counted(tmp_path, "1", file={"executed_lines": [1, 2], "missing_lines": [3, 4]})
+    monkeypatch.setattr(measured_lines, "added", lambda _folder: {FILE: (3, 4), OTHER: (1, 4)})
+    monkeypatch.setattr(measured_lines, "FLOORS", {"config": 50.0})
+    assert main([str(tmp_path)]) == 0
+    monkeypatch.setattr(measured_lines, "FLOORS", {"config": 50.1})
+    assert main([str(tmp_path), "--worst", "1"]) == 1
+    shown = capsys.readouterr().out
+    assert "config           50.0 %, floor 50.1 %: BELOW" in shown
+    assert f"3 of    4 lines not reached: {OTHER}" in shown
+
+
+def test_a_share_is_of_lines_not_of_files() -> None:
+    assert shares({FILE: (0, 1), OTHER: (9, 9)})["config"] == pytest.approx(90.0)
