@@ -22,6 +22,7 @@ HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
 NEEDED = ["linux.uml", "busybox", "candump", "cansend", "slcand", "ip", "tc", "dmsetup", "mke2fs"]
 MISSING = [name for name in NEEDED if shutil.which(name) is None]
+CANOPEND = os.environ.get("RID_DAQ_CANOPEND") or shutil.which("canopend") or ""
 PATIENCE_S = 860
 
 pytestmark = [
@@ -33,6 +34,8 @@ pytestmark = [
 
 def boot(folder: Path, *tests: str) -> str:
     """Run tests in the guest; return what it wrote."""
+    if CANOPEND:  # the guest has a /tmp of its own
+        shutil.copy(CANOPEND, folder / "canopend")
     environment = {
         "PATH": os.environ["PATH"],
         "PYTHONPATH": str(REPOSITORY),
@@ -41,6 +44,7 @@ def boot(folder: Path, *tests: str) -> str:
         "RID_DAQ_SOCKETCAN": "vcan0",
         "OPENBLAS_NUM_THREADS": "1",
         "COLUMNS": "100",
+        "RID_DAQ_CANOPEND": CANOPEND and str(folder / "canopend"),
     }
     command = [
         *(sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "-rA", "--color=no"),
@@ -104,6 +108,12 @@ def test_a_disk_that_dies_in_motion(
     figures: dict[str, str], measured: Callable[[str], None]
 ) -> None:
     measured(f"EIO of a block device that dies: {figures['failing disk']}")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CANOPEND, reason="canopend (CANopenNode for Linux) is not installed")
+def test_canopennode_as_a_device_and_as_a_master(tmp_path: Path) -> None:
+    assert_passed(boot(tmp_path, "tests/socketcan/test_canopennode.py"))
 
 
 @pytest.mark.alone
