@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from config.cell.servo_profile import ServoProfile
 from config.load import load_bundled_or_path
@@ -169,3 +171,22 @@ def test_a_cycles_frames_are_counted(profile: ServoProfile) -> None:
     frames: Any = AxisFrames.of_profile(1, profile)
     wanted = ((2, 5), (2, 6, 8)) if profile is FIXED else ((6, 8), (6, 8))
     assert (frames.sent_bytes, frames.answer_bytes) == wanted
+
+
+arrivals = st.builds(
+    Arrival, st.sampled_from([0x181, 0x281, 0x381, 0x581, 0x701]), st.binary(max_size=8),
+    st.floats(0.9, 1.1),
+)  # fmt: skip
+
+
+@settings(deadline=None, max_examples=100)
+@given(strange=st.lists(arrivals, max_size=20), profile=st.sampled_from([FIXED, ASKED]))
+def test_whatever_comes_is_an_answer_once_or_passes(
+    strange: list[Arrival], profile: ServoProfile
+) -> None:
+    told, watch = joined(profile, strange)
+    answers = [each for each in told if each.cob_id == STATUS]
+    assert len(told) + len(watch.short) <= len(strange)
+    assert all(len(each.data) == ANSWER.size for each in answers)
+    stamps = {each.time_s for each in strange}
+    assert all(each.time_s in stamps for each in answers), "no answer is of a time of its own"
