@@ -1,7 +1,7 @@
 """Choice of friction terms: 45,000 samples of a six-axis arm at 5 kHz, every candidate.
 
 `python -m benchmarks.choose [--quick]`. Timed is everything between arrays of q, v, a, tau and a
-`Comparison`, presliding and the torque's channel included as `identify --choose` tries them,
+`Comparison`, memory and the torque's channel included as `identify --choose` tries them,
 against a single plain fit of the same arrays in the same run, with its intervals. The exhaustive
 way fits every candidate, with and without each part, from the rows; it chooses too, from thinned
 rows, and must choose the same: the terms that made the data. `--quick` leaves it out. A fit with
@@ -54,6 +54,7 @@ from identification.validation.friction_trials import (
     with_friction,
 )
 from identification.validation.presliding_choice import choose_presliding, with_presliding
+from identification.validation.stribeck_choice import choose_stribeck
 
 SAMPLES = 45_000
 STEP_S = 0.0002
@@ -109,6 +110,8 @@ class ExhaustiveTrials:
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
         """Return each joint's terms that the data do not tell from nothing."""
         estimate, small = self._small(friction)
+        values = dict(zip(estimate.base.names, estimate.values, strict=True))
+        small |= {name for name in values if name.startswith("fs_") and values[name] < 0.0}
         return doubtful_terms(self.robot, friction, small | set(estimate.model.nonlinear_at_bound))
 
     def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
@@ -187,12 +190,16 @@ def remembering(samples: int) -> tuple[RobotDescription, SmoothedSignals]:
     return plain, replace(signals, torque_nm=low_pass(tau, STEP_S, CUTOFF_HZ))
 
 
-def choose_others(robot: RobotDescription, found: Comparison, signals: SmoothedSignals) -> None:
-    """Choose what `identify --choose` does besides the candidates."""
+def choose_others(
+    robot: RobotDescription, found: Comparison, signals: SmoothedSignals
+) -> RobotDescription:
+    """Choose what `identify --choose` does besides the candidates; return the robot."""
     options = EstimationOptions()
     choose_bandwidth(robot, [signals], options)
-    memory = choose_presliding(found.robot(robot), [signals], options)
-    choose_delays(replace(found, presliding=memory).robot(robot), [signals], options)
+    found = replace(found, presliding=choose_presliding(found.robot(robot), [signals], options))
+    found = replace(found, stribeck=choose_stribeck(found.robot(robot), [signals], options))
+    choose_delays(found.robot(robot), [signals], options)
+    return found.robot(robot)
 
 
 def seconds(work: Callable[[], object], rounds: int) -> float:
@@ -219,18 +226,19 @@ def main() -> int:
     others_s = seconds(lambda: choose_others(robot, found, signals), 2)
     ratio = (choose_s + others_s) / plain_s
     print(f"{len(FRICTION_CANDIDATES)} candidates, joint by joint: {choose_s:.2f} s")
-    print(f"presliding, the torque's bandwidth and delays: {others_s:.2f} s")
+    print(f"presliding, Stribeck, the torque's bandwidth and delays: {others_s:.2f} s")
     print(f"together {ratio:.1f} plain fits")
+    chosen = tuple(joint.friction for joint in choose_others(robot, found, signals).joints)
     robot, remembered = remembering(SAMPLES)
     started = with_presliding(robot, [2.0 * distance for distance in DISTANCES])
     fit_s = seconds(lambda: estimate_smoothed(started, [remembered]), 3)
     without_s = seconds(lambda: estimate_smoothed(robot, [remembered]), 3)
     presliding_ratio = fit_s / without_s
     print(f"a fit with presliding: {fit_s:.2f} s, {presliding_ratio:.1f} fits of the same without")
-    for name, terms in zip(signals.joint_names, found.chosen, strict=True):
+    for name, terms in zip(signals.joint_names, chosen, strict=True):
         print(f"{name}: {', '.join(terms)}")
     ratios = {"plain fits": round(ratio, 1), "presliding": round(presliding_ratio, 1)}
-    holds = ratio <= BAR and presliding_ratio <= PRESLIDING_BAR and found.chosen == TRUTH
+    holds = ratio <= BAR and presliding_ratio <= PRESLIDING_BAR and chosen == TRUTH
     if not options.quick:
         trials = ExhaustiveTrials(load_robot("ur10e"), tuple(cut(thinned(signals), FOLDS)))
         began_s = time.process_time()

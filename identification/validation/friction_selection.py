@@ -6,7 +6,8 @@ within one standard error of the best terms' (the one-standard-error rule: Breim
 the standard error being that of the difference, second by second. Friction acts on its own joint,
 so joints choose one by one: first all with the same terms, then each with fewer beside the others.
 What they choose together is not taken if the same terms on all joints are better. A term is not
-taken if the data do not tell its nonlinear parameters from zero, or leave them at their bounds. An
+taken if the data do not tell its nonlinear parameters from zero, or leave them at their bounds, or
+if friction at low speed came out below Coulomb's: at a reversal that stands for memory. An
 offset that they do tell from zero stays, whatever the seconds gain: without it the offset is taken
 for gravity, and in other poses it is not.
 Information criteria stand beside it: AIC (Akaike 1974) and BIC (Schwarz 1978), with as many
@@ -41,6 +42,7 @@ from identification.validation.friction_trials import (
     with_friction,
 )
 from identification.validation.presliding_choice import PreslidingChoice
+from identification.validation.stribeck_choice import StribeckChoice
 
 FOLDS: Final = 6
 
@@ -80,6 +82,9 @@ class Comparison:
         The model with each joint's own terms.
     presliding : PreslidingChoice or None
         Which joints' friction has memory besides; None where that was not asked.
+    stribeck : StribeckChoice or None
+        Which joints have Stribeck friction beside memory, or in its place; None where none was
+        tried.
     warming : Warming or None
         How joints warm up, whose friction depends on temperature besides; None where they do not
         show it.
@@ -92,6 +97,7 @@ class Comparison:
     chosen: tuple[Terms, ...]
     combined: Trial
     presliding: PreslidingChoice | None = None
+    stribeck: StribeckChoice | None = None
     warming: Warming | None = None
     channel: TorqueChannel | None = None
 
@@ -99,6 +105,7 @@ class Comparison:
         """Return a robot with the chosen friction terms."""
         robot = with_friction(robot, self.chosen)
         robot = robot if self.presliding is None else self.presliding.robot(robot)
+        robot = robot if self.stribeck is None else self.stribeck.robot(robot)
         return robot if self.warming is None else self.warming.robot(robot)
 
 

@@ -67,7 +67,10 @@ class Trials(Protocol):
 
     @abstractmethod
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
-        """Return each joint's terms whose parameters are not told from zero, or at a bound."""
+        """Return each joint's terms that the data do not tell, or that no friction has.
+
+        Their parameters are not told from zero or at a bound, or Stribeck's is below zero.
+        """
 
     @abstractmethod
     def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
@@ -151,7 +154,13 @@ class CondensedTrials:
     def doubtful(self, friction: Sequence[Terms]) -> tuple[Terms, ...]:
         """Return each joint's terms that the data do not tell from nothing; see `Trials`."""
         fit, small = self._small(friction)
-        return doubtful_terms(self.robot, friction, small | set(fit.model.nonlinear_at_bound))
+        below = {
+            name
+            for name, value in zip(fit.base.names, fit.values, strict=True)
+            if name.startswith("fs_") and value < 0.0
+        }
+        small |= below | set(fit.model.nonlinear_at_bound)
+        return doubtful_terms(self.robot, friction, small)
 
     def offsets_told(self, friction: Sequence[Terms]) -> tuple[bool, ...]:
         """Return which joints' offset is told from zero; see `Trials`."""

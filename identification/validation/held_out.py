@@ -12,6 +12,7 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from identification.equations.time_domain import TimeBlock, time_blocks
+from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.smoothed_fit import weighted_by_residuals
 from identification.model.torque_columns import torque_structure
@@ -19,6 +20,7 @@ from identification.regression.least_squares import Triangle
 
 FOLDS: Final = 6
 FEWEST_SECONDS: Final = 4
+DISTINCT_SIGMAS: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,9 @@ class _Second:
     judge: tuple[Triangle, ...]
 
 
-def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLDS) -> FloatArray:
+def held_out_errors(
+    plain: FittedSignals, full: FittedSignals, folds: int = FOLDS, *, low_passed: bool = True
+) -> FloatArray:
     """Return mean squared errors of two fits of the same parts on seconds left out.
 
     Nonlinear parameters are those of all data in every fold; the linear ones are fitted anew to
@@ -41,6 +45,9 @@ def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLD
         The simpler and the richer one. Both are judged on the samples that count for the richer.
     folds : int
         Contiguous parts that the recordings are cut into; each is left out once.
+    low_passed : bool
+        Whether the columns are low-passed as the torque is. A model whose joints slide by sign(v)
+        is fitted without, to samples away from reversals.
 
     Returns
     -------
@@ -54,7 +61,9 @@ def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLD
     """
     part = _parts([int(run.event[-1]) + 1 for run in plain.problem.runs], folds)
     errors = np.full((2, len(part), plain.model.chain.n), np.nan)
-    for own, seconds in zip(errors, zip(*_seconds(plain, full), strict=True), strict=True):
+    for own, seconds in zip(
+        errors, zip(*_seconds(plain, full, low_passed), strict=True), strict=True
+    ):
         for left_out in range(int(part[-1]) + 1):
             rest = [s.train for s, p in zip(seconds, part, strict=True) if p != left_out]
             joined = [_joined(of_joint) for of_joint in zip(*rest, strict=True)]
@@ -67,6 +76,34 @@ def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLD
     return errors
 
 
+def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[float | None, ...]:
+    """Return a nonlinear parameter of each joint where the data show it, None elsewhere.
+
+    They show it where the richer model has it and is worth having, and where it is two standard
+    deviations from zero and at no bound.
+
+    Parameters
+    ----------
+    richer : Estimate
+        Of the richer model.
+    errors : ndarray, shape (2, seconds, n)
+        As of `held_out_errors`.
+    symbol : str
+        What the parameter's name begins with.
+    """
+    names, worth = richer.model.nonlinear_names, worth_having(errors)
+    values: list[float | None] = []
+    for joint, worthy in zip(richer.robot.joint_names, worth, strict=True):
+        if not worthy or f"{symbol}_{joint}" not in names:
+            values.append(None)
+            continue
+        at = names.index(f"{symbol}_{joint}")
+        value, sigma = float(richer.model.nonlinear_values[at]), richer.nonlinear_sigma[at]
+        doubtful = value < DISTINCT_SIGMAS * sigma or names[at] in richer.model.nonlinear_at_bound
+        values.append(float(f"{value:.3g}") if not doubtful else None)
+    return tuple(values)
+
+
 def _parts(seconds: Sequence[int], folds: int) -> IntArray:
     """Return which part each second belongs to, from 0; parts are contiguous, within a run."""
     each = max(1, folds // len(seconds))
@@ -76,13 +113,15 @@ def _parts(seconds: Sequence[int], folds: int) -> IntArray:
     return np.repeat(np.arange(len(cut)), [len(piece) for piece in cut])
 
 
-def _seconds(plain: FittedSignals, full: FittedSignals) -> Iterator[tuple[_Second, _Second]]:
+def _seconds(
+    plain: FittedSignals, full: FittedSignals, low_passed: bool
+) -> Iterator[tuple[_Second, _Second]]:
     """Yield what each second says of the simpler and of the richer model."""
     widths = [len(fitted.base) for fitted in (plain, full)]
     structures = [torque_structure(fitted.model, fitted.base, False) for fitted in (plain, full)]
     held: tuple[_Second, _Second] | None = None
     current = 0
-    for blocks in zip(_blocks(plain), _blocks(full), strict=True):
+    for blocks in zip(_blocks(plain, low_passed), _blocks(full, low_passed), strict=True):
         event, judged = blocks[1].event, blocks[1].use
         trained = (blocks[0].use, judged)
         edges = np.flatnonzero(np.diff(event)) + 1
@@ -106,7 +145,7 @@ def _seconds(plain: FittedSignals, full: FittedSignals) -> Iterator[tuple[_Secon
         yield held
 
 
-def _blocks(fitted: FittedSignals) -> Iterator[TimeBlock]:
+def _blocks(fitted: FittedSignals, low_passed: bool) -> Iterator[TimeBlock]:
     problem = fitted.problem
     return time_blocks(
         fitted.model,
@@ -114,7 +153,7 @@ def _blocks(fitted: FittedSignals) -> Iterator[TimeBlock]:
         problem.runs,
         problem.standstill_rad_s,
         fitted.standard,
-        low_passed=True,
+        low_passed=low_passed,
     )
 
 

@@ -3,8 +3,9 @@
 With presliding the samples at rest and at reversal can be predicted. A joint gets it where that
 lowers its squared error on parts of the recordings that a fit has not seen, rest and reversal
 included, by more than one standard error of the difference, second by second (Breiman and others
-1984). The parameters that are not linear are those of all data in every fold. A distance that the
-data do not tell from zero, or that ends at a bound, is not taken.
+1984). Stribeck friction is left out meanwhile: at reversals it stands for what gives way. The
+parameters that are not linear are those of all data in every fold. A distance that the data do not
+tell from zero, or that ends at a bound, is not taken.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from config.robot.robot import RobotDescription
 from identification.equations.segments import thinned
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.validation.held_out import FOLDS, held_out_errors, worth_having
+from identification.validation.held_out import FOLDS, held_out_errors, shown_values
+from identification.validation.stribeck_choice import with_stribeck
 
 STARTS: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 """Presliding distances from which the fit begins [rad or m]: each joint from its best."""
-DISTINCT_SIGMAS: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ def choose_presliding(
     Parameters
     ----------
     robot : RobotDescription
-        The robot with its other friction terms.
+        The robot with its other friction terms; Stribeck friction is left out.
     signals : sequence of SmoothedSignals
         The recordings of the training runs. They are `thinned`.
     options : EstimationOptions, optional
@@ -78,25 +79,16 @@ def choose_presliding(
         The recordings are too short, or do not show the model.
     """
     options = options or EstimationOptions()
-    nothing = (None,) * len(robot.joints)
-    robot = with_presliding(robot, nothing)
+    robot = with_stribeck(
+        with_presliding(robot, [None] * len(robot.joints)), [None] * len(robot.joints)
+    )
     parts = [thinned(run) for run in signals]
     plain = fit_smoothed(robot, parts, options)
     start = _start(robot, plain, options)
     full = fit_smoothed(with_presliding(robot, start), parts, options)
     errors = held_out_errors(plain, full, folds)
-    worth, sigmas = worth_having(errors), full.estimate().nonlinear_sigma
-    distances: list[float | None] = list(nothing)
-    names = full.model.nonlinear_names
-    for j, joint in enumerate(robot.joint_names):
-        at = names.index(f"dp_{joint}")
-        value, sigma = float(full.model.nonlinear_values[at]), float(sigmas[at])
-        doubtful = value < DISTINCT_SIGMAS * sigma or names[at] in full.model.nonlinear_at_bound
-        if worth[j] and not doubtful:
-            distances[j] = float(f"{value:.3g}")
-    return PreslidingChoice(
-        robot.joint_names, tuple(distances), np.sqrt(np.nanmean(errors, axis=1))
-    )
+    distances = shown_values(full.estimate(), errors, "dp")
+    return PreslidingChoice(robot.joint_names, distances, np.sqrt(np.nanmean(errors, axis=1)))
 
 
 def with_presliding(robot: RobotDescription, distances: Sequence[float | None]) -> RobotDescription:

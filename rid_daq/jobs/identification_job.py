@@ -28,6 +28,7 @@ from identification.estimation.options import EstimationOptions
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from identification.validation.presliding_choice import choose_presliding
+from identification.validation.stribeck_choice import choose_stribeck
 from identification.validation.warming_choice import choose_warming
 from rid_daq.runs.run_data import RunData
 
@@ -151,6 +152,8 @@ def compare_friction(
     )
     memory = choose_presliding(comparison.robot(robot), signals, how.options)
     comparison = replace(comparison, presliding=memory)
+    slow = choose_stribeck(comparison.robot(robot), signals, how.options)
+    comparison = replace(comparison, stribeck=slow)
     if not alike:
         return comparison
     warming = choose_warming(comparison.robot(robot), signals, how.options)

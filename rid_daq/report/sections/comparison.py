@@ -11,9 +11,10 @@ from rid_daq.terminal.console import Console
 if TYPE_CHECKING:
     from identification.validation.friction_selection import Comparison
     from identification.validation.presliding_choice import PreslidingChoice
+    from identification.validation.stribeck_choice import StribeckChoice
 
 
-_BESIDES = ("presliding", "temperature")
+_BESIDES = ("presliding", "stribeck", "temperature")
 """What is chosen beside the candidates."""
 
 
@@ -53,6 +54,34 @@ class MemoryTrial(Section):
     distance: tuple[float | None, ...]
     without: Numbers
     with_memory: Numbers
+
+
+class StribeckTrial(Section):
+    """What friction that is larger at low speed is worth, beside memory.
+
+    Attributes
+    ----------
+    speed : tuple of float or None
+        Stribeck speed of each joint that has it [rad/s or m/s].
+    without, with_stribeck : tuple of float
+        RMS error of each joint on what the fit left out [N m or N].
+    """
+
+    speed: tuple[float | None, ...]
+    without: Numbers
+    with_stribeck: Numbers
+
+    def sentences(self, joints: Texts) -> Texts:
+        """Say what was found."""
+        return tuple(
+            f"The friction of {joint} is larger at low speed, with a Stribeck speed of"
+            f" {number(speed, 3)}: the RMS error on parts left out is {number(after, 4)} with it"
+            f" and {number(before, 4)} without."
+            for joint, speed, before, after in zip(
+                joints, self.speed, self.without, self.with_stribeck, strict=True
+            )
+            if speed is not None
+        )
 
 
 class ChannelTrial(Section):
@@ -125,6 +154,9 @@ class ComparisonSection(Section):
         The candidates, and last what was chosen, all joints together.
     memory : MemoryTrial or None
         The same of friction with memory; None in results of earlier versions.
+    stribeck : StribeckTrial or None
+        The same of Stribeck friction; None in results of earlier versions, which had it among the
+        candidates.
     channel : ChannelTrial or None
         What the recorded torque went through; None where nothing was found.
     warming : WarmingTrial or None
@@ -135,6 +167,7 @@ class ComparisonSection(Section):
     chosen: dict[str, Texts]
     trials: tuple[FrictionTrial, ...]
     memory: MemoryTrial | None = None
+    stribeck: StribeckTrial | None = None
     channel: ChannelTrial | None = None
     warming: WarmingTrial | None = None
 
@@ -149,6 +182,7 @@ class ComparisonSection(Section):
                 for trial in (*comparison.trials, comparison.combined)
             ),
             memory=None if comparison.presliding is None else _memory(comparison.presliding),
+            stribeck=None if comparison.stribeck is None else _slow(comparison.stribeck),
             channel=(
                 None if comparison.channel is None else ChannelTrial.taken(comparison.channel)
             ),
@@ -193,6 +227,9 @@ class ComparisonSection(Section):
                     ),
                 ],
             )
+        if self.stribeck is not None:
+            for sentence in self.stribeck.sentences(self.joints):
+                console.say(sentence)
         if self.warming is not None:
             for sentence in self.warming.sentences(self.joints):
                 console.say(sentence)
@@ -204,15 +241,20 @@ class ComparisonSection(Section):
 def _terms(comparison: Comparison) -> list[Texts]:
     memory = comparison.presliding
     distances = (None,) * len(comparison.chosen) if memory is None else memory.distances
+    slow = comparison.stribeck
+    speeds = (None,) * len(comparison.chosen) if slow is None else slow.speeds
     warming = comparison.warming
     warms = (False,) * len(comparison.chosen) if warming is None else warming.joints.tolist()
     return [
         (
-            *terms,
+            *(term for term in terms if term != "stribeck" or slow is None),
             *(() if distance is None else ("presliding",)),
+            *(() if speed is None else ("stribeck",)),
             *(("temperature",) if warm else ()),
         )
-        for terms, distance, warm in zip(comparison.chosen, distances, warms, strict=True)
+        for terms, distance, speed, warm in zip(
+            comparison.chosen, distances, speeds, warms, strict=True
+        )
     ]
 
 
@@ -221,3 +263,8 @@ def _memory(choice: PreslidingChoice) -> MemoryTrial:
     return MemoryTrial(
         distance=choice.distances, without=tuple(without), with_memory=tuple(remembering)
     )
+
+
+def _slow(choice: StribeckChoice) -> StribeckTrial:
+    without, slow = choice.error_nm.tolist()
+    return StribeckTrial(speed=choice.speeds, without=tuple(without), with_stribeck=tuple(slow))
