@@ -21,6 +21,7 @@ WRITTEN: Final = {
     " and '-' only, 32 at most",
     r"^[0-9A-F]{4}h:[0-9A-F]{2}$": "an object is written as 6091h:01",
     r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$": "an object is written as 6091h or 6091h:01",
+    r"^[rt]pdo[1-4]$": "a PDO is written as rpdo1 to rpdo4 or tpdo1 to tpdo4",
     r"^[!-~]{1,8}$": "one to eight characters of ASCII are wanted, no space",
     r"^[!-/:-@]$": "one punctuation mark of ASCII is wanted",
 }

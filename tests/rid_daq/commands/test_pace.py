@@ -48,7 +48,7 @@ def test_a_recording_is_the_same_at_any_pace(
     ("words", "said"),
     [
         (["--pace", "1", "--realtime"], "are two ways to keep time: give one"),
-        (["--pace", "1000"], "less than or equal to 100"),
+        (["--pace", "1000"], "at most 100"),
     ],
 )
 def test_a_pace_that_cannot_be_kept_is_refused(

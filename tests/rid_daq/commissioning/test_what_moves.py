@@ -167,7 +167,7 @@ def test_a_drive_that_does_not_follow_is_said_whatever_was_seen() -> None:
     assert dead.counts == 0
     verdict = judge_axis(dead, Seen("axis2", 2.0), LOADED.config, ROBOT)
     assert not verdict.passed
-    assert "was told +2.00 ° and measured" in verdict.sentence
+    assert "was told +2.00° and measured" in verdict.sentence
 
 
 def test_how_much_of_a_line_was_driven_is_told_by_the_set_points() -> None:
