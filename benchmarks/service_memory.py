@@ -37,12 +37,17 @@ BAR: Final = 1.05
 
 
 def memory_bytes(pid: int) -> int:
-    """Return how much memory a process has in RAM, shared pages by their share."""
+    """Return how much memory of its own a process has in RAM, shared memory by its share.
+
+    Pages of files are left out: a library's count by how many programs of the computer use it, so
+    that a service would grow when others end.
+    """
+    total = 0
     with contextlib.suppress(OSError):
         for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-            if line.startswith("Pss:"):
-                return 1024 * int(line.split()[1])
-    return 0
+            if line.startswith(("Pss_Anon:", "Pss_Shmem:")):
+                total += 1024 * int(line.split()[1])
+    return total
 
 
 def tree(pid: int) -> list[int]:
