@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+BACKLOG: Final = 128
 _ENDING: Final = "service.sock"
 
 
@@ -30,13 +31,17 @@ def local_sockets() -> list[Path]:
 
 @contextlib.contextmanager
 def local_listener(folder: Path) -> Iterator[tuple[socket.socket, Path]]:
-    """Yield a socket that only this user can open, and where it is; it is gone afterwards."""
+    """Yield a socket that only this user can open, and where it is; it is gone afterwards.
+
+    It listens: who is told of it before the service answers waits and is not turned away.
+    """
     path = socket_of(folder)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
         path.unlink(missing_ok=True)  # of a service that was killed: the folder's lock is ours
         mask = os.umask(0o177)
         try:
             listener.bind(str(path))
+            listener.listen(BACKLOG)
         finally:
             os.umask(mask)
         try:

@@ -1,0 +1,48 @@
+"""Where a service is reached by programs on this computer."""
+
+from __future__ import annotations
+
+import socket
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rid_daq.service.sockets import local_listener, local_sockets, socket_of
+
+
+@pytest.fixture(autouse=True)
+def _own_runtime_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    with tempfile.TemporaryDirectory() as short:  # as a socket's name must be
+        monkeypatch.setenv("XDG_RUNTIME_DIR", short)
+        yield
+
+
+def test_whoever_is_told_the_socket_gets_through_before_the_server_runs(tmp_path: Path) -> None:
+    with (
+        local_listener(tmp_path) as (listener, path),
+        socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client,
+    ):
+        client.connect(str(path))
+        client.sendall(b"GET")
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.recv(3) == b"GET"
+
+
+def test_only_this_user_can_open_it_and_it_is_gone_afterwards(tmp_path: Path) -> None:
+    with local_listener(tmp_path) as (_, path):
+        assert path == socket_of(tmp_path)
+        assert path.stat().st_mode & 0o077 == 0
+        assert local_sockets() == [path]
+    assert not path.exists()
+
+
+def test_the_socket_of_a_service_that_was_killed_is_replaced(tmp_path: Path) -> None:
+    path = socket_of(tmp_path)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
+        killed.bind(str(path))
+    assert local_sockets() == []
+    with local_listener(tmp_path):
+        assert local_sockets() == [path]
