@@ -86,6 +86,21 @@ class Memory:
             known=out[:, :, KNOWN] > 0.0,
         )
 
+    def known_through(self, segment: IntArray, rows: int) -> BoolArray:
+        """Return where a low-passed direction is known, (samples, columns).
+
+        Parameters
+        ----------
+        segment : ndarray of int64, shape (samples,)
+            Number of the segment that a row belongs to; each was low-passed on its own.
+        rows : int
+            How many rows the low-pass carries what is not known into what follows.
+        """
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(segment)) + 1])
+        number = np.arange(len(segment))
+        first = starts[np.searchsorted(starts, number, side="right") - 1]
+        return np.asarray(self.known[np.maximum(number - rows, first)])
+
     def of(self, joint: int) -> FloatArray | None:
         """Return the direction of a joint, (samples,); None where it remembers nothing."""
         return self.direction[:, self.joints.index(joint)] if joint in self.joints else None

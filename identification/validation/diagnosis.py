@@ -105,15 +105,15 @@ def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis
     names = {*estimate.model.parameter_names, *estimate.model.nonlinear_names}
     found = []
     for j, joint in enumerate(estimate.robot.joint_names):
-        moving = validation.moving[:, j]
-        suspect, share = _suspect(validation, error, j, moving)
+        counted = validation.counted[:, j]
+        suspect, share = _suspect(validation, error, j, counted)
         noise = validation.noise_nm
         found.append(
             JointDiagnosis(
                 joint=joint,
                 relative_percent=float(validation.relative_percent[j]),
                 over_noise=None if noise is None else float(validation.rms_nm[j] / noise[j]),
-                white_p=ljung_box(error[moving, j][::stride]),
+                white_p=ljung_box(error[counted, j][::stride]),
                 suspect=suspect if share >= WORTH_TELLING else "",
                 suspect_share=share,
                 remedy=_remedy(names, joint, suspect),
@@ -156,11 +156,11 @@ def _remedy(names: set[str], joint: str, suspect: str) -> str:
 
 
 def _suspect(
-    validation: Validation, error: FloatArray, j: int, moving: BoolArray
+    validation: Validation, error: FloatArray, j: int, counted: BoolArray
 ) -> tuple[str, float]:
     """Return what a joint's error follows most, and the share of its power."""
-    v, q = validation.velocity[moving, j], validation.position[moving, j]
-    rest = error[moving, j]
+    v, q = validation.velocity[counted, j], validation.position[counted, j]
+    rest = error[counted, j]
     total = float(rest @ rest)
     if len(rest) < FEWEST_VALUES or total == 0.0:
         return "a constant", 0.0
@@ -171,9 +171,9 @@ def _suspect(
         "a constant": np.ones_like(v),
         "the cube of the speed": v**3,
         "the cube root of the speed": np.cbrt(v),
-        "friction that grows with the load": sign * np.abs(validation.predicted_nm[moving, j]),
+        "friction that grows with the load": sign * np.abs(validation.predicted_nm[counted, j]),
         "friction that is larger at low speed": sign * np.exp(-np.abs(v) / STRIBECK_RAD_S),
-        "the acceleration": validation.acceleration[moving, j],
+        "the acceleration": validation.acceleration[counted, j],
         "the sine of its angle": np.sin(q),
         "the cosine of its angle": np.cos(q),
     }

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
+from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
@@ -24,7 +25,9 @@ class Validation:
     """Torque errors per joint, and the samples that they were computed on.
 
     Errors count moving samples only, those at or above `standstill_rad_s`: below, friction is
-    stiction, of which sign(v) says nothing. `all_samples_percent` counts every sample.
+    stiction, of which sign(v) says nothing. `all_samples_percent` counts every sample. Neither
+    counts samples at which the friction depends on where a joint came from before the recording
+    began, or in a gap of it: nobody knows that.
 
     Attributes
     ----------
@@ -37,13 +40,15 @@ class Validation:
     position, velocity, acceleration : ndarray, shape (samples, n)
         The motion that the prediction was made for [rad or m, per s, per s^2].
     moving : ndarray of bool, shape (samples, n)
-        Which samples count.
+        Where a joint moves.
+    known : ndarray of bool, shape (samples, n)
+        Where its friction depends on the recorded motion alone; everywhere without memory.
     rms_nm : ndarray, shape (n,)
-        RMS of measured minus predicted [N m or N]; NaN for a joint that never moves.
+        RMS of measured minus predicted on the samples that count [N m or N]; NaN without any.
     relative_percent : ndarray, shape (n,)
         The same over the RMS of the measured torque [%].
     all_samples_percent : ndarray, shape (n,)
-        The relative error on every sample, standstill included [%].
+        The relative error on every known sample, standstill included [%]; NaN without any.
     noise_nm : ndarray, shape (n,), or None
         RMS that the measurement noise alone leaves below `cutoff_hz`, where it is known.
     cutoff_hz, standstill_rad_s : float
@@ -64,6 +69,7 @@ class Validation:
     velocity: FloatArray
     acceleration: FloatArray
     moving: BoolArray
+    known: BoolArray
     rms_nm: FloatArray
     relative_percent: FloatArray
     all_samples_percent: FloatArray
@@ -83,14 +89,19 @@ class Validation:
             )
 
     @property
-    def moving_fraction(self) -> FloatArray:
+    def counted(self) -> BoolArray:
+        """Which samples count, shape (samples, n)."""
+        return np.asarray(self.moving & self.known)
+
+    @property
+    def counted_fraction(self) -> FloatArray:
         """Share of the samples that count, shape (n,)."""
-        return np.asarray(self.moving.mean(axis=0))
+        return np.asarray(self.counted.mean(axis=0))
 
     @property
     def torque_nm(self) -> FloatArray:
         """RMS of the measured torque on the samples that count, shape (n,) [N m or N]."""
-        return _rms(self.measured_nm, self.moving)
+        return _rms(self.measured_nm, self.counted)
 
     @property
     def fit(self) -> tuple[FitGrade, ...]:
@@ -104,7 +115,7 @@ class Validation:
 
     @property
     def verdicts(self) -> tuple[bool | None, ...]:
-        """Whether each joint holds its limit; None without a limit or without a moving sample."""
+        """Whether each joint holds its limit; None without a limit or without a sample."""
         if self.limits_percent is None:
             return (None,) * len(self.joint_names)
         return tuple(
@@ -151,7 +162,7 @@ def validate(
     EstimationError
         The recording's joints are not the estimate's.
     DataQualityError
-        Nothing moves in the recording.
+        Nothing moves in the recording, or nothing far enough for its friction to be known.
     """
     names = estimate.robot.joint_names
     if recording.joint_names != names:
@@ -181,8 +192,13 @@ def validate(
             f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"
             " validate on"
         )
-    error = signals.torque_nm - predicted
-    every = np.ones_like(moving)
+    known = _known(signals, conditions)
+    if not (moving & known).any():
+        raise DataQualityError(
+            "no joint of the recording moves far enough for what its friction remembers to be known"
+            " while it moves: nothing to validate on"
+        )
+    error, counted = signals.torque_nm - predicted, moving & known
     passband = min(1.0, 2.0 * cutoff_hz * signals.sample_period_s)
     return Validation(
         joint_names=names,
@@ -193,9 +209,10 @@ def validate(
         velocity=signals.velocity,
         acceleration=signals.acceleration,
         moving=moving,
-        rms_nm=_rms(error, moving),
-        relative_percent=100.0 * _rms(error, moving) / _rms(signals.torque_nm, moving),
-        all_samples_percent=100.0 * _rms(error, every) / _rms(signals.torque_nm, every),
+        known=known,
+        rms_nm=_rms(error, counted),
+        relative_percent=100.0 * _rms(error, counted) / _rms(signals.torque_nm, counted),
+        all_samples_percent=100.0 * _rms(error, known) / _rms(signals.torque_nm, known),
         noise_nm=None if noise_nm is None else np.asarray(noise_nm) * np.sqrt(passband),
         cutoff_hz=cutoff_hz,
         standstill_rad_s=standstill_rad_s,
@@ -203,6 +220,41 @@ def validate(
         torque_bandwidth_hz=signals.torque_bandwidth_hz,
         remembering=tuple(names[own.joint] for own in presliding(estimate.model)),
     )
+
+
+def relative_of_both(one: Validation, other: Validation) -> FloatArray:
+    """Return the relative errors of two models on the samples that count for both, (2, n) [%].
+
+    Parameters
+    ----------
+    one, other : Validation
+        Predictions of one recording.
+    """
+    times = np.intersect1d(one.time_s, other.time_s)
+    rows = [np.isin(each.time_s, times) for each in (one, other)]
+    counted = one.counted[rows[0]] & other.counted[rows[1]]
+    return np.array(
+        [
+            100.0
+            * _rms((each.measured_nm - each.predicted_nm)[use], counted)
+            / _rms(each.measured_nm[use], counted)
+            for each, use in zip((one, other), rows, strict=True)
+        ]
+    )
+
+
+def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
+    """Return where friction depends on the recorded motion alone, (samples, n).
+
+    What is not known spreads with the low-passes that the prediction went through: for a period
+    of the lowest cut-off it is seen.
+    """
+    memory, found = conditions.memory, np.ones(signals.position.shape, dtype=bool)
+    if memory is not None:
+        lowest_hz = min(signals.cutoff_hz, signals.torque_bandwidth_hz or math.inf)
+        rows = math.ceil(1.0 / (lowest_hz * signals.sample_period_s))
+        found[:, list(memory.joints)] = memory.known_through(signals.segment, rows)
+    return found
 
 
 def _rms(values: FloatArray, use: BoolArray) -> FloatArray:

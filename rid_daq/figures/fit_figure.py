@@ -20,7 +20,8 @@ def fit_figure(curves: TorqueCurves) -> GridPlot:
     """Return a figure of measured and predicted torque, all joints zoomed together in time.
 
     Prediction is a wide line, the measurement a thin one on it; the residual has a panel of its
-    own, as high as what counts. What does not count (standstill) is drawn pale.
+    own, as high as what counts. What does not count (standstill, friction
+    that is not known yet) is drawn pale.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def _panels(axis: TorqueCurve, curves: TorqueCurves, time: object) -> list[figur
     left = measured - predicted
     unit, joint = axis.unit, axis.joint
     names = [f"{joint} {word} [{unit}]" for word in ("measured", "predicted", "residual")]
-    still, pale = f"{joint} predicted at standstill [{unit}]", f"{joint} residual there [{unit}]"
+    still, pale = f"{joint} predicted, not counted [{unit}]", f"{joint} residual there [{unit}]"
     rows = source(
         joint,
         {
@@ -58,7 +59,7 @@ def _panels(axis: TorqueCurve, curves: TorqueCurves, time: object) -> list[figur
         "predicted": [top.line(TIME, names[1], source=rows, line_color=ORANGE, line_width=4.5)]
     }
     if not counted.all():
-        entries["standstill"] = [
+        entries["not counted"] = [
             top.line(TIME, still, source=rows, line_color=FAINT, line_width=4.5),
             below.line(TIME, pale, source=rows, line_color=FAINT, line_width=1.2),
         ]

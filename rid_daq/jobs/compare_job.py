@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from acquisition.runs.catalogue import find_run
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import relative_of_both, validate
 from rid_daq.runs.run_data import RunData, report_lacks
 from rid_daq.terminal.choices import MODEL
 from rid_daq.terminal.console import Console
@@ -53,7 +51,8 @@ class RunPrediction:
     seen : (bool, bool)
         Whether each was identified from it.
     percent : ndarray, shape (2, n)
-        Relative torque errors [%]; not a number of an axis that did not move.
+        Relative torque errors on samples that count for both [%]; not a number of an axis that did
+        not move.
     """
 
     data: RunData
@@ -121,12 +120,8 @@ def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | 
 
 
 def _prediction(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
-    run_id, found = (
-        data.folder.run_id,
-        [validate(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)],
-    )
+    run_id = data.folder.run_id
+    found = [validate(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)]
     return RunPrediction(
-        data,
-        (run_id in one.run_ids, run_id in other.run_ids),
-        np.array([each.relative_percent for each in found]),
+        data, (run_id in one.run_ids, run_id in other.run_ids), relative_of_both(*found)
     )

@@ -243,7 +243,7 @@ def _limits_of(cell: CellConfig | None, where: str) -> PlateLimits:
 def _require_motion(validation: Validation, data: RunData) -> None:
     """Refuse a run whose motion is too short for a verdict."""
     period_s = np.median(np.diff(validation.time_s))
-    moved_s = float(np.count_nonzero(validation.moving.any(axis=1)) * period_s)
+    moved_s = float(np.count_nonzero(validation.counted.any(axis=1)) * period_s)
     if moved_s < SHORTEST_S:
         raise DataQualityError(
             f"{data.folder.path}: no verdict: the run moves for {moved_s:.1f} s, a verdict needs"

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.friction_terms import FrictionTerm
@@ -79,6 +81,36 @@ def recording(
     seed: int = 0,
 ) -> SmoothedSignals:
     """Return a recording of the arm; some joints' Coulomb friction has these directions."""
+    tau = _torques(directions, way, noise_nm, seed)
+    return signals_of(*way, low_pass(tau, STEP_S, CUTOFF_HZ))
+
+
+def measured(
+    directions: Mapping[int, FloatArray],
+    way: tuple[FloatArray, FloatArray, FloatArray],
+    *,
+    rows: slice = slice(None),
+) -> Recording:
+    """Return the same as it was measured, or some rows of it: joints came from somewhere before."""
+    tau, q = _torques(directions, way, 1.0, 0)[rows], way[0][rows]
+    return Recording(
+        joint_names=arm().joint_names,
+        time_s=STEP_S * np.arange(len(q), dtype=np.float64),
+        position=q,
+        torque_nm=tau,
+        valid=np.ones(len(q), dtype=np.bool_),
+        phase=np.full(len(q), Phase.MAIN, dtype=np.uint8),
+        sample_index=np.arange(len(q)),
+        source="cell",
+    )
+
+
+def _torques(
+    directions: Mapping[int, FloatArray],
+    way: tuple[FloatArray, FloatArray, FloatArray],
+    noise_nm: float,
+    seed: int,
+) -> FloatArray:
     q, v, a = way
     model = RobotModel.from_description(arm())
     values = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
@@ -86,8 +118,7 @@ def recording(
     tau = torque(model, q, v, a, values)
     for joint, direction in directions.items():
         tau[:, joint] += COULOMB_NM * (direction - np.sign(v[:, joint]))
-    tau += np.random.default_rng(seed).normal(0.0, noise_nm, tau.shape)
-    return signals_of(q, v, a, low_pass(tau, STEP_S, CUTOFF_HZ))
+    return np.asarray(tau + np.random.default_rng(seed).normal(0.0, noise_nm, tau.shape))
 
 
 def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> SmoothedSignals:

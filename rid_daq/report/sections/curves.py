@@ -25,7 +25,7 @@ class TorqueCurve(Section):
     measured, predicted : tuple of float
         The torques.
     counted : tuple of int
-        1 where the error counts, 0 where the axis stands still.
+        1 where the error counts, 0 where the axis stands still or its friction is not known.
     """
 
     joint: str
@@ -58,6 +58,7 @@ class TorqueCurves(Section):
         """Return measured and predicted torque over time, and what counts."""
         rows = thinned(len(validation.time_s))
         axes = []
+        unknown = "" if validation.known.all() else ", and friction that is not known yet"
         for i, joint in enumerate(robot.joints):
             error, share = finite(validation.rms_nm[i]), finite(validation.relative_percent[i])
             unit = units(joint)[1]
@@ -71,11 +72,11 @@ class TorqueCurves(Section):
                     caption=caption,
                     measured=rounded(validation.measured_nm[rows, i]),
                     predicted=rounded(validation.predicted_nm[rows, i]),
-                    counted=tuple(int(moving) for moving in validation.moving[rows, i]),
+                    counted=tuple(map(int, validation.counted[rows, i])),
                 )
             )
         return cls(
-            sentence="Grey: standstill, where the error does not count.",
+            sentence=f"Grey: standstill{unknown}, where the error does not count.",
             time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
             axes=tuple(axes),
         )

@@ -40,6 +40,9 @@ class AxisError(Section):
         Whether it holds.
     samples : int
         That count.
+    unknown_samples : int or None
+        That do not count, moving or not, because they depend on where the joint came from before
+        the recording or in a gap of it; left out where there is none.
     over_noise : float or None
         The error over what noise alone leaves, where periods show it.
     grade, reason : str or None
@@ -59,6 +62,7 @@ class AxisError(Section):
     limit_percent: float | None
     passed: bool | None
     samples: int
+    unknown_samples: int | None = None
     over_noise: float | None = None
     grade: Grade | None = None
     reason: str | None = None
@@ -115,7 +119,7 @@ class ValidationSection(Section):
         diagnosis : sequence of str, optional
             What the errors look like.
         """
-        shares = ", ".join(f"{100.0 * share:.0f}" for share in validation.moving_fraction)
+        shares = ", ".join(f"{100.0 * share:.0f}" for share in validation.counted_fraction)
         return cls(
             sentence=f"{sentence} Signals below {validation.cutoff_hz:g} Hz (no phase shift);"
             f" errors count samples at {validation.standstill_rad_s:g} rad/s or faster ({shares} %"
@@ -160,8 +164,9 @@ def _axis(
     validation: Validation, robot: RobotDescription, i: int, floor: float | None
 ) -> AxisError:
     joint = robot.joints[i]
-    moving = validation.moving[:, i]
-    measured = validation.measured_nm[moving, i]
+    counted = validation.counted[:, i]
+    measured = validation.measured_nm[counted, i]
+    unknown = int(np.count_nonzero(~validation.known[:, i]))
     error = finite(validation.rms_nm[i])
     limits, fit = validation.limits_percent, validation.fit[i]
     return AxisError(
@@ -176,7 +181,8 @@ def _axis(
         error_over_floor=None if error is None or not floor else error / floor,
         limit_percent=None if limits is None else limits[i],
         passed=validation.verdicts[i],
-        samples=int(np.count_nonzero(moving)),
+        samples=int(np.count_nonzero(counted)),
+        unknown_samples=unknown or None,
         over_noise=fit.over_noise if limits else None,
         grade=fit.grade if limits else None,
         reason=fit.reason if limits else None,
@@ -230,5 +236,17 @@ def _besides(validation: Validation) -> str:
         said += (
             f" The friction of {', '.join(validation.remembering)} has memory: with every sample"
             f" counted, standstill too, the errors of the axes are {errors} %."
+        )
+    unknown = np.count_nonzero(~validation.known, axis=0)
+    if unknown.any():
+        step_s = float(np.median(np.diff(validation.time_s)))
+        told = ", ".join(
+            f"{count} of {name} ({number(count * step_s, 2)} s)"
+            for name, count in zip(validation.joint_names, unknown.tolist(), strict=True)
+            if count
+        )
+        said += (
+            " Where they came from before the recording, or in a gap of it, is not known and"
+            f" decides their friction at first: samples that are left out, {told}."
         )
     return said

@@ -52,7 +52,7 @@ def test_a_model_of_one_motion_predicts_another(long_run: Estimate, read: Read) 
     assert result.passed, result.relative_percent
     # Joint 6 stands still half of the time, in stiction: counted in, its error is no error of the
     # model.
-    assert result.moving_fraction[5] < 0.6
+    assert result.counted_fraction[5] < 0.6
     assert result.all_samples_percent[5] > 30.0
 
 

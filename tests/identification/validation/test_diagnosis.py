@@ -63,6 +63,7 @@ def validation(error: np.ndarray, noise: float | None = None) -> Validation:
         velocity=v,
         acceleration=a,
         moving=moving,
+        known=np.ones_like(moving),
         rms_nm=rms,
         relative_percent=rms,
         all_samples_percent=rms,

@@ -53,12 +53,12 @@ def test_an_estimate_predicts_another_run_as_well_as_the_truth_does(
 def test_errors_are_those_of_the_moving_samples(validation: Validation) -> None:
     error = validation.measured_nm - validation.predicted_nm
     for joint in range(3):
-        rows = validation.moving[:, joint]
+        rows = validation.counted[:, joint]
         rms = np.sqrt(np.mean(error[rows, joint] ** 2))
         assert validation.rms_nm[joint] == pytest.approx(rms)
         measured = np.sqrt(np.mean(validation.measured_nm[rows, joint] ** 2))
         assert validation.relative_percent[joint] == pytest.approx(100.0 * rms / measured)
-    assert (validation.moving_fraction > 0.5).all()
+    assert (validation.counted_fraction > 0.5).all()
     # At standstill friction is stiction, which no model of sign(v) predicts.
     assert (validation.all_samples_percent > validation.relative_percent).all()
 

@@ -1,0 +1,183 @@
+"""Where joints came from before a recording is not known: what depends on it is not judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.arrays import FloatArray
+from config.errors import DataQualityError
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.validation.diagnosis import diagnose
+from identification.validation.torque_prediction import Validation, relative_of_both, validate
+from rid_daq.report.sections.curves import TorqueCurves
+from rid_daq.report.sections.validation import AxisError, ValidationSection
+from tests.builders.remembering_arm import (
+    CUTOFF_HZ,
+    STEP_S,
+    arm,
+    iwan,
+    measured,
+    motion,
+    recording,
+    with_presliding,
+)
+
+DISTANCE = 0.02
+SPREAD = round(1.0 / (CUTOFF_HZ * STEP_S))
+"""Rows in a period of the cut-off."""
+
+
+BEGIN = 400
+"""A row long after the beginning at which all axes slide steadily."""
+
+
+def way_of(seconds: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q, v, a of axes that go steadily for four seconds, and then to and fro."""
+    t = STEP_S * np.arange(round(seconds / STEP_S), dtype=np.float64)[:, np.newaxis]
+    speed, omega, turns = np.array([0.2, 0.3, 0.25]), 2.0 * np.pi * 0.2, np.maximum(t - 4.0, 0.0)
+    q = speed * (np.minimum(t, 4.0) + np.sin(omega * turns) / omega)
+    return q, speed * np.cos(omega * turns), -speed * omega * np.sin(omega * turns)
+
+
+WAY = way_of(20.0)
+
+
+def directions(q: FloatArray) -> dict[int, FloatArray]:
+    return {1: iwan(q[:, 1], DISTANCE)}
+
+
+@pytest.fixture(scope="module")
+def identified() -> Estimate:
+    """Of an arm whose second axis remembers."""
+    way = motion(40.0, 1)
+    return estimate_smoothed(with_presliding([1], DISTANCE), [recording(directions(way[0]), way)])
+
+
+@pytest.fixture(scope="module")
+def whole(identified: Estimate) -> Validation:
+    return validate(identified, measured(directions(WAY[0]), WAY), cutoff_hz=CUTOFF_HZ)
+
+
+@pytest.fixture(scope="module")
+def begun_in_motion(identified: Estimate) -> Validation:
+    """The same recording, begun where the second axis was sliding already."""
+    later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
+    return validate(identified, later, cutoff_hz=CUTOFF_HZ)
+
+
+def error(validation: Validation) -> FloatArray:
+    return validation.measured_nm - validation.predicted_nm
+
+
+def test_a_recording_that_begins_in_motion_is_judged_from_where_friction_is_known(
+    whole: Validation, begun_in_motion: Validation
+) -> None:
+    own, rows = error(begun_in_motion)[:, 1], len(begun_in_motion.time_s)
+    truly = error(whole)[-rows:, 1]
+    counted = begun_in_motion.counted[:, 1]
+    # Nothing stretched where it slides: at first all of Coulomb's friction is missing.
+    assert np.abs(own - truly)[:2].min() > 5.0
+    assert not counted[:2].any()
+    assert np.abs(own - truly)[counted].max() < 0.1
+    np.testing.assert_allclose(
+        begun_in_motion.rms_nm[1], np.sqrt(np.mean(truly[counted] ** 2)), rtol=0.05
+    )
+
+
+def test_all_samples_are_all_that_are_known(begun_in_motion: Validation) -> None:
+    known = begun_in_motion.known[:, 1]
+    own, torque = error(begun_in_motion)[known, 1], begun_in_motion.measured_nm[known, 1]
+    assert begun_in_motion.all_samples_percent[1] == pytest.approx(
+        100.0 * np.sqrt(np.mean(own**2) / np.mean(torque**2))
+    )
+    assert 0 < np.count_nonzero(~known) < len(known) / 10
+    assert known[-1]
+
+
+def test_joints_without_memory_are_judged_on_all_that_moves(begun_in_motion: Validation) -> None:
+    for joint in (0, 2):
+        assert begun_in_motion.known[:, joint].all()
+        assert (begun_in_motion.counted == begun_in_motion.moving)[:, joint].all()
+
+
+def test_what_is_not_known_spreads_with_the_low_pass(begun_in_motion: Validation) -> None:
+    position = begun_in_motion.position[:, 1]
+    reached = np.maximum.accumulate(position) - np.minimum.accumulate(position)
+    first = int(np.argmax(reached >= 2.0 * DISTANCE))
+    assert int(np.argmax(begun_in_motion.known[:, 1])) == pytest.approx(first + SPREAD, abs=2)
+
+
+def test_after_a_gap_it_is_not_known_again(identified: Estimate) -> None:
+    recorded = measured(directions(WAY[0]), WAY)
+    valid = recorded.valid.copy()
+    valid[BEGIN - 100 : BEGIN] = False
+    gapped = type(recorded)(**{**vars(recorded), "valid": valid})
+    result = validate(identified, gapped, cutoff_hz=CUTOFF_HZ)
+    after = int(np.argmax(np.diff(result.time_s) > 5.0 * STEP_S)) + 1
+    known = result.known[:, 1]
+    assert known[after - 1]
+    assert not known[after : after + SPREAD].any()
+    beyond = slice(after, after + 200)
+    assert np.abs(error(result)[beyond, 1]).max() > 10.0
+    assert np.abs(error(result)[beyond][result.counted[beyond, 1], 1]).max() < 3.0
+
+
+def test_two_models_are_compared_on_what_counts_for_both(
+    identified: Estimate, begun_in_motion: Validation
+) -> None:
+    way = motion(40.0, 1)
+    plain = estimate_smoothed(arm(), [recording(directions(way[0]), way)])
+    later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
+    sliding = validate(plain, later, cutoff_hz=5.0)
+    assert sliding.known.all()
+    both = relative_of_both(sliding, begun_in_motion)
+    assert (both == relative_of_both(begun_in_motion, sliding)[::-1]).all()
+    times = begun_in_motion.time_s[begun_in_motion.counted[:, 1]]
+    rows = np.isin(sliding.time_s, times) & sliding.moving[:, 1]
+    rms = np.sqrt(np.mean(error(sliding)[rows, 1] ** 2))
+    torque = np.sqrt(np.mean(sliding.measured_nm[rows, 1] ** 2))
+    assert both[0, 1] == pytest.approx(100.0 * rms / torque)
+
+
+def test_report_and_curves_say_how_much_is_left_out(
+    identified: Estimate, begun_in_motion: Validation
+) -> None:
+    section = ValidationSection.of(begun_in_motion, arm(), "Another run.")
+    count = int(np.count_nonzero(~begun_in_motion.known[:, 1]))
+    assert [axis.unknown_samples for axis in section.axes] == [None, count, None]
+    name = arm().joint_names[1]
+    assert f"samples that are left out, {count} of {name} ({count * STEP_S:.2g} s)." in (
+        section.sentence
+    )
+    assert section.axes[1].samples == np.count_nonzero(begun_in_motion.counted[:, 1])
+    curves = TorqueCurves.of(begun_in_motion, arm())
+    assert "friction that is not known yet" in curves.sentence
+    assert curves.axes[1].counted[0] == 0
+    assert curves.axes[0].counted[0] == int(begun_in_motion.moving[0, 0])
+    found = diagnose(identified, begun_in_motion)[1]
+    assert found.relative_percent == begun_in_motion.relative_percent[1]
+
+
+def test_a_result_of_an_earlier_version_is_read_and_none_left_out_is_not_written() -> None:
+    earlier = {
+        "joint": "axis1", "unit": "N m", "rms_torque": 9.0, "rms_error": 1.0,
+        "relative_error_percent": 11.0, "all_samples_percent": 12.0, "noise": None,
+        "floor": None, "error_over_floor": None, "limit_percent": None, "passed": None,
+        "samples": 7,
+    }  # fmt: skip
+    axis = AxisError.model_validate(earlier)
+    assert axis.unknown_samples is None
+    assert axis.model_dump() == earlier
+
+
+def test_a_recording_that_shows_no_friction_is_refused(identified: Estimate) -> None:
+    q, v, a = (values.copy() for values in WAY)
+    q[:, 0], q[:, 2] = 0.0, 0.0
+    turns = 0.4 * DISTANCE
+    time_s = STEP_S * np.arange(len(q))
+    q[:, 1] = turns * np.sin(2.0 * np.pi * 2.0 * time_s)
+    recorded = measured({}, (q, 0.0 * v, 0.0 * a))
+    with pytest.raises(DataQualityError, match="far enough for what its friction remembers"):
+        validate(identified, recorded, cutoff_hz=CUTOFF_HZ)
