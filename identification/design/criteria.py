@@ -55,7 +55,7 @@ class DOptimal:
 
     def describe(self, objective: float) -> str:
         """Say what the criterion's value means."""
-        return f"log determinant {-objective:.4g} per parameter"
+        return f"log determinant {-objective:.4g} (per parameter)"
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,7 +78,8 @@ def record_held(session: RunSession, console: Console, asked: HeldRun) -> Record
 
     # without the force plate, which may still be in reset
     bare = replace(session, cell=session.cell.model_copy(update={"plate": None}))
-    return bare.record(RunRequest(asked.label, asked.sentence, None, drive, role=asked.role))
+    request = RunRequest(asked.label, asked.sentence, None, drive, role=asked.role, held=True)
+    return bare.record(request)
 
 
 @contextlib.contextmanager

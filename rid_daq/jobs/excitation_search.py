@@ -227,6 +227,7 @@ class _Work:
             closing(stream),
             suppress(KeyboardInterrupt),
         ):
+            shown.update(0.0, "no start is refined yet")
             for candidate in stream:
                 self._take(candidate)
                 ready += 1

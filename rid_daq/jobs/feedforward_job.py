@@ -25,7 +25,8 @@ from config.load import load_cell
 from identification.estimation.estimate import Estimate
 from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_for
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
-from rid_daq.runs.run_data import lacks
+from rid_daq.runs.origins import cell_of
+from rid_daq.runs.run_data import MOTION, lacks
 from rid_daq.terminal.output_file import refuse_output
 
 GROWN: Final = 1.2
@@ -122,12 +123,18 @@ class Refined:
         Whether the error no longer shrinks.
     notes : list of str
         What the runs lack.
+    cell : str
+        The runs' cell, as commands take it.
+    motion : Path
+        The motion file of one of the runs.
     """
 
     measured: RepeatedError
     found: Refinement
     stalled: bool
     notes: list[str]
+    cell: str
+    motion: Path
 
     @property
     def finished(self) -> bool:
@@ -197,8 +204,14 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     origin = Origin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
+    folder = first.data.folder
     refined = Refined(
-        measured, found, _stalled(measured, origin), lacks([one.data for one in driven])
+        measured,
+        found,
+        _stalled(measured, origin),
+        lacks([one.data for one in driven]),
+        cell_of(folder),
+        folder.file(MOTION),
     )
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
     if not refined.finished:

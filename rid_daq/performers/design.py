@@ -54,7 +54,7 @@ def perform(request: DesignRequest, console: Console) -> None:
     _print(console, designed, request)
     console.next_step("record", request.cell, request.output)
     if request.kind is Kind.MULTISINE:
-        console.next_step("loop", "latest", first=" then")
+        console.next_step("loop", "latest", lead="Then")
     if designed.found is not None and designed.found.exit_code:
         raise typer.Exit(designed.found.exit_code)
 

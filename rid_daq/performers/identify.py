@@ -71,5 +71,6 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
             " --despite-misfit. Correct the files, then identify again.",
         )
         return
-    unused = ", RUN being one that was not used here"
-    console.next_step("validate", identified.model, "RUN", first=unused)
+    console.next_step(
+        "validate", identified.model, "RUN", lead="Next, RUN being one that was not used here"
+    )

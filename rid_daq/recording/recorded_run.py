@@ -24,7 +24,8 @@ from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.terminal.motion_progress import place_words
 
-_AGAIN = "Start again when you are ready; the robot goes to the start by itself."
+_AGAIN = "Start again when you are ready"
+_BY_ITSELF = "; the robot goes to the start by itself"
 _WHAT_TO_DO = {
     StopCode.INTERRUPTED: _AGAIN,
     StopCode.STOP_COMMAND: _AGAIN,
@@ -64,6 +65,8 @@ class RecordedRun:
         The result; more may be added until it is written.
     facts : dict
         What the manifest says of the run; more may be added until it is written.
+    held : bool
+        Whether the robot moved only while a person held a key.
     """
 
     folder: RunFolder
@@ -72,6 +75,7 @@ class RecordedRun:
     quality: RunQuality | None
     result: Result
     facts: dict[str, JsonValue] = field(default_factory=dict)
+    held: bool = False
 
     @property
     def measured(self) -> RunData:
@@ -112,7 +116,10 @@ class RecordedRun:
         if stop is None:
             return ""
         place = "" if self.data is None else f" {place_words(self.data.tally)}"
-        return f"{stop_words(self.outcome)}{place} {_WHAT_TO_DO.get(stop.code, _CHECK)}"
+        what_to_do = _WHAT_TO_DO.get(stop.code, _CHECK)
+        if what_to_do == _AGAIN:
+            what_to_do = f"{_AGAIN}{'' if self.held else _BY_ITSELF}."
+        return f"{stop_words(self.outcome)}{place} {what_to_do}"
 
     @property
     def timing_sentence(self) -> str:

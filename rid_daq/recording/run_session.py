@@ -113,6 +113,8 @@ class RunRequest:
         Whether every frame on the bus is recorded too.
     epilogue : str
         Said after how the motion ended where its run is all that was driven of a longer job.
+    held : bool
+        Whether the robot moves only while a person holds a key.
     """
 
     label: str
@@ -124,6 +126,7 @@ class RunRequest:
     watch: Watch | None = None
     frames: bool = False
     epilogue: str = ""
+    held: bool = False
 
 
 @dataclass(frozen=True)
@@ -232,7 +235,9 @@ class RunSession:
                 return seen
 
             self.display.begins(folder.run_id, request.sentence, rows, per_period)
-            with self.display.progress(request.role, *total_of(samples)) as shown:
+            with self.display.progress(
+                request.role, *total_of(samples, held=request.held)
+            ) as shown:
                 outcome = record_motion(
                     self.cell,
                     robot,
@@ -282,7 +287,7 @@ class RunSession:
             runs=None if section is None else (section,),
             average=average,
         )
-        run = RecordedRun(folder, outcome, data, quality, result)
+        run = RecordedRun(folder, outcome, data, quality, result, held=request.held)
         goals = [] if request.watch is None else request.watch.sentences()
         run.result = result.updated(verdict=run.verdict(goals))
         return run

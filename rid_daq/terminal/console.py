@@ -20,6 +20,7 @@ from rid_daq.terminal.progress_bar import MovingBar, counted
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+    from rich.console import Console as RichConsole
 
     from acquisition.hold_to_run.pilot import Keys
 
@@ -36,6 +37,7 @@ class _Output:
 
     documents = 0
     refused: OSError | None = None
+    bar: MovingBar | None = None
 
 
 _output = _Output()
@@ -69,9 +71,21 @@ def documents_written() -> int:
 def _write(text: str) -> None:
     """Write a line; a motion does not end because nobody takes what is said of it."""
     try:
-        typer.echo(text)
+        if _output.bar is None:
+            typer.echo(text)
+        else:
+            _output.bar.say(text)
     except OSError as error:
         _output.refused = _output.refused or error
+
+
+def _rich_console() -> RichConsole:
+    """Return what draws on the terminal: above a moving bar, where one is shown."""
+    if _output.bar is not None:
+        return _output.bar.console
+    from rich.console import Console as RichConsole
+
+    return RichConsole()
 
 
 def _escaped(character: str) -> str:
@@ -110,7 +124,8 @@ class Console:
     """Writes to people on stdout, or, with `as_json`, to programs.
 
     Colours, moving bars and wide tables are for terminals only, and never with NO_COLOR's users'
-    colours; what a pipe or a log file gets is plain text.
+    colours; what a pipe or a log file gets is plain text. What is said while a bar moves stands
+    above it.
     """
 
     as_json: bool = False
@@ -132,21 +147,20 @@ class Console:
             text = printable(text)
             _write(text if columns is None else fitted(text, columns))
 
-    def next_step(self, *words: object, first: str = "") -> None:
-        """Write the command that comes next, as a shell takes it; `first` is what to do before."""
-        self.say(f"Next{first}: {as_command(*words)}")
+    def next_step(self, *words: object, lead: str = "Next") -> None:
+        """Write a command that comes next, as a shell takes it, behind a word or two."""
+        self.say(f"{lead}: {as_command(*words)}")
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write the sentence that matters, green or red on a terminal."""
         if not self.is_terminal:
             self.say(text)
             return
-        from rich.console import Console as RichConsole
         from rich.text import Text
 
         style = "bold" if passed is None else "bold green" if passed else "bold red"
         shown = fitted(printable(text), self.columns or _WIDEST)
-        RichConsole().print(Text(shown, style=style), soft_wrap=True)
+        _rich_console().print(Text(shown, style=style), soft_wrap=True)
 
     def document(self, document: Mapping[str, object] | BaseModel) -> None:
         """Write the command's result for programs; nothing without `--json`."""
@@ -187,7 +201,7 @@ class Console:
         if self.is_terminal:
             from rid_daq.terminal.tables import print_table
 
-            print_table(columns, rows, red, key)
+            print_table(_rich_console(), columns, rows, red, key)
             return
         widths = [max(len(row[i]) for row in (columns, *rows)) for i in range(len(columns))]
         for row in (columns, *rows):
@@ -311,7 +325,11 @@ class Console:
             yield _Silent()
         elif self.is_terminal:
             with MovingBar(title, total, unit).shown() as bar:
-                yield bar
+                outer, _output.bar = _output.bar, bar
+                try:
+                    yield bar
+                finally:
+                    _output.bar = outer
         else:
             yield _Lines(title, total, unit)
 

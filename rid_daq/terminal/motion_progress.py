@@ -33,10 +33,13 @@ def motion_words(progress: Progress) -> str:
     return _STATES[progress.state]
 
 
-def total_of(samples: MotionSamples | None) -> tuple[float | None, str]:
-    """Return how long a motion is and in what that is counted: periods, seconds or points."""
+def total_of(samples: MotionSamples | None, *, held: bool = False) -> tuple[float | None, str]:
+    """Return how long a motion is and in what that is counted.
+
+    Periods or seconds; points where they come from elsewhere, cycles where a key is `held`.
+    """
     if samples is None:
-        return None, "points"
+        return None, "cycles" if held else "points"
     if samples.samples_per_period is None:
         return samples.duration_s, "s"
     return len(samples) / samples.samples_per_period, "periods"

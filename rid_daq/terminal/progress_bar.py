@@ -49,7 +49,9 @@ def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
     title = shortened(title, max(width // 4, 8))
     free = width - len(title) - len(count) - _TIME_LEFT - 4  # a column between each two
     least, most = BAR
-    bar = max(least, min(most, free - min(_TAIL, len(tail))))
+    whole = _BREAKS.search(tail)
+    first = len(tail) if whole is None else whole.start()  # of no use where it is cut
+    bar = max(least, min(most, free - max(first, min(_TAIL, len(tail)))))
     return BarLine(title, bar, shortened(tail, free - bar))
 
 
@@ -88,6 +90,15 @@ class MovingBar:
         )
         self._display = RichProgress(*columns, refresh_per_second=5, console=console)
         self._task = self._display.add_task(title, total=total, count="", tail="")
+
+    @property
+    def console(self) -> RichConsole:
+        """What writes above it, on whole lines."""
+        return self._display.console
+
+    def say(self, text: str) -> None:
+        """Write lines above it."""
+        self.console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
     def update(self, done: float, line: str) -> None:
         """Show that `done` of the total is done; `line` says how it goes."""

@@ -26,13 +26,13 @@ Part = list[tuple[int, int]]
 
 
 def print_table(
+    terminal: RichConsole,
     head: Sequence[str],
     rows: Sequence[Sequence[str]],
     red: Sequence[bool] | None = None,
     key: int = 1,
 ) -> None:
-    """Write a table on the terminal; parameters as `Console.table` has them."""
-    terminal = RichConsole()
+    """Write a table on a terminal; the other parameters as `Console.table` has them."""
     names = all(len(row[0]) <= _NAME_LENGTH for row in rows)
     parts = laid_out((head, *rows), terminal.width, key)
     unbound: list[tuple[int, int | None]] = [(number, None) for number in range(len(head))]

@@ -32,7 +32,10 @@ from tests.builders.motion_texts import PICK
 WIDTHS: Final = (80, 120)
 THEMES: Final[dict[str, TerminalTheme]] = {"light": DEFAULT_TERMINAL_THEME, "dark": MONOKAI}
 TITLE: Final = 50  # characters
-_ESCAPE = re.compile(r"\x1b\[[0-9;]*m")
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_UP = re.compile(r"\x1b\[(\d*)A")
+_CLEARED, _CURSOR = "\x1b[2K", ("\x1b[?25l", "\x1b[?25h")
+_TOKENS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|[\r\n]|[^\x1b\r\n]+")
 
 
 @dataclass(frozen=True)
@@ -56,14 +59,14 @@ class Screen:
     @property
     def lines(self) -> list[str]:
         """The lines without colours."""
-        return _ESCAPE.sub("", self.text).splitlines()
+        return screen_lines(self.text)
 
     def svg(self, theme: TerminalTheme) -> str:
         """Return it as a picture."""
         drawn = RichConsole(
             record=True, width=self.columns, file=io.StringIO(), force_terminal=True, height=100
         )
-        drawn.print(Text.from_ansi(self.text))
+        drawn.print(Text.from_ansi(as_left(self.text).rstrip()))
         named = [word for word in self.words if "/" not in word]
         return drawn.export_svg(title=f"rid-daq {' '.join(named)}"[:TITLE], theme=theme)
 
@@ -74,6 +77,30 @@ class Screen:
         for theme, colours in THEMES.items():
             path = folder / f"{name[:60]}-{self.columns}-{theme}.svg"
             path.write_text(self.svg(colours), encoding="utf-8")
+
+
+def as_left(written: str) -> str:
+    """Return what a terminal shows in the end of what was written to it, with its colours.
+
+    Lines that a moving bar has written again are there once.
+    """
+    lines, row = [""], 0
+    for token in _TOKENS.findall(written):
+        if token == "\n":
+            row += 1
+            lines += [""] * (row + 1 - len(lines))
+        elif token == _CLEARED:
+            lines[row] = ""
+        elif up := _UP.fullmatch(token):
+            row = max(0, row - int(up[1] or 1))
+        elif token not in ("\r", *_CURSOR):
+            lines[row] += token
+    return "\n".join(lines)
+
+
+def screen_lines(written: str) -> list[str]:
+    """Return the lines that a terminal shows in the end, without colours."""
+    return _COLOUR.sub("", as_left(written)).rstrip("\n").split("\n")
 
 
 @contextlib.contextmanager

@@ -73,4 +73,5 @@ def _print(console: Console, output: Path, refined: Refined) -> None:
             " time, for loops within their intervals. Where joints reverse, friction may leave"
             " more."
         )
-        console.say(f"Next: record the motion with --feedforward {output}, and refine again")
+        console.next_step("record", refined.cell, refined.motion, "--feedforward", output)
+        console.say("Then refine again, by that run.")

@@ -91,7 +91,7 @@ def test_what_is_not_seen_at_all_is_bad_but_finite(criterion: Criterion) -> None
 @pytest.mark.parametrize(
     ("criterion", "words"),
     [
-        (DOptimal(), "log determinant -1.5 per parameter"),
+        (DOptimal(), "log determinant -1.5 (per parameter)"),
         (Condition(), "condition number 1.5"),
         (Goals(np.eye(2)), "mean log deviation 1.5"),
     ],

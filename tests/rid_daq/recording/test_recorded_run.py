@@ -67,6 +67,19 @@ def test_a_run_that_lost_too_much_says_so_first_and_is_exit_6(ended: RecordedRun
     assert "12 of axis1" in verdict.sentence
 
 
+@pytest.mark.parametrize(
+    ("held", "after"), [(False, "; the robot goes to the start by itself"), (True, "")]
+)
+def test_nothing_goes_anywhere_by_itself_where_a_key_is_held(
+    ended: RecordedRun, held: bool, after: str
+) -> None:
+    asked = StopReason(StopCode.STOP_COMMAND, "stopped by `rid-daq stop`")
+    stopped = replace(ended, outcome=outcome(asked), quality=None, held=held)
+    assert stopped.stop_sentence == (
+        f"Stopped by `rid-daq stop`. Start again when you are ready{after}."
+    )
+
+
 def test_a_stop_says_what_where_and_what_to_do(ended: RecordedRun) -> None:
     stopped = replace(ended, outcome=outcome(LOST), quality=None)
     verdict = stopped.verdict(["never told"])

@@ -10,6 +10,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from rid_daq.app import run
 from rid_daq.terminal.console import Console
+from tests.builders.screens import screen_lines, terminal
 
 
 def test_a_pipe_gets_plain_text_without_escapes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,6 +45,22 @@ def test_progress_in_a_log_file_is_a_line_a_tenth(capsys: pytest.CaptureFixture[
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 9
     assert lines[0] == "recording: 2 of 20 periods  measuring"
+
+
+def test_what_is_said_while_a_bar_moves_stands_above_it_on_lines_of_its_own() -> None:
+    console = Console()
+    with terminal(80) as shown, console.progress("recording", 20.0, "periods") as progress:
+        progress.update(5.0, "measuring")
+        console.say("[1] Ready: hold the key.")
+        console.verdict(False, "Too warm.")
+        console.table(("axis", "error"), [("axis1", "0.9 N m")])
+    lines = [plain.rstrip() for plain in screen_lines(shown.getvalue())]
+    assert lines[:4] == ["[1] Ready: hold the key.", "Too warm.", "axis   error", "axis1  0.9 N m"]
+    assert lines[4].startswith("recording ━")
+    assert lines[4].endswith("5/20 periods -:--:-- measuring")
+    with terminal(80) as shown:
+        console.say("Done.")
+    assert shown.getvalue() == "Done.\n"
 
 
 HOSTILE = "evil\x1b]0;title\x07\x9b2J\u202etxt"

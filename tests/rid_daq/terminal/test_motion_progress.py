@@ -61,12 +61,13 @@ def recorded(rows: int) -> RecordingTally:
     return RecordingTally(recording)
 
 
-def test_a_motion_is_counted_in_periods_seconds_or_points() -> None:
+def test_a_motion_is_counted_in_periods_seconds_points_or_cycles() -> None:
     assert total_of(motion(periodic=True)) == (4.0, "periods")
     total, unit = total_of(motion(periodic=False))
     assert total == pytest.approx(1.99)
     assert unit == "s"
     assert total_of(None) == (None, "points")
+    assert total_of(None, held=True) == (None, "cycles")
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,11 @@ from __future__ import annotations
 
 import io
 
+import numpy as np
 import pytest
 from rich.console import Console
 
+from identification.design.criteria import Condition, Criterion, DOptimal, Goals
 from rid_daq.terminal.progress_bar import BAR, MovingBar, bar_line, shortened
 
 TAIL = (
@@ -41,6 +43,14 @@ def test_a_terminal_shows_bar_count_and_time_left_on_one_line(width: int, title:
     assert "12/36 periods -:--:-- transient period" in last
     assert "━━━" in last  # the part that is done
     assert "…" not in last.split("36 periods")[1]
+
+
+@pytest.mark.parametrize("criterion", [DOptimal(), Condition(), Goals(np.eye(1))])
+def test_what_a_design_has_reached_is_whole_at_80_columns(criterion: Criterion) -> None:
+    best = f"best {criterion.describe(-12345.678)}"
+    line = bar_line(80, "Designing", "12/12 starts", best)
+    assert line.tail == best.split(" (")[0]
+    assert line.bar >= BAR[0]
 
 
 def test_a_text_without_parts_ends_in_dots() -> None:
