@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 from config.cell.cell import CellConfig
 from config.errors import DriverError, PreflightError, RidDaqError
@@ -87,7 +88,7 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
     exchanges_s.sort()
     slow_s = exchanges_s[math.ceil(0.99 * len(exchanges_s)) - 1]
     in_time = slow_s < axes.answers_within_s
-    events = [event.text for event in axes.take_events() if event.kind.is_fault]
+    faults = Counter(event.text for event in axes.take_events() if event.kind.is_fault)
     lines = [
         CheckLine(
             where=f"{axis.joint}, node {axis.node_id}",
@@ -122,8 +123,9 @@ def _answers(opened: Cell, seconds: float) -> list[CheckLine]:
                 "raise net.core.rmem_max, and see what else loads this computer",
             )
         )
-    if events:
-        lines.append(
-            CheckLine("drives", "faults", "none", "; ".join(events), "red", "see the drive")
+    if faults:
+        told = "; ".join(
+            text if times == 1 else f"{text} ({times} times)" for text, times in faults.items()
         )
+        lines.append(CheckLine("drives", "faults", "none", told, "red", "see the drive"))
     return lines

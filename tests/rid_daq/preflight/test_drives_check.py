@@ -145,6 +145,15 @@ def test_a_fault_is_red_and_what_only_happened_is_not(checked: Any) -> None:
     assert red(checked(Axes(events=told))) == ["drives: faults axis1: emergency 7121h"]
 
 
+def test_a_fault_that_comes_again_is_told_once_and_how_often(checked: Any) -> None:
+    lost, left = (
+        DriveEvent(EventKind.EMERGENCY, axis, 0.0, f"{axis}: heartbeat lost", 0x8130)
+        for axis in ("axis1", "axis2")
+    )
+    (line,) = red(checked(Axes(events=[lost, left, lost, lost])))
+    assert line == "drives: faults axis1: heartbeat lost (3 times); axis2: heartbeat lost"
+
+
 def test_what_was_read_before_a_drive_refused_is_kept(checked: Any) -> None:
     axes = Axes(trouble=DriverError("axis2 does not answer"))
     with pytest.raises(DriveTrouble, match="axis2 does not answer") as caught:
