@@ -188,10 +188,11 @@ class AxisBench:
         motion = AxisMotion.of(rows, self._robot, number)
         seen = None
         if eyes is not None and before is not None:
-            seen = seen_by(self._robot, eyes() - before)
+            moved = eyes() - before
+            seen = seen_by(self._robot, moved)
+            if not self._unattended:
+                self._console.say(f"Simulated: {_as_words(seen, self._robot, before, moved)}.")
         if not self._unattended:
-            if seen is not None:
-                self._console.say(f"Simulated: {_as_words(seen, self._robot)}.")
             seen = self._answered(motion, number, line)
         if seen is None:
             raise PreflightError(
@@ -333,9 +334,8 @@ def simulated_eyes(session: RunSession) -> Eyes | None:
     return lambda: SnapshotReader(path).read().position
 
 
-def _as_words(seen: Seen, robot: RobotDescription) -> str:
+def _as_words(seen: Seen, robot: RobotDescription, before: FloatArray, moved: FloatArray) -> str:
     if not seen.joint:
         return "nothing moved"
-    joint = robot.joints[robot.joint_names.index(seen.joint)]
-    unit = "°" if joint.type == "revolute" else " mm"
-    return f"{seen.joint} has moved by {seen.amount:+.2g}{unit} about its own axis"
+    number = robot.joint_names.index(seen.joint)
+    return direction_words(robot, before, number, float(moved[number]), over=True)

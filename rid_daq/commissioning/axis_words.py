@@ -11,8 +11,10 @@ from dynamics.geometry.kinematics import Chain, forward, link_transforms
 SMALL_M = 5e-4
 
 
-def direction_words(robot: RobotDescription, pose: FloatArray, number: int, amount: float) -> str:
-    """Return what a person will see of a joint that moves by `amount` [rad or m] from a pose.
+def direction_words(
+    robot: RobotDescription, pose: FloatArray, number: int, amount: float, *, over: bool = False
+) -> str:
+    """Return what a person sees of a joint that moves by `amount` [rad or m] from a pose.
 
     Parameters
     ----------
@@ -23,18 +25,24 @@ def direction_words(robot: RobotDescription, pose: FloatArray, number: int, amou
     number : int
         The joint.
     amount : float
-        How far it will move.
+        How far it moves.
+    over : bool, optional
+        Whether it has moved already.
     """
+    joint = robot.joints[number]
     chain = Chain.from_description(robot)
     axis = link_transforms(chain, pose[np.newaxis])[0, number, :3, 2]
     axis = axis * np.sign(amount)
+    if joint.type == "prismatic":
+        moves = "has moved" if over else "will move"
+        return f"{joint.name} {moves} by {1e3 * abs(amount):.3g} mm {_to(axis)}"
     tool = tool_way(robot, pose, number, amount)
-    if robot.joints[number].type == "prismatic":
-        return f"{robot.joints[number].name} will move by {1e3 * abs(amount):.3g} mm {_to(axis)}"
-    seen = f"counter-clockwise, seen {_from(axis)}"
     length = float(np.linalg.norm(tool))
-    where = "" if length < SMALL_M else f"; the tool point goes {1e3 * length:.0f} mm {_to(tool)}"
-    return f"{robot.joints[number].name} will turn by {np.degrees(abs(amount)):.3g}° {seen}{where}"
+    goes = f"; the tool point {'went' if over else 'goes'} {1e3 * length:.0f} mm {_to(tool)}"
+    return (
+        f"{joint.name} {'has turned' if over else 'will turn'} by"
+        f" {np.degrees(abs(amount)):.3g}° {_seen(axis)}{'' if length < SMALL_M else goes}"
+    )
 
 
 def tool_way(robot: RobotDescription, pose: FloatArray, number: int, amount: float) -> FloatArray:
@@ -58,8 +66,10 @@ def _to(direction: FloatArray) -> str:
     return f"towards the base's {'+' if sign > 0 else '-'}{name}"
 
 
-def _from(direction: FloatArray) -> str:
-    name, sign = _named(direction)
+def _seen(axis: FloatArray) -> str:
+    """Return how a turn about an axis looks from where a person can stand."""
+    name, sign = _named(axis)
     if name == "z":
-        return "from above" if sign > 0 else "from below"
-    return f"from the side of the base's {'+' if sign > 0 else '-'}{name}"
+        return f"{'counter-clockwise' if sign > 0 else 'clockwise'}, seen from above"
+    side = "+" if sign > 0 else "-"
+    return f"counter-clockwise, seen from the side of the base's {side}{name}"

@@ -84,7 +84,7 @@ def test_a_person_holds_the_key_and_says_what_was_seen(
     with Typist(*words) as person:
         person.sees("Hold SPACE")
         with person.holding(" "):
-            person.sees("Simulated: axis2 has moved by")
+            person.sees("Simulated: axis2 has turned by")
         person.sees("Did axis2 move as was said")
         person.type("-\n")
         person.sees("By about how much")

@@ -34,8 +34,18 @@ def test_an_upright_axis_is_seen_from_above() -> None:
         " the base's +y"
     )
     back = direction_words(ARM, POSE, 0, -np.deg2rad(2.0))
-    assert "seen from below" in back
+    assert "2° clockwise, seen from above" in back
     assert "-y" in back
+
+
+def test_what_has_moved_is_told_in_the_same_words() -> None:
+    assert direction_words(ARM, POSE, 0, np.deg2rad(2.0), over=True) == (
+        "turn has turned by 2° counter-clockwise, seen from above; the tool point went 35 mm"
+        " towards the base's +y"
+    )
+    assert direction_words(ARM, POSE, 2, -0.005, over=True) == (
+        "lift has moved by 5 mm towards the base's -y"
+    )
 
 
 def test_a_level_axis_is_seen_from_its_side() -> None:
