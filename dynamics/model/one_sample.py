@@ -181,7 +181,8 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
         if column.function not in _NUMBERS:
             raise EstimationError(
                 f"{column.parameter_name} depends on the drive's temperature, which is not known"
-                " ahead of the motion: identify a model without the friction term `temperature`"
+                " ahead of the motion: say one, or identify a model without the friction term"
+                " `temperature`"
             )
         speed = speeds[column.joint] if column.function == "stribeck" else 1.0
         rows.append([FRICTION, column.joint, value, _NUMBERS[column.function], speed])

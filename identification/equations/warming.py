@@ -77,11 +77,26 @@ class Warming:
         """Return the same with the derivative [K/s] by each time constant as the joint's rise."""
         return replace(signals, temperature_k=self._followed(robot, signals, BY_TIME_CONSTANT))
 
-    def _followed(self, robot: RobotDescription, signals: SmoothedSignals, what: int) -> FloatArray:
+    def settled(self, robot: RobotDescription, velocity: FloatArray) -> FloatArray:
+        """Return the temperatures that a motion leads to when it is repeated for long, (n,) [K].
+
+        Parameters
+        ----------
+        robot : RobotDescription
+            Whose reference temperatures are those of the cold joints.
+        velocity : ndarray, shape (samples, n)
+            Of the whole motion, uniformly sampled [rad/s or m/s].
+        """
+        cold = np.array([joint.reference_temperature_k for joint in robot.joints])
+        return np.asarray(cold + self.joints * self._power_w(robot, velocity).mean(axis=0))
+
+    def _power_w(self, robot: RobotDescription, velocity: FloatArray) -> FloatArray:
         coupling = WristCoupling.of_robot(robot)
-        velocity = signals.velocity if coupling is None else coupling.to_motors(signals.velocity)
-        speed = np.abs(velocity)
-        power_w = (self.coulomb_nm + self.viscous_nm_s * speed) * speed
+        speed = np.abs(velocity if coupling is None else coupling.to_motors(velocity))
+        return np.asarray((self.coulomb_nm + self.viscous_nm_s * speed) * speed)
+
+    def _followed(self, robot: RobotDescription, signals: SmoothedSignals, what: int) -> FloatArray:
+        power_w = self._power_w(robot, signals.velocity)
         # Over a gap nothing is known; a joint that stood cools.
         gap = np.diff(signals.time_s) > GAP_STEPS * signals.sample_period_s
         power_w[:-1][gap] = 0.0

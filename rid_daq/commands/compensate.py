@@ -10,7 +10,7 @@ import typer
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.estimate_options import LoopsFile, ModelFile
+from rid_daq.terminal.estimate_options import LoopsFile, ModelFile, Temperature
 from rid_daq.terminal.options import DEFAULT_RUNS, CellName, RunsFolder, Unfinished
 from rid_daq.terminal.output_file import Overwrite
 
@@ -30,6 +30,7 @@ def compensate(
             help="Tune scale and delay of every axis by this run of a periodic motion.",
         ),
     ] = None,
+    temperature: Temperature = None,
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
@@ -46,6 +47,6 @@ def compensate(
     from rid_daq.performers.compensation.compensate import perform
 
     request = CompensateRequest(
-        cell, motion, model, loop, output, runs, reference, overwrite, unfinished
+        cell, motion, model, loop, output, runs, reference, temperature, overwrite, unfinished
     )
     here_or_there(service, JobKind.COMPENSATE, request, Console(as_json), perform)

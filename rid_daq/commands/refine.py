@@ -10,7 +10,7 @@ import typer
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.estimate_options import LoopsFile, ModelFile
+from rid_daq.terminal.estimate_options import LoopsFile, ModelFile, Temperature
 from rid_daq.terminal.options import DEFAULT_RUNS, RunNames, RunsFolder, Unfinished
 from rid_daq.terminal.output_file import Overwrite
 
@@ -22,6 +22,7 @@ def refine(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FEEDFORWARD", help="The file to write.")
     ],
+    temperature: Temperature = None,
     overwrite: Overwrite = False,
     unfinished: Unfinished = False,
     runs: RunsFolder = DEFAULT_RUNS,
@@ -38,5 +39,5 @@ def refine(
     from rid_daq.jobs.feedforward_job import RefineRequest
     from rid_daq.performers.compensation.refine import perform
 
-    request = RefineRequest(run, model, loop, output, runs, overwrite, unfinished)
+    request = RefineRequest(run, model, loop, output, runs, temperature, overwrite, unfinished)
     here_or_there(service, JobKind.REFINE, request, Console(as_json), perform)

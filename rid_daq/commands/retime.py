@@ -11,7 +11,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.estimate_options import BaseMass, ModelFile
+from rid_daq.terminal.estimate_options import BaseMass, ModelFile, Temperature
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import CellName
 from rid_daq.terminal.output_file import Overwrite
@@ -69,6 +69,7 @@ def retime(
         ),
     ] = False,
     mass_kg: BaseMass = None,
+    temperature: Temperature = None,
     report: Annotated[
         Path | None, typer.Option(metavar="PAGE", help="A page with the pictures to write.")
     ] = None,
@@ -101,6 +102,7 @@ def retime(
         torque_rms=tuple(rms_torque or ()),
         base=base,
         mass_kg=mass_kg,
+        temperature=temperature,
         report=report,
         overwrite=overwrite,
     )

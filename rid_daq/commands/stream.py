@@ -11,7 +11,7 @@ from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.estimate_options import LoopsFile, ModelFile
+from rid_daq.terminal.estimate_options import LoopsFile, ModelFile, Temperature
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
@@ -59,6 +59,7 @@ def stream(
     plain: Annotated[
         bool, typer.Option("--plain", help="Without compensation: velocity feedforward alone.")
     ] = False,
+    temperature: Temperature = None,
     label: Annotated[
         str | None, typer.Option(help="What to call the run; the motion file's name if not given.")
     ] = None,
@@ -94,6 +95,7 @@ def stream(
         motion=motion,
         socket=socket,
         options=StreamOptions(compensated=not plain, buffer_s=buffer, patience_s=wait),
+        temperature=temperature,
         label=label,
         simulation=Simulation(realtime=realtime, pace=pace, seed=seed),
         cleared=cleared,

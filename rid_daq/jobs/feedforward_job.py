@@ -20,6 +20,7 @@ from compensation.feedforward.tuning import tune
 from compensation.loops.loop_file import read_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order
+from compensation.operating_temperature import at_operation
 from config.errors import ConfigError, DataQualityError
 from config.load import load_cell
 from identification.estimation.estimate import Estimate
@@ -47,6 +48,8 @@ class CompensateRequest:
         The folder of the run folders.
     reference : str or None
         The run by which scale and delay are tuned.
+    temperature : str or None
+        How warm the joints are, as `compensation.operating_temperature` has it.
     overwrite, unfinished : bool
         Whether the file may be replaced, and a run that was never finished will do.
     """
@@ -58,6 +61,7 @@ class CompensateRequest:
     output: Path
     runs: Path
     reference: str | None = None
+    temperature: str | None = None
     overwrite: bool = False
     unfinished: bool = False
 
@@ -75,7 +79,7 @@ class Compensated:
     tuning : TuningEntry or None
         What the reference run tuned.
     notes : list of str
-        What that run lacks.
+        What that run lacks, and how warm joints are taken to be.
     """
 
     rows: int
@@ -96,6 +100,8 @@ class RefineRequest:
         A model by `identify`, loops by `loop`, and the file to write.
     runs : Path
         The folder of the run folders.
+    temperature : str or None
+        How warm the joints are, as `compensation.operating_temperature` has it.
     overwrite, unfinished : bool
         Whether the file may be replaced, and a run that was never finished will do.
     """
@@ -105,6 +111,7 @@ class RefineRequest:
     loop: Path
     output: Path
     runs: Path
+    temperature: str | None = None
     overwrite: bool = False
     unfinished: bool = False
 
@@ -122,7 +129,7 @@ class Refined:
     stalled : bool
         Whether the error no longer shrinks.
     notes : list of str
-        What the runs lack.
+        What the runs lack, and how warm joints are taken to be.
     cell : str
         The runs' cell, as commands take it.
     motion : Path
@@ -157,12 +164,15 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     motion = motion_for(request.motion, loaded)
     loops = loops_for(request.loop, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    estimate = estimate_for(request.model, loaded.robot)
-    tuning, notes = None, []
+    warm = at_operation(
+        estimate_for(request.model, loaded.robot), request.temperature, samples.whole().velocity
+    )
+    estimate, notes = warm.estimate, warm.notes
+    tuning = None
     if request.reference is not None:
         folder = find_run(request.runs, request.reference)
         driven = read_motion_run(folder, unfinished=request.unfinished)
-        notes = lacks([driven.data])
+        notes = [*lacks([driven.data]), *notes]
         tuning = _tuned(driven, motion, estimate, loops)
     compensated = compensated_motion(
         samples, estimate, loops, None if tuning is None else tuning.as_tuning()
@@ -197,19 +207,25 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    estimate = estimate_for(request.model, first.data.robot)
+    warm = at_operation(
+        estimate_for(request.model, first.data.robot),
+        request.temperature,
+        samples.whole().velocity,
+    )
+    estimate = warm.estimate
     names = samples.joint_names
     loops = in_order(names, estimate.robot.joint_names, read_loops(request.loop)[1])
     measured = repeated_error(samples, [one.data.recording for one in driven])
     origin = Origin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
+    notes = [*lacks([one.data for one in driven]), *warm.notes]
     folder = first.data.folder
     refined = Refined(
         measured,
         found,
         _stalled(measured, origin),
-        lacks([one.data for one in driven]),
+        notes,
         cell_of(folder),
         folder.file(MOTION),
     )

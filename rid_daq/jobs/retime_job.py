@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples
+from compensation.operating_temperature import WARM, at_operation
 from compensation.timing.limits import TimingLimits
 from compensation.timing.timed_motion import TimedMotion, retimed, weighed
 from config.arrays import FloatArray
@@ -64,6 +65,8 @@ class RetimeRequest:
         Whether the base wrench keeps to the limits of the cell's plate.
     mass_kg : float or None
         Mass of all that the base carries; by the robot's drawings if None.
+    temperature : str or None
+        How warm the joints are, as `compensation.operating_temperature` has it.
     report : Path or None
         The page to write.
     overwrite : bool
@@ -82,6 +85,7 @@ class RetimeRequest:
     torque_rms: tuple[float, ...] = ()
     base: bool = False
     mass_kg: BaseMassKg | None = None
+    temperature: str | None = None
     report: Path | None = None
     overwrite: bool = False
 
@@ -96,10 +100,13 @@ class Retimed:
         The motion.
     section : RetimingSection
         Its part of a report.
+    notes : list of str
+        How warm joints are taken to be, where that matters.
     """
 
     timed: TimedMotion
     section: RetimingSection
+    notes: list[str]
 
 
 def retime_motion(request: RetimeRequest) -> Retimed:
@@ -131,9 +138,17 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     if request.base:
         estimate = weighed(estimate, request.mass_kg)
     samples = motion.plan(robot, loaded.config.cycle_time_s)
-    timed = retimed(
-        samples, robot, estimate, limits, confidence=request.confidence, payload=payload
-    )
+    warm = at_operation(estimate, request.temperature, samples.whole().velocity)
+    for again in (request.temperature == WARM, False):
+        timed = retimed(
+            samples, robot, warm.estimate, limits, confidence=request.confidence, payload=payload
+        )
+        if not again:
+            break
+        # What is faster heats more: the motion is timed to the warmth that it makes itself.
+        faster = timed.motion.plan(robot, loaded.config.cycle_time_s).whole()
+        warm = at_operation(estimate, request.temperature, faster.velocity)
+    estimate = warm.estimate
     _hold_what_is_written(timed, robot, loaded.config.cycle_time_s, estimate, payload)
     section = RetimingSection.of(
         timed,
@@ -154,7 +169,7 @@ def retime_motion(request: RetimeRequest) -> Retimed:
             retiming=section,
         )
         write_whole(request.report, render_report(page).encode())
-    return Retimed(timed, section)
+    return Retimed(timed, section, warm.notes)
 
 
 def _limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:

@@ -12,6 +12,7 @@ from acquisition.session.outcome import RecordOutcome
 from compensation.loops import loop_file
 from compensation.online.online import OnlineFeedforward
 from compensation.online.stream import StreamOptions, stream_motion, stream_socket
+from compensation.operating_temperature import at_operation
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
@@ -45,6 +46,8 @@ class StreamRequest:
         Where that program is listened to.
     options : StreamOptions
         How the path is streamed.
+    temperature : str or None
+        How warm the joints are, as `compensation.operating_temperature` has it.
     label : str or None
         What to call the run; the motion file's name if None.
     simulation : Simulation
@@ -64,6 +67,7 @@ class StreamRequest:
     motion: Path | None = None
     socket: Path | None = None
     options: StreamOptions = field(default_factory=StreamOptions)
+    temperature: str | None = None
     label: str | None = None
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False
@@ -85,7 +89,12 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     words, samples, files = _planned(request, loaded)
     loops = loops_for(request.loop, loaded)
     estimate = estimate_for(request.model, loaded.robot)
-    forward = OnlineFeedforward.identified(loaded.config, loaded.robot, estimate, loops)
+    warm = at_operation(
+        estimate, request.temperature, None if samples is None else samples.whole().velocity
+    )
+    for note in warm.notes:
+        console.say(f"note: {note}")
+    forward = OnlineFeedforward.identified(loaded.config, loaded.robot, warm.estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
     require_ready(

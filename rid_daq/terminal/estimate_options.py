@@ -92,3 +92,13 @@ BaseMass = Annotated[
 ModelFile = Annotated[Path, typer.Option(metavar="MODEL", help="A model by `identify`.")]
 
 LoopsFile = Annotated[Path, typer.Option(metavar="LOOPS", help="Velocity loops by `loop`.")]
+
+Temperature = Annotated[
+    str | None,
+    typer.Option(
+        "--temperature",
+        metavar="°C,...",
+        help="How warm the joints are, where the model's friction depends on it: degrees Celsius,"
+        " one or one a joint; `warm` (as the motion makes them) or `cold` without thermometers.",
+    ),
+]

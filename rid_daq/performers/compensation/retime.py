@@ -10,6 +10,8 @@ def perform(request: RetimeRequest, console: Console) -> None:
     """Time the path, and say what it takes."""
     made = retime_motion(request)
     section = made.section
+    for note in made.notes:
+        console.say(f"note: {note}")
     console.document(
         {
             "motion": str(request.output),
@@ -22,6 +24,7 @@ def perform(request: RetimeRequest, console: Console) -> None:
             "off_the_path": made.timed.off,
             "joints": [joint.model_dump(mode="json") for joint in section.joints],
             "base": [base.model_dump(mode="json") for base in section.base or ()],
+            "notes": made.notes,
         }
     )
     section.print(console)

@@ -1,0 +1,119 @@
+"""`at_temperature`: an estimate whose friction depends on temperature, at one temperature.
+
+What is commanded ahead of a motion knows no thermometer. At one temperature T of a joint friction
+that changes by k kelvin by kelvin is plain friction again, f + k (T - T0), with the covariance of
+that sum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray
+from config.errors import EstimationError
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import Joint
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.friction import Friction, FrictionColumn, FrictionFunction
+from identification.estimation.estimate import Estimate
+from identification.model.base_parameters import base_parameters
+
+_BY_TEMPERATURE: Final[dict[FrictionFunction, tuple[FrictionFunction, ...]]] = {
+    "coulomb_by_temperature": ("coulomb", "forward", "backward"),
+    "viscous_by_temperature": ("viscous",),
+}
+"""Functions by temperature, and which others they are added to: those that a joint has."""
+
+
+def by_temperature(estimate: Estimate) -> BoolArray:
+    """Return which joints' friction depends on their temperature, (n,)."""
+    found = np.zeros(len(estimate.robot.joints), dtype=bool)
+    for column in _columns(estimate.model):
+        found[column.joint] |= column.function in _BY_TEMPERATURE
+    return found
+
+
+def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
+    """Return an estimate without the friction term `temperature`, with the same torques.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        As it was identified.
+    temperature_k : ndarray, shape (n,)
+        Temperature of each joint's drive [K]; one that its friction does not depend on is no
+        matter.
+
+    Raises
+    ------
+    EstimationError
+        There is not a temperature for each joint.
+    """
+    joints = estimate.robot.joints
+    if np.shape(temperature_k) != (len(joints),):
+        raise EstimationError(
+            f"temperatures of {np.size(temperature_k)} joints are given, the model has"
+            f" {len(joints)}"
+        )
+    if not by_temperature(estimate).any():
+        return estimate
+    terms = estimate.options.friction_terms
+    own = tuple(_plain(joint, joint.friction if terms is None else terms) for joint in joints)
+    robot = estimate.robot.model_copy(update={"joints": own})
+    options = replace(estimate.options, friction_terms=None)
+    model = options.build(robot)
+    base = base_parameters(model, kind=options.kind)
+    heads = np.eye(len(estimate.base.standard_names))[list(estimate.base.kept)].T
+    turned = base.combination @ _folding(estimate.model, model, temperature_k) @ heads
+
+    def spread(covariance: FloatArray) -> FloatArray:
+        return np.asarray(turned @ covariance @ turned.T)
+
+    noise = estimate.covariance_noise
+    return replace(
+        estimate,
+        robot=robot,
+        options=options,
+        base=base,
+        values=turned @ estimate.values,
+        covariance_noise=None if noise is None else spread(noise),
+        covariance_residual=spread(estimate.covariance_residual),
+        covariance_jackknife=spread(estimate.covariance_jackknife),
+        warming=None,
+    )
+
+
+def _plain(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
+    """Return a joint whose friction has what the parts by temperature are added to."""
+    if "temperature" not in terms:
+        return joint.model_copy(update={"friction": terms})
+    rest = [term for term in terms if term != "temperature"]
+    if not {"coulomb", "asymmetric"} & set(rest):
+        rest.append("coulomb")
+    if "viscous" not in rest:
+        rest.append("viscous")
+    return joint.model_copy(update={"friction": tuple(rest)})
+
+
+def _folding(model: RobotModel, plain: RobotModel, temperature_k: FloatArray) -> FloatArray:
+    """Return the matrix (p', p) from a model's standard parameters to those at a temperature."""
+    old = {name: k for k, name in enumerate(model.parameter_names)}
+    new = {name: k for k, name in enumerate(plain.parameter_names)}
+    matrix = np.zeros((len(new), len(old)))
+    for name, k in new.items():
+        if name in old:
+            matrix[k, old[name]] = 1.0
+    for column in _columns(model):
+        for other in _columns(plain):
+            targets = _BY_TEMPERATURE.get(column.function, ())
+            if other.joint == column.joint and other.function in targets:
+                warmer_k = temperature_k[column.joint] - column.reference_temperature_k
+                matrix[new[other.parameter_name], old[column.parameter_name]] = warmer_k
+    return matrix
+
+
+def _columns(model: RobotModel) -> tuple[FrictionColumn, ...]:
+    return tuple(c for term in model.terms if isinstance(term, Friction) for c in term.columns)

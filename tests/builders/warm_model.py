@@ -1,0 +1,59 @@
+"""A known model whose friction depends on temperature, measured or not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from config.load import LoadedCell
+from identification.equations.warming import Warming
+from identification.estimation.estimate import Estimate
+from identification.model.base_parameters import base_parameters
+from identification.model.options import ModelOptions
+from tests.builders.known_model import known
+
+FALL = 0.002
+"""By which share of itself friction falls a kelvin, or a watt."""
+
+
+def by_temperature(cell: LoadedCell, *, measured: bool) -> Estimate:
+    """Return a simulated arm's true values; the first two axes' friction falls with warmth.
+
+    Where no one measured temperatures, axis 1 has a time constant of 60 s and axis 2 one of 90 s.
+    """
+    estimate = known(cell, {})
+    joints = tuple(
+        joint.model_copy(update={"friction": (*joint.friction, "temperature")} if j < 2 else {})
+        for j, joint in enumerate(cell.robot.joints)
+    )
+    robot = cell.robot.model_copy(update={"joints": joints})
+    options = ModelOptions()
+    base = base_parameters(options.build(robot))
+    plain = dict(zip(estimate.base.names, estimate.values.tolist(), strict=True))
+    falls = {
+        name: -FALL * plain[name.replace("fcT", "fc").replace("fvT", "fv")]
+        for name in base.names
+        if name not in plain
+    }
+    values = np.array([(plain | falls)[name] for name in base.names])
+    covariance = np.diag((0.01 * np.abs(values) + 1e-5) ** 2)
+    coulomb = [plain[f"fc_{joint.name}"] for joint in joints]
+    viscous = [plain[f"fv_{joint.name}"] for joint in joints]
+    warms = np.array([True, True, False])
+    warming = Warming(
+        time_constant_s=np.array([60.0, 90.0, 0.0]),
+        time_constant_sigma_s=np.array([5.0, 5.0, 0.0]),
+        coulomb_nm=np.array(coulomb) * warms,
+        viscous_nm_s=np.array(viscous) * warms,
+    )
+    return replace(
+        estimate,
+        robot=robot,
+        options=options,
+        base=base,
+        values=values,
+        covariance_residual=covariance,
+        covariance_jackknife=covariance,
+        warming=None if measured else warming,
+    )

@@ -1,0 +1,147 @@
+"""How warm joints are taken to be ahead of a motion: by degrees, by the motion, or after a rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.online.online import OnlineFeedforward
+from compensation.operating_temperature import at_operation
+from config.errors import ConfigError, EstimationError
+from config.load import LoadedCell, load_cell
+from dynamics.terms.conditions import Conditions
+from identification.equations.warming import Warming
+from identification.estimation.estimate import Estimate, predict
+from tests.builders.known_model import known
+from tests.builders.warm_model import FALL, by_temperature
+from tests.builders.warming_arm import motion, recording
+
+WAY = motion(20.0, 4)
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="module")
+def measured(cell: LoadedCell) -> Estimate:
+    return by_temperature(cell, measured=True)
+
+
+@pytest.fixture(scope="module")
+def followed(cell: LoadedCell) -> Estimate:
+    """Of a model that follows warmth without thermometers."""
+    return by_temperature(cell, measured=False)
+
+
+@pytest.mark.parametrize(
+    ("asked", "celsius"), [("40", [40.0, 40.0, 40.0]), ("-5,61.5,20", [-5.0, 61.5, 20.0])]
+)
+def test_measured_temperatures_are_given_in_degrees(
+    measured: Estimate, asked: str, celsius: list[float]
+) -> None:
+    found = at_operation(measured, asked, None)
+    there = Conditions(temperature_k=np.array(celsius) + 273.15)
+    np.testing.assert_allclose(
+        predict(found.estimate, *WAY), predict(measured, *WAY, there), rtol=1e-9, atol=1e-7
+    )
+    assert found.notes == [
+        f"Friction as at {', '.join(f'{c:g} °C' for c in map(float, asked.split(',')))}."
+    ]
+
+
+def test_cold_is_the_friction_without_what_warmth_takes_off(
+    cell: LoadedCell, followed: Estimate
+) -> None:
+    found = at_operation(followed, "cold", None)
+    np.testing.assert_allclose(
+        predict(found.estimate, *WAY), predict(known(cell, {}), *WAY), rtol=1e-9, atol=1e-7
+    )
+    assert found.sentence == "Friction of axis1, axis2 as after a long rest."
+
+
+def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> None:
+    found = at_operation(followed, "warm", WAY[1])
+    warming = followed.warming
+    assert warming is not None
+    # An hour of the same motion, followed as recordings are: many time constants.
+    signals = recording(20.0, (None, None, None), seed=4)
+    assert np.array_equal(signals.velocity, WAY[1])
+    settled = _after_an_hour(warming, followed)
+    np.testing.assert_allclose(warming.settled(followed.robot, WAY[1])[:2], settled[:2], rtol=0.002)
+    axis1 = found.estimate.base.names.index("fc_axis1")
+    cold = at_operation(followed, "cold", None).estimate.values[axis1]
+    rise = warming.settled(followed.robot, WAY[1])[0] - 298.15
+    assert rise > 5.0
+    assert found.estimate.values[axis1] == pytest.approx(cold * (1.0 - FALL * rise))
+    assert f"it leaves {rise:.3g} W in axis1, " in found.sentence
+    assert "axis3" not in found.sentence
+
+
+def _after_an_hour(warming: Warming, estimate: Estimate) -> np.ndarray:
+    """Return the mean temperatures in the last turn of a motion that is repeated for an hour."""
+    one = recording(20.0, (None, None, None), seed=4)
+    turns = 30
+    rows = len(one) * turns
+    whole = type(one)(
+        **{
+            **{key: getattr(one, key) for key in ("joint_names", "sample_period_s", "cutoff_hz")},
+            "time_s": one.sample_period_s * np.arange(rows, dtype=np.float64),
+            **{
+                key: np.tile(getattr(one, key), (turns, 1))
+                for key in ("position", "velocity", "acceleration", "torque_nm")
+            },
+            "segment": np.zeros(rows, dtype=np.int64),
+        }
+    )
+    followed = warming.warmed(estimate.robot, whole).temperature_k
+    assert followed is not None
+    return np.asarray(followed[-len(one) :].mean(axis=0))
+
+
+def test_a_model_at_one_temperature_compensates_on_line(
+    cell: LoadedCell, followed: Estimate
+) -> None:
+    loops = [
+        VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
+        for joint in cell.robot.joint_names
+    ]
+    with pytest.raises(EstimationError, match="depends on the drive's temperature"):
+        OnlineFeedforward.identified(cell.config, cell.robot, followed, loops)
+    warm = at_operation(followed, "warm", WAY[1]).estimate
+    OnlineFeedforward.identified(cell.config, cell.robot, warm, loops)
+
+
+def test_what_friction_does_not_depend_on_is_not_asked(cell: LoadedCell) -> None:
+    plain = known(cell, {})
+    assert at_operation(plain, None, None).estimate is plain
+    assert at_operation(plain, None, None).notes == []
+    with pytest.raises(ConfigError, match="--temperature 40: has no effect"):
+        at_operation(plain, "40", None)
+
+
+@pytest.mark.parametrize("asked", [None, "warm", "cold"])
+def test_nobody_knows_how_warm_measured_drives_become(
+    measured: Estimate, asked: str | None
+) -> None:
+    with pytest.raises(ConfigError, match="friction of axis1, axis2 depends on temperatures that"):
+        at_operation(measured, asked, WAY[1])
+
+
+@pytest.mark.parametrize("asked", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
+def test_what_is_no_temperature_is_refused(measured: Estimate, asked: str) -> None:
+    with pytest.raises(ConfigError, match="give one temperature of -40 to 200 °C, or 3 separated"):
+        at_operation(measured, asked, WAY[1])
+
+
+@pytest.mark.parametrize("asked", [None, "40"])
+def test_without_thermometers_there_are_no_degrees(followed: Estimate, asked: str | None) -> None:
+    with pytest.raises(ConfigError, match="say --temperature warm, as the motion"):
+        at_operation(followed, asked, WAY[1])
+
+
+def test_points_from_elsewhere_do_not_tell_how_warm_they_make_joints(followed: Estimate) -> None:
+    with pytest.raises(ConfigError, match="point by point"):
+        at_operation(followed, "warm", None)

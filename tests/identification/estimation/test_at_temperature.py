@@ -1,0 +1,100 @@
+"""Friction that depends on temperature, at one temperature: the same torques and intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.friction_terms import FrictionTerm
+from dynamics.model.memory import with_memory
+from dynamics.model.one_sample import SampleTorque
+from dynamics.model.robot_model import regressor
+from dynamics.terms.conditions import Conditions
+from identification.estimation.at_temperature import at_temperature, by_temperature
+from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimators import estimate_smoothed
+from identification.validation.friction_trials import with_friction
+from tests.builders.warming_arm import arm, motion, recording
+
+TERMS: dict[str, tuple[FrictionTerm, ...]] = {
+    "coulomb and viscous": ("coulomb", "viscous", "temperature"),
+    "in another order": ("temperature", "viscous", "coulomb", "offset"),
+    "asymmetric": ("asymmetric", "temperature", "viscous"),
+    "without viscous": ("coulomb", "cube_root", "temperature"),
+    "alone": ("temperature",),
+    "with memory": ("coulomb", "viscous", "presliding", "temperature"),
+}
+WARM_K: FloatArray = np.array([320.0, 290.0, 305.0])
+
+
+def identified(terms: tuple[FrictionTerm, ...]) -> Estimate:
+    """Of an arm of which two axes have these terms; its drives warm up by 20 K."""
+    robot = with_friction(arm(), [terms, ("coulomb", "viscous"), terms])
+    signals = recording(30.0, (None, None, None))
+    rise = np.linspace(0.0, 20.0, len(signals))[:, np.newaxis] * np.array([1.0, 0.5, 0.8])
+    return estimate_smoothed(robot, [replace(signals, temperature_k=298.15 + rise)])
+
+
+@pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
+def test_torques_and_their_intervals_are_those_at_that_temperature(
+    terms: tuple[FrictionTerm, ...],
+) -> None:
+    estimate = identified(terms)
+    plain = at_temperature(estimate, WARM_K)
+    assert by_temperature(estimate).tolist() == [True, False, True]
+    assert not by_temperature(plain).any()
+    q, v, a = motion(10.0, 3)
+    there = Conditions(temperature_k=WARM_K)
+    np.testing.assert_allclose(
+        predict(plain, q, v, a), predict(estimate, q, v, a, there), rtol=1e-9, atol=1e-7
+    )
+    few = slice(0, 500, 10)
+    sigmas = []
+    for own, given in ((plain, None), (estimate, there)):
+        conditions = with_memory(own.model, q[few], given)
+        phi = own.base.columns(regressor(own.model, q[few], v[few], a[few], conditions))
+        sigmas.append(np.einsum("sjb,bc,sjc->sj", phi, own.covariance_jackknife, phi))
+    np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=1e-6, atol=1e-9)
+
+
+def test_a_controller_can_have_it_sample_by_sample() -> None:
+    estimate = identified(TERMS["coulomb and viscous"])
+    with pytest.raises(EstimationError, match="depends on the drive's temperature"):
+        SampleTorque.of(estimate.model, estimate.standard_values)
+    plain = at_temperature(estimate, WARM_K)
+    q, v, a = (values[40] for values in motion(10.0, 3))
+    np.testing.assert_allclose(
+        SampleTorque.of(plain.model, plain.standard_values)(q, v, a),
+        predict(plain, q[np.newaxis], v[np.newaxis], a[np.newaxis])[0],
+        rtol=1e-9,
+    )
+
+
+def test_terms_that_were_asked_of_every_joint_are_kept() -> None:
+    of_all = with_friction(arm(), [TERMS["coulomb and viscous"]] * 3)
+    signals = recording(30.0, (None, None, None))
+    rise = np.linspace(298.15, 318.0, len(signals))[:, np.newaxis] * np.ones(3)
+    named = estimate_smoothed(of_all, [replace(signals, temperature_k=rise)])
+    by_option = replace(
+        named,
+        robot=arm(),
+        options=replace(named.options, friction_terms=TERMS["coulomb and viscous"]),
+    )
+    np.testing.assert_allclose(
+        at_temperature(by_option, WARM_K).values, at_temperature(named, WARM_K).values
+    )
+
+
+def test_what_does_not_depend_on_temperature_is_left_as_it_is() -> None:
+    estimate = at_temperature(identified(TERMS["coulomb and viscous"]), WARM_K)
+    assert at_temperature(estimate, WARM_K) is estimate
+
+
+def test_temperatures_of_other_joints_are_refused() -> None:
+    estimate = identified(TERMS["coulomb and viscous"])
+    with pytest.raises(EstimationError, match="2 joints are given, the model has 3"):
+        at_temperature(estimate, WARM_K[:2])

@@ -1,0 +1,110 @@
+"""`compensate`, `retime`, `refine` and `stream` with a model whose friction depends on warmth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.motion.motion_file import load_motion
+from compensation.compensated_motion import compensated_motion
+from compensation.feedforward.file import read_feedforward
+from compensation.loops.loop_file import read_loops, write_loops
+from compensation.loops.velocity_loop import VelocityLoop
+from compensation.operating_temperature import at_operation
+from config.load import LoadedCell, load_cell
+from identification.estimation.file import read_estimate, write_estimate
+from rid_daq.app import run
+from tests.builders.told import document
+from tests.builders.warm_model import FALL, by_temperature
+
+PATH = """
+kind: joint_path
+robot: ir361
+speed_fraction: 0.4
+points:
+- [0.0, 0.0, 0.0]
+- [0.5, 0.3, -0.4]
+- [0.9, 0.1, 0.3]
+"""
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, cell: LoadedCell) -> Path:
+    for name, measured in (("measured", True), ("followed", False)):
+        write_estimate(tmp_path / f"{name}.json", by_temperature(cell, measured=measured))
+    loops = [
+        VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
+        for joint in cell.robot.joint_names
+    ]
+    write_loops(tmp_path / "loops.json", loops, "ir361", "a run")
+    (tmp_path / "path.yaml").write_text(PATH)
+    return tmp_path
+
+
+def words(folder: Path, command: str, model: str, *more: str) -> list[str]:
+    loop = [] if command == "retime" else ["--loop", str(folder / "loops.json")]
+    out = [] if command == "stream" else ["-o", str(folder / "out"), "--overwrite"]
+    path, file = str(folder / "path.yaml"), str(folder / f"{model}.json")
+    return [command, "ir361", path, "--model", file, *loop, *out, *more]
+
+
+@pytest.mark.parametrize(
+    ("model", "asked"), [("followed", "warm"), ("followed", "cold"), ("measured", "55,40,30")]
+)
+def test_the_feedforward_is_that_of_the_model_as_warm_as_was_said(
+    folder: Path,
+    cell: LoadedCell,
+    capsys: pytest.CaptureFixture[str],
+    model: str,
+    asked: str,
+) -> None:
+    more = ("--temperature", asked, "--runs", str(folder / "runs"), "--json")
+    assert run(words(folder, "compensate", model, *more)) == 0
+    samples = load_motion(folder / "path.yaml").plan(cell.robot, cell.config.cycle_time_s)
+    estimate = read_estimate(folder / f"{model}.json")
+    warm = at_operation(estimate, asked, samples.whole().velocity)
+    assert document(capsys)["notes"] == warm.notes
+    written = read_feedforward(folder / "out").onto(samples).feedforward
+    loops = read_loops(folder / "loops.json")[1]
+    expected = compensated_motion(samples, warm.estimate, loops).feedforward
+    assert written is not None
+    assert expected is not None
+    np.testing.assert_allclose(written, expected, atol=1e-9)
+
+
+def test_a_path_is_timed_to_the_warmth_that_it_makes(
+    folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str]
+) -> None:
+    peaks = {}
+    for asked in ("cold", "warm"):
+        more = ("--temperature", asked, "--confidence", "0", "--json")
+        assert run(words(folder, "retime", "followed", *more)) == 0
+        told = document(capsys)
+        peaks[asked] = told["joints"][0]["torque_peak"]
+    estimate = read_estimate(folder / "followed.json")
+    driven = load_motion(folder / "out").plan(cell.robot, cell.config.cycle_time_s).whole()
+    assert estimate.warming is not None
+    rise = estimate.warming.settled(estimate.robot, driven.velocity)[0] - 298.15
+    said = float(told["notes"][0].split(" W in axis1")[0].rsplit(" ", 1)[1])
+    assert said == pytest.approx(rise, rel=0.05)
+    # Warm joints rub less, and axis 1 carries nothing: its motor needs as much less at its peak.
+    coulomb = estimate.values[estimate.base.names.index("fc_axis1")]
+    assert peaks["warm"] < peaks["cold"] - 0.9 * FALL * rise * coulomb
+
+
+@pytest.mark.parametrize("command", ["compensate", "retime", "stream"])
+def test_how_warm_it_is_must_be_said(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    assert run(words(folder, command, "followed")) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "friction of axis1, axis2 depends on warmth that nobody measured" in told
+    assert "--temperature warm" in told
+    assert not (folder / "out").exists()
