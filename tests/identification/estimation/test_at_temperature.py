@@ -18,7 +18,8 @@ from identification.estimation.at_temperature import at_temperature, by_temperat
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_smoothed
 from identification.validation.friction_trials import with_friction
-from tests.builders.warming_arm import arm, motion, recording
+from tests.builders.remembering_arm import arm
+from tests.builders.warming_arm import motion, recording
 
 TERMS: dict[str, tuple[FrictionTerm, ...]] = {
     "coulomb and viscous": ("coulomb", "viscous", "temperature"),
