@@ -41,6 +41,12 @@ def test_nothing_of_the_site_is_fetched_from_elsewhere(site: Path) -> None:
     )
 
 
+def test_the_search_puts_decisions_behind_guides(site: Path) -> None:
+    order = (site / "_static" / "language_data.js").read_text().split("score:")[1]
+    assert "decisions" in order[:90]
+    assert "wide.css" in (site / "index.html").read_text()
+
+
 def test_drawings_are_drawn_and_not_shown_as_text(site: Path) -> None:
     for source in (ROOT / "docs").rglob("*.md"):
         wanted = source.read_text(encoding="utf-8").count("```mermaid")

@@ -54,6 +54,7 @@ def demo(
     console.say(f"Report: {done.report}")
     if not judged.passed:
         raise typer.Exit(ExitCode.VERDICT_FAILED)
+    console.next_step("docs", "first-hour", lead="Next, the same step by step")
 
 
 def _print(console: Console, result: Result) -> None:

@@ -92,7 +92,7 @@ def _print(console: Console, request: MockRequest, served: ServedCell) -> None:
     if request.devices is not None:  # which nodes those are is for whoever practises to find out
         what = f"with the devices of {request.devices}"
     kept = "lock-step" if request.in_lockstep else "real"
-    console.say(f"Cell {config.name} is served: {what}; {kept} time. Ctrl-C ends it.")
+    console.say(f"Cell {config.name} is served: {what}; {kept} time.")
     if request.faults is not None:
         console.say(f"Faults:     as {request.faults} says")
     if served.listen:
@@ -102,6 +102,7 @@ def _print(console: Console, request: MockRequest, served: ServedCell) -> None:
     if served.address and config.plate is not None:
         baud_rate = config.plate.amplifier.baud_rate
         console.say(f"Plate:      {served.address} at {baud_rate} baud")
-    console.say(f"Use it:     rid-daq check {request.cell}")
     if served.registers:
         console.say(f"Registers:  {served.registers}")
+    console.say("Ctrl-C ends it.")
+    console.next_step("check", request.cell, lead="Next, in another terminal")

@@ -60,10 +60,14 @@ def stop(
             console.verdict(False, f"Still running: {session.words}; `rid-daq stop` stops it.")
         raise typer.Exit(ExitCode.VERDICT_FAILED)
     for session, result in results:
-        console.verdict(result.seen, f"{session.words}: {result.sentence}")
+        console.verdict(result.seen, f"S{session.words[1:]}: {result.sentence}")
     if not all(result.seen for _, result in results):
         console.say("Use the cell's emergency stop where anything still moves.")
         raise typer.Exit(ExitCode.COMMUNICATION)
+    console.say(
+        "What was recorded is kept. Find out why it had to stop. Then check the cell before the"
+        " next motion."
+    )
 
 
 def _cell_name(cell: str) -> str:

@@ -109,8 +109,8 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
         stories = run_stories(folder, motions, total_s, request.seed, console)
         on, off = stories[True], stories[False]
         truth = (
-            TruthCase.compared("effects that no model has: on", on.estimate),
-            TruthCase.compared("effects that no model has: off", off.estimate),
+            TruthCase.compared("With effects that no model has", on.estimate),
+            TruthCase.compared("Without effects that no model has", off.estimate),
         )
         memory = (_memory(on.estimate), _memory(off.estimate))
         judged = _verdict(on.validation, truth, memory, on.tracking, on.retiming)

@@ -1,4 +1,7 @@
-"""The service's log: one JSON document a line on standard error, with the job's id where one is."""
+"""The service's log on standard error, with the job's id where one is.
+
+One JSON document a line for programs, a sentence with the time of day for a person at a terminal.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from rid_daq.service.records import Job
+from rid_daq.terminal.console import printable
 
 LOG: Final = logging.getLogger("rid_daq.service")
 
@@ -29,10 +33,26 @@ class _Lines(logging.Formatter):
         return json.dumps(line)
 
 
+class _Sentences(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        words = record.getMessage()
+        job = getattr(record, "job", None)
+        if isinstance(job, Job):
+            words += (
+                f": {job.kind.value} on {job.cell} by {job.owner}, {job.state.value} ({job.id})"
+            )
+        if record.levelno >= logging.WARNING:
+            words = f"{record.levelname.lower()}: {words}"
+        line = f"{datetime.fromtimestamp(record.created):%H:%M:%S}  {printable(words)}"
+        if record.exc_info:
+            line += f"\n{printable(self.formatException(record.exc_info))}"
+        return line
+
+
 def log_to_stderr() -> None:
     """Have the log written to standard error."""
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(_Lines())
+    handler.setFormatter(_Sentences() if sys.stderr.isatty() else _Lines())
     LOG.addHandler(handler)
     LOG.setLevel(logging.INFO)
     LOG.propagate = False

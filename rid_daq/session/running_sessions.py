@@ -95,7 +95,8 @@ class RunningSession:
     @property
     def words(self) -> str:
         """What it is, for people."""
-        return f"{self.command or 'a session'} on {self.cell or 'a cell'} (process {self.pid})"
+        by = f", `{self.command}`" if self.command else ""
+        return f"session on {self.cell or 'a cell'} (process {self.pid}{by})"
 
     def control(self) -> ControlBlock | None:
         """Return the control block of the motion that is under way, None where none is.

@@ -52,13 +52,13 @@ def _print(console: Console, output: Path, refined: Refined) -> None:
         }
     )
     console.table(
-        ("axis", "rms error", "power over noise", "keeps at most"),
+        ("axis", "rms error [mrad or mm]", "power over noise", "keeps at most"),
         [
             (
                 axis.joint,
-                f"{1e3 * axis.rms:.4f}e-3",
-                f"{axis.over_noise:.3g}",
-                f"{axis.bound:.1%}",
+                f"{1e3 * axis.rms:.4f}",
+                f"{axis.over_noise:.0f}" if axis.over_noise >= 100.0 else f"{axis.over_noise:.3g}",
+                f"{100.0 * axis.bound:.1f} %",
             )
             for axis in axes
         ],

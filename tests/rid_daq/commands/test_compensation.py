@@ -35,7 +35,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import reachable_cell
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
-from tests.builders.screens import require_fitting, said_by
+from tests.builders.screens import noted, require_fitting, said_by
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -117,8 +117,10 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     better = str(workshop / "better.json")
     capsys.readouterr()
-    assert run(["refine", "compensated", *by(workshop), "-o", better, "--json", *runs]) == 0
+    with noted() as calls:
+        assert run(["refine", "compensated", *by(workshop), "-o", better, "--json", *runs]) == 0
     found = document(capsys)
+    require_fitting(["refine", "compensated"], calls)
     assert not found["finished"]
     assert all(axis["bound"] < 0.5 for axis in found["axes"])
     circle = str(workshop / "circle.yaml")
@@ -191,14 +193,9 @@ class TestStream:
     def test_the_circle_comes_as_close_on_line(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        words = [
-            "stream",
-            str(workshop / "arm.yaml"),
-            str(workshop / "circle.yaml"),
-            "--label",
-            "live",
-        ]
-        assert run([*words, *model_of(workshop)]) == 0
+        arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
+        words = ["stream", arm, circle, "--label", "live"]
+        require_fitting(words, said_by([*words, *model_of(workshop)]))
         capsys.readouterr()
         runs = ["--runs", str(workshop / "runs")]
         assert run(["tracking", "live", "--against", "circle", "--json", *runs]) == 0

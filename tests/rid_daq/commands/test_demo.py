@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rid_daq.app import run
+from tests.builders.screens import noted, require_fitting
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +35,9 @@ def numbers(value: object, place: str) -> dict[str, float]:
 def test_the_whole_demo_reaches_what_it_is_held_to(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["demo", "--json", "--runs", str(tmp_path)]) == 0
+    with noted() as calls:
+        assert run(["demo", "--json", "--runs", str(tmp_path)]) == 0
+    require_fitting(["demo"], calls)
     document = json.loads(capsys.readouterr().out)
     found = {place: n for key in SECTIONS for place, n in numbers(document[key], key).items()}
     # bit by bit on one computer; another one's arithmetic may round otherwise

@@ -1,0 +1,12 @@
+// How search results are ordered: how it is done before why it was decided so.
+var Scorer = {
+  score: ([page, title, anchor, words, score]) => (/^(decisions\/|extending|faults)/.test(page) ? score - 40 : score),
+  objNameMatch: 11,
+  objPartialMatch: 6,
+  objPrio: { 0: 15, 1: 5, 2: -5 },
+  objPrioDefault: 0,
+  title: 15,
+  partialTitle: 7,
+  term: 5,
+  partialTerm: 2,
+};

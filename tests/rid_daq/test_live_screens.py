@@ -1,0 +1,103 @@
+"""What commands show that go on until somebody ends them, at 80 and at 120 columns."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from config.load import load_cell, to_yaml
+from tests.builders.screens import WIDTHS, Screen, keep, too_wide
+from tests.builders.typist import Typist
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(params=WIDTHS)
+def columns(request: pytest.FixtureRequest) -> int:
+    assert isinstance(request.param, int)
+    return request.param
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> str:
+    """The bundled cell without its force plate, under a name and on a bus of its own."""
+    found = load_cell("ir361").config
+    can = found.can.model_copy(update={"channel": f"screens{os.getpid()}"})
+    changes = {"plate": None, "name": "arm", "can": can}
+    (tmp_path / "arm.yaml").write_text(to_yaml(found.model_copy(update=changes)))
+    return str(tmp_path / "arm.yaml")
+
+
+def at(columns: int, folder: Path, *words: object) -> Typist:
+    """Have a command in a terminal, and no other session in its way."""
+    size = {"COLUMNS": str(columns), "LINES": "100", "TERM": "xterm-256color"}
+    places = {"RID_DAQ_LOCKS": str(folder)}
+    return Typist(*words, environment={**size, **places, "FORCE_COLOR": "1"})
+
+
+def shown(person: Typist, columns: int, words: Sequence[str]) -> list[str]:
+    """Keep what a terminal shows, and return its lines, which fit."""
+    screen = Screen(tuple(words), columns, person.shown)
+    keep(screen, "live")
+    assert too_wide([line for line in screen.lines if line], columns) == []
+    return screen.lines
+
+
+def test_a_served_cell_says_how_it_is_used(columns: int, tmp_path: Path, bare: str) -> None:
+    with at(columns, tmp_path, "mock", bare) as person:
+        person.sees("Next, in another terminal:")
+        person.program.send_signal(signal.SIGINT)
+        assert person.ends() == 0
+        person.sees("Ended.")
+    lines = shown(person, columns, ["mock", "arm.yaml"])
+    assert lines[-1] == "Ended."
+
+
+def test_a_service_says_where_its_pages_are(columns: int, tmp_path: Path, bare: str) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    words = ["serve", bare, "--folder", folder, "--listen", "127.0.0.1:0"]
+    with at(columns, tmp_path, *words) as person:
+        person.sees("Ctrl-C ends the service")
+        person.sees("serving arm")
+        person.program.send_signal(signal.SIGINT)
+        assert person.ends() == 0
+        person.sees("ended")
+    lines = shown(person, columns, ["serve", "arm.yaml"])
+    assert any(line.strip().startswith(("Workbench: http", "http")) for line in lines)
+    assert lines[-1].endswith("  ended")
+    assert "{" not in "".join(lines)
+
+
+def test_a_jog_is_stopped_from_another_terminal(columns: int, tmp_path: Path, bare: str) -> None:
+    with at(columns, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
+        person.sees("Ready: hold the key.")
+        person.type("3")
+        with person.holding("-"):
+            person.sees("measuring", 2)
+        with at(columns, tmp_path, "stop") as other:
+            assert other.ends() == 0
+        assert person.ends() == 5
+        person.sees("report.html")
+    jogged = shown(person, columns, ["jog", "arm.yaml"])
+    assert "Ready: hold the key." in jogged
+    assert "Chosen: axis3." in jogged
+    assert any(line.startswith("jog ") and "cycles" in line for line in jogged)
+    stopped = " ".join(" ".join(shown(other, columns, ["stop"])).split())
+    assert stopped.startswith("Session on arm (process ")
+    assert "all axes at rest" in stopped
+    assert stopped.endswith("Then check the cell before the next motion.")
+
+
+def test_a_jog_that_is_ended_by_its_key_says_where_its_run_is(tmp_path: Path, bare: str) -> None:
+    with at(80, tmp_path, "jog", bare, "--runs", tmp_path / "runs") as person:
+        person.sees("Ready: hold the key.")
+        person.type("q")
+        assert person.ends() == 0
+        person.sees("report.html")
+    lines = shown(person, 80, ["jog", "arm.yaml", "q"])
+    assert any(line.startswith("Recorded:") for line in lines)
