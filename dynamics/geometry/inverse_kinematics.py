@@ -93,9 +93,16 @@ def reach(
         step = right.T @ ((left.T @ short) / size)
         pose = pose + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
     raise ConfigError(
-        f"{what} ({place} mm) cannot be reached: move it nearer to the robot, or start"
-        " it near another pose"
+        f"{what} ({place} mm) cannot be reached from {_tool_words(chain, near)}: move it nearer to"
+        " the robot, or start it near another pose"
     )
+
+
+def _tool_words(chain: Chain, pose: FloatArray) -> str:
+    """Say where the tool point is at a pose."""
+    nowhere = np.zeros((1, 3))
+    at = -_missing(chain, pose[np.newaxis], nowhere, None)[0][0]
+    return f"where the tool was before ({', '.join(str(round(1e3 * x)) for x in at)} mm)"
 
 
 class PathSlopes(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -116,6 +117,15 @@ class TestCircle:
     ) -> None:
         with pytest.raises(ConfigError, match=words):
             circle(**changes).plan(cell.robot, 0.008)
+
+    def test_a_point_out_of_reach_is_refused_with_where_the_tool_was(
+        self, cell: LoadedCell
+    ) -> None:
+        chain, near = Chain.from_description(cell.robot), np.array([0.1, -0.1, 0.4])
+        tool = forward(chain, near[np.newaxis])[0]
+        place = ", ".join(str(round(1e3 * x)) for x in tool)
+        with pytest.raises(ConfigError, match=re.escape(f"tool was before ({place} mm)")):
+            follow(chain, (2.0 * tool)[np.newaxis], near)
 
     def test_positions_are_those_that_were_wanted(self, cell: LoadedCell) -> None:
         chain = Chain.from_description(cell.robot)
