@@ -71,10 +71,15 @@ class RefinementEntry(ConfigModel):
 
 
 class Origin(ConfigModel):
-    """What a feedforward was computed from: files by their SHA-256, runs by their ids."""
+    """What a feedforward was computed from: files by their SHA-256, runs by their ids.
+
+    `temperature` is how warm the joints were taken to be, as `at_operation` has it; empty where
+    friction does not depend on it.
+    """
 
     model_sha256: str = ""
     loops_sha256: str = ""
+    temperature: str = ""
     tuning: TuningEntry | None = None
     refinements: tuple[RefinementEntry, ...] = ()
 

@@ -182,6 +182,7 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     origin = Origin(
         model_sha256=sha256_of(request.model),
         loops_sha256=sha256_of(request.loop),
+        temperature=request.temperature or "",
         tuning=tuning,
     )
     write_feedforward(request.output, motion, compensated, origin)
@@ -269,6 +270,7 @@ def _refined_origin(
         update={
             "model_sha256": sha256_of(request.model),
             "loops_sha256": sha256_of(request.loop),
+            "temperature": request.temperature or "",
             "refinements": (*origin.refinements, entry),
         }
     )

@@ -71,7 +71,9 @@ def test_the_feedforward_is_that_of_the_model_as_warm_as_was_said(
     estimate = read_estimate(folder / f"{model}.json")
     warm = at_operation(estimate, asked, samples.whole().velocity)
     assert document(capsys)["notes"] == warm.notes
-    written = read_feedforward(folder / "out").onto(samples).feedforward
+    file = read_feedforward(folder / "out")
+    assert file.origin.temperature == asked
+    written = file.onto(samples).feedforward
     loops = read_loops(folder / "loops.json")[1]
     expected = compensated_motion(samples, warm.estimate, loops).feedforward
     assert written is not None
