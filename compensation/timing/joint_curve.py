@@ -151,7 +151,7 @@ def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
         if most >= len(points):
             raise ConfigError(
                 f"between its rows the motion's path cannot be told to better than {off:.2g} rad or"
-                " m: it turns within a few cycles. Round its corners, or drive it more slowly"
+                " m: it turns within a few cycles. Let it turn less sharply, or drive it slower"
             )
     raise ConfigError(
         f"{KNOTS[-1]:,} poses tell the motion's path to {off:.2g} rad or m only, from one rest to"

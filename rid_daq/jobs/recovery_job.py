@@ -15,7 +15,7 @@ from acquisition.runs.manifest import MANIFEST, RECORDING, FileEntry, Manifest, 
 from acquisition.session.repair import Repair, examine_journal, repair_journal
 from config.errors import ConfigError, LockedError, RecordingError, RidDaqError
 from config.formats.bounded_file import read_file
-from rid_daq.runs.run_data import FEEDFORWARD, ORIGINS, READ
+from rid_daq.runs.run_data import READ
 from rid_daq.session.session import as_label, unfinished
 from rid_daq.session.versions import software_versions
 
@@ -167,7 +167,7 @@ def _fill(
 
 
 def _is_result(name: str) -> bool:
-    return name.endswith(_RESULTS) and name not in (FEEDFORWARD, ORIGINS)
+    return name.endswith(_RESULTS) and name not in READ
 
 
 def _rows(manifest: Manifest | None, name: str) -> int | None:

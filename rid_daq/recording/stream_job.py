@@ -22,7 +22,7 @@ from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_bytes, motio
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, open_session, require_ready
-from rid_daq.runs.run_data import MOTION
+from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL
 from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
 from rid_daq.terminal.console import Console
@@ -105,9 +105,10 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
         cleared=request.cleared,
         practise=request.practise,
     )
-    files["model.json"] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
-    files["loops.json"] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     options = request.options
+    if options.compensated:
+        files[ONLINE_MODEL] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
+        files[ONLINE_LOOPS] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=request.axis_test
     ) as session:

@@ -13,7 +13,7 @@ from compensation.feedforward.file import LARGEST_FILE_BYTES, FeedforwardFile, r
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, system_errors
 from config.formats.bounded_file import read_file
-from rid_daq.runs.run_data import FEEDFORWARD, MOTION, RunData
+from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_MODEL, RunData
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,16 @@ class MotionRun:
     motion : AnyMotion
         The motion file as used.
     file : FeedforwardFile or None
-        What pre-compensated it, where something did.
+        What pre-compensated it, where a file did.
+    streamed : bool
+        Whether it was compensated on line, by a feedforward that no file holds.
     """
 
     data: RunData
     cell: CellConfig
     motion: AnyMotion
     file: FeedforwardFile | None
+    streamed: bool = False
 
     @property
     def run_id(self) -> str:
@@ -43,13 +46,26 @@ class MotionRun:
         return self.data.folder.run_id
 
     def samples(self) -> MotionSamples:
-        """Return the motion as it was planned, with its feedforward."""
+        """Return the motion as it was planned, with its feedforward.
+
+        Raises
+        ------
+        DataQualityError
+            The run was streamed.
+        """
+        if self.streamed:
+            raise DataQualityError(
+                f"run {self.run_id} was streamed: what compensated it was computed on line and is"
+                " not kept. Record the motion, plainly or with --feedforward, and use that run"
+            )
         planned = self.motion.plan(self.data.robot, self.cell.cycle_time_s).whole()
         return planned if self.file is None else self.file.onto(planned)
 
     @property
     def use(self) -> str:
         """Say whether this motion's own runs have made its feedforward."""
+        if self.streamed:
+            return "streamed"
         if self.file is None:
             return "plain"
         origin = self.file.origin
@@ -82,6 +98,7 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
         cell=cell,
         motion=load_motion(motion),
         file=read_feedforward(ahead) if ahead.exists() else None,
+        streamed=folder.file(ONLINE_MODEL).exists(),
     )
 
 

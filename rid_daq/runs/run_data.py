@@ -50,10 +50,12 @@ CELL = "cell.yaml"
 MOTION = "motion.yaml"
 ORIGINS = "origins.json"
 FEEDFORWARD = "feedforward.json"
+ONLINE_MODEL = "online_model.json"
+ONLINE_LOOPS = "online_loops.json"
 PLANT = "plant.yaml"
 READ = (
     *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP),
-    *(ROBOT, CELL, MOTION, FEEDFORWARD, PLANT, ORIGINS),
+    *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, PLANT, ORIGINS),
 )
 """What commands read of a run: it must be what the run was made with."""
 

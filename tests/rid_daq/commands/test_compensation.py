@@ -202,6 +202,25 @@ class TestStream:
         (motion,) = document(capsys)["motions"]
         assert motion["mean_ratio"] > 8.0
         assert motion["max_ratio"] > 5.0
+        assert motion["use"] == "streamed"
+        tuned = ["compensate", arm, circle, "--reference", "live"]
+        for again in (tuned, ["refine", "live"]):
+            capsys.readouterr()
+            assert run([*again, *model_of(workshop), "-o", str(workshop / "no.json")]) == 6
+            assert "was streamed: what compensated it" in capsys.readouterr().err
+        assert not (workshop / "no.json").exists()
+
+    def test_a_path_streamed_without_compensation_is_a_plain_one(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
+        words = ["stream", arm, circle, "--plain", "--label", "bare"]
+        assert run([*words, *model_of(workshop)]) == 0
+        capsys.readouterr()
+        runs = ["--runs", str(workshop / "runs")]
+        assert run(["tracking", "bare", "--against", "circle", "--json", *runs]) == 0
+        (motion,) = document(capsys)["motions"]
+        assert motion["use"] == "plain"
 
     @pytest.mark.fault(3)
     def test_a_streamed_path_that_lost_too_much_is_exit_6(

@@ -15,7 +15,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.runs.run_data import RunData
+from rid_daq.runs.run_data import ONLINE_MODEL, RunData
 from tests.builders.told import document
 
 ROWS = 1000
@@ -82,6 +82,17 @@ def test_a_killed_run_becomes_a_whole_one_beside_it(
     assert len(data.recording) == ROWS
     assert data.recording.run_id == new.run_id
     assert find_run(killed.path.parent, "latest").run_id == new.run_id
+
+
+def test_a_streamed_run_is_one_when_it_is_recovered_too(
+    killed: RunFolder, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed.write(ONLINE_MODEL, b"{}")
+    killed.write("result.json", b"{}")
+    assert run(["recover", "swing", *runs, "--json"]) == 0
+    new = RunFolder.open(Path(document(capsys)["recovered"]))
+    assert new.file(ONLINE_MODEL).read_bytes() == b"{}"
+    assert not new.file("result.json").exists()
 
 
 def test_what_is_lost_is_told_in_rows_and_seconds_and_by_the_exit_code(
