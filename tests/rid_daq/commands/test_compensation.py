@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import socket
-import struct
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,7 +21,6 @@ from acquisition.supervision.stop_reason import StopCode
 from compensation.feedforward.tracking_error import tracking_error
 from compensation.loops.loop_file import read_loops
 from compensation.online.online import OnlineFeedforward
-from compensation.online.point_codec import PROTOCOL
 from compensation.online.stream import stream_points
 from config.load import load_cell, load_robot, to_yaml
 from config.simulation.faults import FaultScript, FrameFault
@@ -35,6 +31,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import reachable_cell
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
+from tests.builders.point_client import sending
 from tests.builders.screens import noted, require_fitting, said_by
 from tests.builders.told import document
 
@@ -336,45 +333,11 @@ def streamed(
 ) -> tuple[int, dict[str, Any] | None, dict[str, Any]]:
     """Let a client send batches; return exit code, what it hears, and what the command tells."""
     path = workshop / "points"
-    heard: list[dict[str, Any]] = []
-
-    def send() -> None:
-        with socket.socket(socket.AF_UNIX) as robot:
-            robot.settimeout(180.0)
-            connect(robot, path)
-            lines = robot.makefile("rb")
-            lines.readline()
-            robot.sendall(json.dumps({"protocol": PROTOCOL}).encode() + b"\n")
-            for batch in batches:
-                robot.sendall(struct.pack("<I", len(batch)) + batch.astype("<f8").tobytes())
-            if not end:
-                lines.close()
-                return
-            robot.sendall(struct.pack("<I", 0))
-            heard.append(json.loads(lines.readline()))
-            lines.close()
-
-    sender = threading.Thread(target=send)
-    sender.start()
     capsys.readouterr()
-    words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
-    code = run([*words, *model_of(workshop)])
-    sender.join(120.0)
-    assert not sender.is_alive()
+    with sending(path, batches, end=end) as heard:
+        words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
+        code = run([*words, *model_of(workshop)])
     return code, heard[0] if heard else None, document(capsys)
-
-
-def connect(client: socket.socket, path: Path) -> None:
-    """Connect as soon as somebody listens."""
-    waiting = threading.Event()
-    for _ in range(6000):
-        try:
-            client.connect(str(path))
-        except OSError:
-            waiting.wait(0.01)
-        else:
-            return
-    raise AssertionError("nobody listens")
 
 
 def stopped_on(path: NDArray[np.float64], told: dict[str, Any]) -> None:

@@ -1,0 +1,64 @@
+"""Another program that sends points to `rid-daq stream`."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensation.online.point_codec import PROTOCOL
+
+
+@contextmanager
+def sending(
+    path: Path, batches: Sequence[NDArray[np.float64]], *, end: bool = True
+) -> Iterator[list[dict[str, Any]]]:
+    """Send batches as soon as somebody listens; gives what was heard, hangs up early if not `end`.
+
+    It has gone when the block is left.
+    """
+    heard: list[dict[str, Any]] = []
+
+    def send() -> None:
+        with socket.socket(socket.AF_UNIX) as robot:
+            robot.settimeout(180.0)
+            _connect(robot, path)
+            lines = robot.makefile("rb")
+            lines.readline()
+            robot.sendall(json.dumps({"protocol": PROTOCOL}).encode() + b"\n")
+            for batch in batches:
+                robot.sendall(struct.pack("<I", len(batch)) + batch.astype("<f8").tobytes())
+            if not end:
+                lines.close()
+                return
+            robot.sendall(struct.pack("<I", 0))
+            heard.append(json.loads(lines.readline()))
+            lines.close()
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        yield heard
+    finally:
+        sender.join(120.0)
+    assert not sender.is_alive()
+
+
+def _connect(client: socket.socket, path: Path) -> None:
+    waiting = threading.Event()
+    for _ in range(6000):
+        try:
+            client.connect(str(path))
+        except OSError:
+            waiting.wait(0.01)
+        else:
+            return
+    raise AssertionError("nobody listens")
