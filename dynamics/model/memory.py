@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
+
+import numpy as np
 
 from config.arrays import BoolArray, FloatArray, IntArray
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction
 from dynamics.terms.memory import Memory, Presliding
+
+WHOLE: Final = 1.0 - 1e-9
+"""Direction from which on all of a joint slides."""
 
 
 def presliding(model: RobotModel) -> tuple[Presliding, ...]:
@@ -44,6 +50,20 @@ def with_memory(
         return conditions
     path = q if model.coupling is None else model.coupling.to_motors(q)
     return replace(conditions, memory=Memory.along(own, path, segment, periodic=periodic))
+
+
+def sliding(conditions: Conditions, moving: BoolArray) -> BoolArray:
+    """Return at which samples the whole of a joint slides, (samples, n): friction is sign(v)'s.
+
+    Those that move; of joints that remember only those so far from a reversal that nothing of it
+    is left.
+    """
+    memory = conditions.memory
+    if memory is None:
+        return moving
+    whole = moving.copy()
+    whole[:, list(memory.joints)] &= np.abs(memory.direction) > WHOLE
+    return whole
 
 
 def counted(conditions: Conditions, moving: BoolArray) -> BoolArray:

@@ -55,8 +55,7 @@ class BaseWrenchEquations:
 
     def delayed(self, delay_s: float) -> BaseWrenchEquations:
         """Return the equations where the plate's signals are late by `delay_s`, made up for."""
-        turn = np.exp(1j * self._omega * delay_s)
-        return replace(self, rhs=real_rows((_bins(self.rhs) * turn).T).T)
+        return replace(self, rhs=in_time(self.rhs, self.period_s, delay_s))
 
     def with_motion_noise(
         self, position_sigma: FloatArray, inertia_squares: FloatArray
@@ -76,11 +75,11 @@ class BaseWrenchEquations:
 
     def delay_column(self, predicted: FloatArray) -> FloatArray:
         """Return how rows (r, 2 H + 1) change per second of delay of the plate's signals."""
-        return np.asarray(real_rows((-1j * self._omega * _bins(predicted)).T).T)
+        return delay_rows(predicted, self.period_s)
 
     @property
     def _omega(self) -> FloatArray:
-        return 2.0 * math.pi / self.period_s * np.arange(self.harmonics + 1, dtype=np.float64)
+        return _omega(self.harmonics, self.period_s)
 
 
 def base_wrench_equations(
@@ -143,12 +142,38 @@ def both_parts(per_bin: FloatArray) -> FloatArray:
     return np.concatenate([per_bin, per_bin[1:]])
 
 
+def in_time(rows: FloatArray, period_s: float, delay_s: float | FloatArray) -> FloatArray:
+    """Return rows (outputs, 2 H + 1) of signals that were late, as if they had not been.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (outputs, 2 H + 1)
+        Rows of one period.
+    period_s : float
+        The period [s].
+    delay_s : float or ndarray, shape (outputs, 1)
+        By how much they were late [s].
+    """
+    turn = np.exp(1j * _omega(rows.shape[1] // 2, period_s) * delay_s)
+    return np.asarray(real_rows((_bins(rows) * turn).T).T)
+
+
+def delay_rows(rows: FloatArray, period_s: float) -> FloatArray:
+    """Return how rows (outputs, 2 H + 1) of a period change per second of delay."""
+    rate = -1j * _omega(rows.shape[1] // 2, period_s)
+    return np.asarray(real_rows((rate * _bins(rows)).T).T)
+
+
 def smoothed(per_bin: FloatArray) -> FloatArray:
     """Return values of bins (first axis), each the mean of its neighbourhood."""
     edges = ((NEIGHBOURS, NEIGHBOURS), *((0, 0) for _ in per_bin.shape[1:]))
     padded = np.pad(per_bin, edges, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis=0)
     return np.asarray(windows.mean(axis=-1))
+
+
+def _omega(harmonics: int, period_s: float) -> FloatArray:
+    return 2.0 * math.pi / period_s * np.arange(harmonics + 1, dtype=np.float64)
 
 
 def _bins(rows: FloatArray) -> Bins:

@@ -10,16 +10,16 @@ few columns of its own that the fit does not get to explain anything else with.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
-from acquisition.signals.bins import differentiate_on_bins, filter_response, to_bins
+from acquisition.signals.bins import Derivatives, differentiate_on_bins, filter_response, to_bins
 from config.arrays import BoolArray, FloatArray
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
-from dynamics.model.memory import counted, with_memory
+from dynamics.model.memory import counted, sliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -27,6 +27,8 @@ from identification.equations.base_wrench import (
     BaseWrenchEquations,
     base_wrench_equations,
     both_parts,
+    delay_rows,
+    in_time,
     real_rows,
     smoothed,
 )
@@ -79,6 +81,15 @@ class BinEquations:
     position_sigma: FloatArray
     reaction: BaseWrenchEquations | None = None
 
+    def delayed(self, delay_s: FloatArray) -> BinEquations:
+        """Return the equations where joints' torques were late by `delay_s` (n,), made up for."""
+        return replace(self, rhs=in_time(self.rhs, self.period_s, delay_s[:, np.newaxis]))
+
+    def delay_columns(self, predicted: FloatArray) -> FloatArray:
+        """Return how rows (n, 2 H + 1) change per second of each joint's delay, (n, 2 H + 1, n)."""
+        late = delay_rows(predicted, self.period_s)
+        return np.asarray(late[:, :, np.newaxis] * np.eye(len(late))[:, np.newaxis])
+
     def to_time(self, rows: FloatArray, samples: int) -> FloatArray:
         """Return one period of (samples, n) values from rows of shape (n, 2 H + 1)."""
         time = np.arange(samples) / samples * self.period_s
@@ -128,13 +139,7 @@ def bin_equations(
     harmonics = harmonics_below(
         band_hz, average.period_s, average.sample_period_s, average.torque_filter
     )
-    # Products of angles and accelerations from above the band reach down into it.
-    limit = math.floor(NYQUIST_FRACTION * 0.5 * average.samples_per_period)
-    of_motion = max(harmonics, min(math.ceil(MOTION_BANDS * harmonics), limit))
-    oversampling = max(2, math.ceil(average.sample_period_s / GRID_STEP_S))
-    q, v, a = differentiate_on_bins(
-        average.position, average.sample_period_s, of_motion, oversampling=oversampling
-    )
+    q, v, a = _motion(average, harmonics)
     period_s = average.period_s
     times = np.arange(len(q)) / len(q) * period_s
     width = len(base) + (0 if standard is None else len(model.nonlinear_names))
@@ -179,6 +184,49 @@ def bin_equations(
                 measured, average.periods_kept, average.sample_period_s, wrench_matrix
             )
         ),
+    )
+
+
+def with_free_reversals(
+    equations: BinEquations, model: RobotModel, average: PeriodAverage, standstill_rad_s: float
+) -> BinEquations:
+    """Return equations that leave a joint's torque free until the whole of the joint slides.
+
+    Where friction has memory that is until nothing of the last reversal is left, so that it does
+    not matter how exactly friction turns round; elsewhere nothing changes.
+
+    Parameters
+    ----------
+    equations : BinEquations
+        The equations of a mean period.
+    model : RobotModel
+        Their model.
+    average : PeriodAverage
+        The measurement.
+    standstill_rad_s : float
+        Below this speed a joint does not slide.
+    """
+    q, v, _ = _motion(average, equations.harmonics)
+    conditions = with_memory(model, q, periodic=True)
+    held = ~sliding(conditions, moving(model, v, standstill_rad_s))
+    period_s, harmonics = equations.period_s, equations.harmonics
+    return replace(
+        equations,
+        free=tuple(_free_columns(own, period_s, harmonics) for own in held.T),
+        left_out_fraction=held.mean(axis=0),
+    )
+
+
+def _motion(average: PeriodAverage, harmonics: int) -> Derivatives:
+    """Return the motion of a mean period on a fine grid.
+
+    Products of angles and accelerations from above the band reach down into it.
+    """
+    limit = math.floor(NYQUIST_FRACTION * 0.5 * average.samples_per_period)
+    of_motion = max(harmonics, min(math.ceil(MOTION_BANDS * harmonics), limit))
+    oversampling = max(2, math.ceil(average.sample_period_s / GRID_STEP_S))
+    return differentiate_on_bins(
+        average.position, average.sample_period_s, of_motion, oversampling=oversampling
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
@@ -67,3 +68,17 @@ class TorqueChannel:
         if bandwidth_hz is not None and bandwidth_hz >= signals.cutoff_hz:
             bandwidth_hz = None
         return replace(signals, torque_nm=torque, torque_bandwidth_hz=bandwidth_hz)
+
+    def undelayed_period(self, average: PeriodAverage) -> PeriodAverage:
+        """Return a mean period whose torque is in time with the position.
+
+        Parameters
+        ----------
+        average : PeriodAverage
+            As it was recorded.
+        """
+        rows = average.samples_per_period
+        frequency_hz = np.fft.rfftfreq(rows, average.sample_period_s)
+        turn = np.exp(2j * np.pi * np.outer(frequency_hz, self.delay_s))
+        torque = np.fft.irfft(np.fft.rfft(average.torque_nm, axis=0) * turn, n=rows, axis=0)
+        return replace(average, torque_nm=torque)

@@ -9,7 +9,7 @@ residual for small because the fit bent towards it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -76,6 +76,24 @@ def widening(clusters: int) -> float:
     return float(stdtrit(clusters - 1, ndtr(2.0))) / 2.0
 
 
+def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[FloatArray]:
+    """Yield by how much the estimate of all rows differs from that without each cluster, (p,).
+
+    Parameters
+    ----------
+    information : ndarray, shape (p, p)
+        A^T W A of all rows, a prior's included.
+    clusters : iterable of Cluster
+        They are gone through once.
+    """
+    scale = np.sqrt(np.diagonal(information))
+    scales = np.outer(scale, scale)
+    normal = information / scales
+    for cluster in clusters:
+        rest = normal - cluster.gram / scales
+        yield np.linalg.lstsq(rest, cluster.score / scale, rcond=1e-12)[0] / scale
+
+
 def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
     """Return how the estimate scatters when one cluster after the other is left out.
 
@@ -96,18 +114,13 @@ def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
     EstimationError
         Fewer than two clusters.
     """
-    scale = np.sqrt(np.diagonal(information))
-    scales = np.outer(scale, scale)
-    normal = information / scales
-    spread = np.zeros_like(normal)
+    spread = np.zeros_like(information)
     count = 0
-    for cluster in clusters:
+    for change in changes(information, clusters):
         count += 1
-        rest = normal - cluster.gram / scales
-        change = np.linalg.lstsq(rest, cluster.score / scale, rcond=1e-12)[0]
         spread += np.outer(change, change)
     if count < 2:
         raise EstimationError(
             "the intervals need at least two stretches of the recording that differ: record longer"
         )
-    return Scatter(np.asarray((count - 1) / count * spread / scales), count)
+    return Scatter(np.asarray((count - 1) / count * spread), count)

@@ -27,6 +27,7 @@ from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
+from identification.validation.period_delays import choose_period_delays
 from identification.validation.presliding_choice import choose_presliding
 from identification.validation.stribeck_choice import choose_stribeck
 from identification.validation.warming_choice import choose_warming
@@ -61,7 +62,7 @@ class Identified:
     estimate : Estimate
         The robot.
     averages : tuple of PeriodAverage
-        The runs' mean periods; none where the runs are not periodic.
+        The runs' mean periods, in time; none where the runs are not periodic.
     improvement : Improvement or None
         What the force plate improved, for the combined model.
     consistency : TorqueConsistency or None
@@ -84,8 +85,8 @@ def estimate_runs(
     """Estimate from runs of one robot, all periodic or all not.
 
     `robot` stands for the runs' own where its friction terms were chosen by `compare_friction`;
-    `chosen` says what else that found of runs that are not periodic: what their torque went
-    through, and how their joints warm up.
+    `chosen` says what else that found: what the torque went through, and, of runs that are not
+    periodic, how their joints warm up.
 
     Raises
     ------
@@ -115,9 +116,9 @@ def estimate_runs(
             run_ids=run_ids,
         )
         return Identified(replace(estimate, channel=channel, warming=warming))
-    averages = tuple(item.average for item in data)
+    averages = averages_of(data, channel)
     fitted = fit_periodic(robot, averages, options, payload=payload)
-    estimate = fitted.estimate(cell_name, run_ids)
+    estimate = replace(fitted.estimate(cell_name, run_ids), channel=channel)
     if options.model.kind != "combined":
         return Identified(estimate, averages)
     return Identified(estimate, averages, improvement(fitted), torque_consistency(fitted))
@@ -138,11 +139,46 @@ def compare_friction(
     robot = one_robot(data)
     if how.loaded:
         raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
+    if data[0].is_periodic:
+        return _compare_periods(robot, data, how, watch)
     signals = signals_of(data, how)
-    alike = not data[0].is_periodic and len({run.sample_period_s for run in signals}) == 1
+    alike = len({run.sample_period_s for run in signals}) == 1
     if alike:
         bandwidth_hz = choose_bandwidth(robot, signals, how.options)
         signals = [replace(run, torque_bandwidth_hz=bandwidth_hz) for run in signals]
+    comparison = _compare(robot, signals, how, watch)
+    if not alike:
+        return comparison
+    warming = choose_warming(comparison.robot(robot), signals, how.options)
+    comparison = replace(comparison, warming=warming)
+    signals = warmed(signals, robot, warming)
+    channel = choose_delays(comparison.robot(robot), signals, how.options)
+    return replace(comparison, channel=channel if channel.changes else None)
+
+
+def _compare_periods(
+    robot: RobotDescription, data: Sequence[RunData], how: EstimationRequest, watch: Watch | None
+) -> Comparison:
+    """Choose friction terms by mean periods, once more where torques turn out to be late.
+
+    What is late looks like friction that remembers, and the other way round.
+    """
+    averages = averages_of(data)
+    comparison = _compare(robot, signals_of(data, how), how, watch)
+    channel = choose_period_delays(comparison.robot(robot), averages, how.options)
+    if channel.changes:
+        comparison = _compare(robot, signals_of(data, how, channel), how, watch)
+        channel = choose_period_delays(comparison.robot(robot), averages, how.options)
+    return replace(comparison, channel=channel if channel.changes else None)
+
+
+def _compare(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    how: EstimationRequest,
+    watch: Watch | None,
+) -> Comparison:
+    """Choose friction terms, and which joints have memory and Stribeck friction besides."""
     comparison = choose_friction(
         robot,
         signals,
@@ -153,14 +189,7 @@ def compare_friction(
     memory = choose_presliding(comparison.robot(robot), signals, how.options)
     comparison = replace(comparison, presliding=memory)
     slow = choose_stribeck(comparison.robot(robot), signals, how.options)
-    comparison = replace(comparison, stribeck=slow)
-    if not alike:
-        return comparison
-    warming = choose_warming(comparison.robot(robot), signals, how.options)
-    comparison = replace(comparison, warming=warming)
-    signals = warmed(signals, robot, warming)
-    channel = choose_delays(comparison.robot(robot), signals, how.options)
-    return replace(comparison, channel=channel if channel.changes else None)
+    return replace(comparison, stribeck=slow)
 
 
 def check_otherwise(
@@ -212,15 +241,24 @@ def signals_of(
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed recordings in time: of periodic ones the mean period.
 
-    What the torque of the others went through is taken out where it is known.
+    What the torque went through is taken out where it is known.
     """
     if data[0].is_periodic:
-        return [period_signals(item.average, how.options.band_hz) for item in data]
+        averages = averages_of(data, channel)
+        return [period_signals(average, how.options.band_hz) for average in averages]
     signals = [
         smooth_nonperiodic(without_torque_filter(item.recording), how.options.band_hz)
         for item in data
     ]
     return signals if channel is None else [channel.undelayed(each) for each in signals]
+
+
+def averages_of(
+    data: Sequence[RunData], channel: TorqueChannel | None = None
+) -> tuple[PeriodAverage, ...]:
+    """Return the mean periods of periodic runs, their torques in time where delays are known."""
+    averages = (item.average for item in data)
+    return tuple(each if channel is None else channel.undelayed_period(each) for each in averages)
 
 
 def one_robot(data: Sequence[RunData]) -> RobotDescription:

@@ -1,0 +1,164 @@
+"""By how much the torques of a periodic recording are late, joint by joint, chosen by the data.
+
+On the bins of a mean period a delay d is exact: it turns the torque's bins by omega d. It is one
+more parameter a joint beside all others (Gauss-Newton), found with the reversals left free: there
+friction is what a delay resembles most, and what it does is known least. What remains tells them
+apart by frequency and by pose: viscous friction turns no inertia and no gravity.
+
+A joint's delay is taken where it is two standard deviations from zero, and where the logarithm of
+the error on bins left out falls by more than two standard errors. It is below a quarter of the
+shortest period in the band: a longer one turns the highest bins by more than a right angle, and the
+step that is linear in it does not lead there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from identification.equations.base_wrench import both_parts
+from identification.equations.bins import BinEquations, with_free_reversals
+from identification.equations.torque_channel import TorqueChannel
+from identification.equations.whitened import WhitenedEquations, bin_clusters, whiten
+from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
+from identification.estimation.nonlinear_parameters import step_prior
+from identification.estimation.options import EstimationOptions
+from identification.regression.intervals import changes, jackknife
+from identification.regression.least_squares import Solution, Triangle, solve
+from identification.validation.held_out import DISTINCT_SIGMAS
+
+MOST_STEPS: Final = 10
+SETTLED_SIGMAS: Final = 0.01
+LONGEST_SHARE: Final = 0.25
+"""Of the shortest period in the band."""
+NOTHING: Final = 1e-12
+"""Of the noise's variance: less is no error."""
+
+Outputs = tuple[tuple[WhitenedEquations, ...], ...]
+"""Whitened equations, one tuple a run, of one a joint."""
+
+
+def choose_period_delays(
+    robot: RobotDescription,
+    averages: Sequence[PeriodAverage],
+    options: EstimationOptions | None = None,
+) -> TorqueChannel:
+    """Return by how much each joint's torque is late, zero where the data do not show it.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot with all its terms; its presliding says how far from a reversal friction is known.
+    averages : sequence of PeriodAverage
+        The mean periods of the training runs.
+    options : EstimationOptions, optional
+        The other terms of the model.
+
+    Raises
+    ------
+    EstimationError
+        The joints do not fit, or the motion does not show the parameters.
+    """
+    options = options or EstimationOptions()
+    fitted = fit_periodic(robot, averages, options)
+    equations = tuple(
+        with_free_reversals(each, fitted.model, average, options.standstill_rad_s)
+        for each, average in zip(fitted.equations, averages, strict=True)
+    )
+    longest_s = LONGEST_SHARE * min(each.period_s / each.harmonics for each in equations)
+    delay_s, sigma_s = _found(fitted, equations, longest_s)
+    without = _left_out(fitted, equations, np.zeros_like(delay_s))
+    gain = np.log(without / _left_out(fitted, equations, delay_s))
+    of_gain = np.std(gain, axis=0, ddof=1) / math.sqrt(len(gain))
+    shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
+    shown &= np.abs(delay_s) < longest_s
+    shown &= gain.mean(axis=0) > DISTINCT_SIGMAS * of_gain
+    return TorqueChannel(delay_s * shown, sigma_s * shown)
+
+
+def _found(
+    fitted: FittedPeriods, equations: tuple[BinEquations, ...], longest_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the joints' delays and their standard deviations, (n,) each."""
+    n, b = len(fitted.robot.joints), len(fitted.base)
+    values = fitted.fit.solution.values[fitted.fit.of_base]
+
+    def beside(delay_s: FloatArray, values: FloatArray) -> tuple[Outputs, Solution]:
+        """Solve for steps from these delays beside all else, linearised at these values."""
+        widened = []
+        for each in equations:
+            columns = each.delay_columns(each.matrix[:, :, :b] @ values)
+            matrix = np.concatenate([each.matrix, columns], axis=2)
+            widened.append(replace(each.delayed(delay_s), matrix=matrix))
+        white = _whitened(fitted, widened)
+        return white, _solved(fitted, white, longest_s)
+
+    delay_s = np.zeros(n)
+    white, solution = beside(delay_s, values)
+    for _ in range(MOST_STEPS):
+        step_s = solution.values[-n:]
+        delay_s = np.clip(delay_s + step_s, -longest_s, longest_s)
+        if np.all(step_s**2 <= SETTLED_SIGMAS**2 * np.diagonal(solution.covariance)[-n:]):
+            break
+        white, solution = beside(delay_s, solution.values[:b])
+    scatter = jackknife(solution.information, bin_clusters(white, solution.values))
+    return delay_s, np.sqrt(np.diagonal(scatter.quoted)[-n:])
+
+
+def _left_out(
+    fitted: FittedPeriods, equations: tuple[BinEquations, ...], delay_s: FloatArray
+) -> FloatArray:
+    """Return each bin's mean squared error in a prediction from all others, (bins, n).
+
+    Errors are counted in standard deviations of the noise. The parameters that are not linear are
+    those of all bins.
+    """
+    b = len(fitted.base)
+    linear = [replace(each.delayed(delay_s), matrix=each.matrix[:, :, :b]) for each in equations]
+    white = _whitened(fitted, linear)
+    solution = _solved(fitted, white)
+    moved = changes(solution.information, bin_clusters(white, solution.values))
+    errors = []
+    for parts in white:
+        bins = both_parts(np.arange(len(parts[0].rhs) // 2 + 1, dtype=np.float64))
+        for number, change in zip(range(int(bins[-1]) + 1), moved, strict=False):
+            rows = bins == number
+            misses = [
+                part.residual(solution.values)[rows] + part.matrix[rows] @ change for part in parts
+            ]
+            errors.append([max(float(np.mean(miss**2)), NOTHING) for miss in misses])
+    return np.array(errors)
+
+
+def _whitened(fitted: FittedPeriods, equations: Sequence[BinEquations]) -> Outputs:
+    problem = fitted.problem
+    return tuple(
+        whiten(each, inertia, uniform=problem.weighting == "ls")
+        for each, inertia in zip(equations, problem.inertia, strict=True)
+    )
+
+
+def _solved(fitted: FittedPeriods, white: Outputs, longest_s: float = 0.0) -> Solution:
+    """Solve; what the data say nothing of, the steps' own ranges hold down.
+
+    With `longest_s` the last n columns are those of delays.
+    """
+    width, b, n = white[0][0].matrix.shape[1], len(fitted.base), len(fitted.robot.joints)
+    triangles = [
+        Triangle.empty(width).add(part.matrix, part.rhs, part.rows)
+        for parts in white
+        for part in parts
+    ]
+    if longest_s:
+        factor = np.column_stack([np.eye(n) / longest_s, np.zeros(n)])
+        triangles.append(Triangle(factor, np.arange(width - n, width), width, n))
+        if fitted.fit.nonlinear:
+            triangles.append(step_prior(fitted.model, b, width))
+    return solve(triangles, [1.0] * len(triangles), tuple(map(str, range(width))))
