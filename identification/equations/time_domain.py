@@ -12,7 +12,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.model.memory import counted, presliding, with_memory
+from dynamics.model.memory import counted, presliding, sliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -102,6 +102,7 @@ def time_blocks(
     standard: FloatArray | None = None,
     *,
     low_passed: bool = False,
+    sliding_alone: bool = False,
 ) -> Iterator[TimeBlock]:
     """Yield the equations of some recordings; `standard` as in `torque_columns`.
 
@@ -111,6 +112,9 @@ def time_blocks(
     rows within a period of the cut-off from motion count: what follows is the same value again,
     for as long as the pause lasts. Rows that say nothing more are left out of low-passed
     equations: 8 in a period of the cut-off hold all of it.
+
+    With `sliding_alone` only those rows count that a period of the lowest cut-off parts from any at
+    which not all of the joint slides: what friction does there, low-passed, rings no further.
     """
     first_event = 0
     for run in runs:
@@ -119,7 +123,11 @@ def time_blocks(
         whole = with_memory(model, signals.position, run.conditions, signals.segment)
         narrowed = LowPassedColumns(model, base, signals, whole, standard, run.kept)
         moves = moving(model, signals.velocity, standstill_rad_s)
-        use = counted(whole, moves) & _near(moves, signals)
+        if sliding_alone:
+            lowest_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
+            use = ~_near(~sliding(whole, moves), signals, lowest_hz)
+        else:
+            use = counted(whole, moves) & _near(moves, signals, signals.cutoff_hz)
         stride = thinning(signals)
         for rows in _blocks(signals.segment):
             narrow = signals.torque_bandwidth_hz is not None
@@ -146,13 +154,13 @@ def rows_of(model: RobotModel, run: TimeRun) -> int:
     return sum(-(-(rows.stop - rows.start) // stride) for rows in _blocks(signals.segment))
 
 
-def _near(moves: BoolArray, signals: SmoothedSignals) -> BoolArray:
-    """Return which rows are within a period of the cut-off from one that moves, (samples, n)."""
-    reach = math.ceil(1.0 / (signals.cutoff_hz * signals.sample_period_s))
-    near = np.zeros_like(moves)
+def _near(those: BoolArray, signals: SmoothedSignals, cutoff_hz: float) -> BoolArray:
+    """Return which rows are within a period of a cut-off from one of those, (samples, n)."""
+    reach = math.ceil(1.0 / (cutoff_hz * signals.sample_period_s))
+    near = np.zeros_like(those)
     edges = (np.flatnonzero(np.diff(signals.segment)) + 1).tolist()
-    for first, end in pairwise([0, *edges, len(moves)]):
-        counts = np.cumsum(np.vstack([np.zeros_like(moves[:1], int), moves[first:end]]), axis=0)
+    for first, end in pairwise([0, *edges, len(those)]):
+        counts = np.cumsum(np.vstack([np.zeros_like(those[:1], int), those[first:end]]), axis=0)
         rows = np.arange(end - first)
         before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, end - first)
         near[first:end] = counts[after] > counts[before]

@@ -13,7 +13,7 @@ import numpy as np
 
 from config.arrays import FloatArray, IntArray
 from dynamics.model.robot_model import RobotModel
-from identification.equations.time_domain import TimeRun, time_blocks
+from identification.equations.time_domain import TimeBlock, TimeRun, time_blocks
 from identification.estimation.nonlinear_parameters import fit_nonlinear, step_prior
 from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
@@ -53,18 +53,49 @@ class SmoothedFit:
 
 @dataclass(frozen=True, eq=False)
 class SmoothedProblem:
-    """Recordings, and how their rows are weighted."""
+    """Recordings, and which of their rows count how much.
+
+    Attributes
+    ----------
+    base : BaseParameters
+        What is estimated.
+    runs : tuple of TimeRun
+        The recordings.
+    standstill_rad_s : float
+        From which speed on a joint moves [rad/s or m/s].
+    weighting : Weighting
+        How rows are weighted.
+    prior : PriorRows
+        What is known beforehand.
+    sliding_alone : bool
+        Whether rows near a reversal are left out; as in `time_blocks`.
+    """
 
     base: BaseParameters
     runs: tuple[TimeRun, ...]
     standstill_rad_s: float
     weighting: Weighting
     prior: PriorRows
+    sliding_alone: bool = False
 
     @property
     def samples(self) -> int:
         """Rows of all recordings."""
         return sum(len(run.signals) for run in self.runs)
+
+    def blocks(
+        self, model: RobotModel, standard: FloatArray | None, *, low_passed: bool = False
+    ) -> Iterator[TimeBlock]:
+        """Yield the equations of the recordings, as `time_blocks` does."""
+        return time_blocks(
+            model,
+            self.base,
+            self.runs,
+            self.standstill_rad_s,
+            standard,
+            low_passed=low_passed,
+            sliding_alone=self.sliding_alone,
+        )
 
     def fit(
         self, model: RobotModel, standard: FloatArray | None, scale: FloatArray | None = None
@@ -107,7 +138,7 @@ class SmoothedProblem:
     ) -> list[Triangle]:
         width = len(self.base) + (0 if standard is None else len(model.nonlinear_names))
         triangles = [Triangle.empty(width, columns) for columns in structure]
-        for block in time_blocks(model, self.base, self.runs, self.standstill_rad_s, standard):
+        for block in self.blocks(model, standard):
             for j, columns in enumerate(structure):
                 use = np.flatnonzero(block.use[:, j])
                 matrix = block.columns[use, j][:, columns]
@@ -161,7 +192,7 @@ class SmoothedProblem:
         """Yield the clusters: seconds of all joints together."""
         width = len(fit.solution.values)
         gram, score, current = np.zeros((width, width)), np.zeros(width), 0
-        for block in time_blocks(model, self.base, self.runs, self.standstill_rad_s, standard):
+        for block in self.blocks(model, standard):
             edges = np.flatnonzero(np.diff(block.event)) + 1
             for rows in np.split(np.arange(len(block.event)), edges):
                 if block.event[rows[0]] != current:

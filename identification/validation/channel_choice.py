@@ -4,8 +4,10 @@ A torque that was low-passed before it was recorded jumps slower than friction d
 that turns round then shows an error that no model of the robot explains. The bandwidth is the one
 with which low-passed columns fit best; it is taken where the logarithm of the error on seconds left
 out falls by more than two standard errors, all joints together. Delays are parameters beside all
-others: torque late by d is tau(t) - d tau'(t) to first order (Gauss-Newton). A joint's is taken
-where it is two standard deviations from zero and worth having on seconds left out.
+others: torque late by d is tau(t) - d tau'(t) to first order (Gauss-Newton). They are found in rows
+away from reversals: friction that no model has does there what a delay does. A joint's is taken
+where it is two standard deviations from zero, and where the logarithm of the error on seconds left
+out falls by more than two standard errors.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
+from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.equations.segments import thinned
@@ -26,7 +29,7 @@ from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.validation.friction_trials import with_friction
-from identification.validation.held_out import FOLDS, held_out_errors, worth_having
+from identification.validation.held_out import FOLDS, distinctly_better, held_out_errors
 from identification.validation.steps_beside import steps_beside
 
 STEP: Final = 0.75
@@ -127,8 +130,20 @@ def choose_delays(
     """
     options = options or EstimationOptions()
     parts = [thinned(run) for run in signals]
-    n, bandwidth_hz = len(robot.joints), parts[0].torque_bandwidth_hz
-    plain = fit_smoothed(robot, parts, options)
+    fitted = fit_smoothed(robot, parts, options)
+    plain = replace(fitted, problem=replace(fitted.problem, sliding_alone=True))
+    try:
+        return _delays_beside(plain, parts, folds)
+    except EstimationError:  # too little is left away from the reversals
+        nothing = np.zeros(len(robot.joints))
+        return TorqueChannel(nothing, nothing, parts[0].torque_bandwidth_hz)
+
+
+def _delays_beside(
+    plain: FittedSignals, parts: Sequence[SmoothedSignals], folds: int
+) -> TorqueChannel:
+    """Return the delays of the torques of a fit's recordings, beside all that was fitted."""
+    n, bandwidth_hz = len(plain.robot.joints), parts[0].torque_bandwidth_hz
     fitted, delay_s, sigma_s = plain, np.zeros(n), np.zeros(n)
     for _ in range(ROUNDS):
         step_s, sigma_s = steps_beside(fitted, _slope(fitted))
@@ -141,7 +156,7 @@ def choose_delays(
         fitted = replace(plain, problem=replace(plain.problem, runs=runs))
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
     shown &= np.abs(delay_s) < LONGEST_DELAY_S
-    shown &= worth_having(held_out_errors(plain, fitted, folds))
+    shown &= distinctly_better(held_out_errors(plain, fitted, folds))
     return TorqueChannel(delay_s * shown, sigma_s * shown, bandwidth_hz)
 
 

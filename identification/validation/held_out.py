@@ -11,7 +11,7 @@ import numpy as np
 
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from identification.equations.time_domain import TimeBlock, time_blocks
+from identification.equations.time_domain import TimeBlock
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.smoothed_fit import weighted_by_residuals
@@ -119,9 +119,13 @@ def _seconds(
     """Yield what each second says of the simpler and of the richer model."""
     widths = [len(fitted.base) for fitted in (plain, full)]
     structures = [torque_structure(fitted.model, fitted.base, False) for fitted in (plain, full)]
+    both = [
+        fitted.problem.blocks(fitted.model, fitted.standard, low_passed=low_passed)
+        for fitted in (plain, full)
+    ]
     held: tuple[_Second, _Second] | None = None
     current = 0
-    for blocks in zip(_blocks(plain, low_passed), _blocks(full, low_passed), strict=True):
+    for blocks in zip(*both, strict=True):
         event, judged = blocks[1].event, blocks[1].use
         trained = (blocks[0].use, judged)
         edges = np.flatnonzero(np.diff(event)) + 1
@@ -143,18 +147,6 @@ def _seconds(
             held = (simpler, richer)
     if held is not None:
         yield held
-
-
-def _blocks(fitted: FittedSignals, low_passed: bool) -> Iterator[TimeBlock]:
-    problem = fitted.problem
-    return time_blocks(
-        fitted.model,
-        fitted.base,
-        problem.runs,
-        problem.standstill_rad_s,
-        fitted.standard,
-        low_passed=low_passed,
-    )
 
 
 def _triangles(
@@ -199,3 +191,22 @@ def worth_having(errors: FloatArray) -> BoolArray:
         own = gain[~np.isnan(gain[:, j]), j]
         worth[j] = own.mean() > np.std(own, ddof=1) / math.sqrt(len(own))
     return worth
+
+
+def distinctly_better(errors: FloatArray) -> BoolArray:
+    """Return the joints whose errors' logarithm falls by more than two standard errors, (n,).
+
+    What gains in a few strong events alone does not.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (2, events, n)
+        Mean squared errors of a simpler and a richer model; NaN where nothing counts.
+    """
+    gain = np.log(errors[0] / errors[1])
+    better = np.zeros(gain.shape[1], dtype=bool)
+    for j, own in enumerate(gain.T):
+        told = own[~np.isnan(own)]
+        if len(told) >= FEWEST_SECONDS:
+            better[j] = told.mean() > DISTINCT_SIGMAS * np.std(told, ddof=1) / math.sqrt(len(told))
+    return better

@@ -13,7 +13,6 @@ step that is linear in it does not lead there.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -32,7 +31,7 @@ from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import EstimationOptions
 from identification.regression.intervals import changes, jackknife
 from identification.regression.least_squares import Solution, Triangle, solve
-from identification.validation.held_out import DISTINCT_SIGMAS
+from identification.validation.held_out import DISTINCT_SIGMAS, distinctly_better
 
 MOST_STEPS: Final = 10
 SETTLED_SIGMAS: Final = 0.01
@@ -74,12 +73,10 @@ def choose_period_delays(
     )
     longest_s = LONGEST_SHARE * min(each.period_s / each.harmonics for each in equations)
     delay_s, sigma_s = _found(fitted, equations, longest_s)
-    without = _left_out(fitted, equations, np.zeros_like(delay_s))
-    gain = np.log(without / _left_out(fitted, equations, delay_s))
-    of_gain = np.std(gain, axis=0, ddof=1) / math.sqrt(len(gain))
+    errors = [_left_out(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)]
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
     shown &= np.abs(delay_s) < longest_s
-    shown &= gain.mean(axis=0) > DISTINCT_SIGMAS * of_gain
+    shown &= distinctly_better(np.array(errors))
     return TorqueChannel(delay_s * shown, sigma_s * shown)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from config.arrays import FloatArray, IntArray
-from identification.equations.time_domain import TimeBlock, time_blocks
+from identification.equations.time_domain import TimeBlock
 from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.smoothed_fit import weighted_by_residuals
@@ -73,9 +73,7 @@ def steps_beside(
 
 def _blocks(fitted: FittedSignals, slope: FloatArray) -> Iterator[tuple[TimeBlock, FloatArray]]:
     problem, first = fitted.problem, 0
-    for block in time_blocks(
-        fitted.model, fitted.base, problem.runs, problem.standstill_rad_s, fitted.standard
-    ):
+    for block in problem.blocks(fitted.model, fitted.standard):
         yield block, slope[first : first + len(block.rhs)]
         first += len(block.rhs)
 

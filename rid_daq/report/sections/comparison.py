@@ -109,8 +109,8 @@ class ChannelTrial(Section):
                 " recorded: the model's torque is, too, where they are compared."
             )
         said += [
-            f"The torque of {joint} is {number(1e3 * late, 3)} ms late"
-            f" (± {number(1e3 * sigma, 2)} ms)."
+            f"The torque of {joint} is {number(1e3 * abs(late), 3)} ms"
+            f" {'late' if late > 0.0 else 'early'} (± {number(1e3 * sigma, 2)} ms)."
             for joint, late, sigma in zip(joints, self.delay_s, self.delay_sigma_s, strict=True)
             if late
         ]

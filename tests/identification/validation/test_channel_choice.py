@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from benchmarks.closed_loop import closed_loop
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from config.load import LoadedCell
+from identification.equations.deconvolution import without_torque_filter
 from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_smoothed
@@ -20,7 +24,11 @@ from identification.export.function import python_function
 from identification.export.model import ExportModel
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import CLASSICAL, choose_friction
+from identification.validation.presliding_choice import with_presliding as with_distances
+from tests.builders import late_torque
+from tests.builders.late_torque import FOUND_M, MOTION, robot_of
 from tests.builders.remembering_arm import STEP_S, arm, motion, recording, with_presliding
+from tests.identification.conftest import CYCLE_S
 
 BANDWIDTH_HZ = 2.5
 LATE_S = np.array([0.0, 0.006, -0.004])
@@ -78,14 +86,60 @@ def test_delays_of_parts_of_a_sample_are_found_where_they_are() -> None:
         np.abs(channel.delay_s - LATE_S)[1:], 3.0 * channel.delay_sigma_s[1:]
     )
     assert np.all(channel.delay_sigma_s[1:] < 0.001)
-    in_time = channel.undelayed(signals).torque_nm[50:-50, 1]
-    np.testing.assert_allclose(in_time, recording({}, WAY).torque_nm[50:-50, 1], atol=2.0)
+    back = channel.undelayed(signals).torque_nm[50:-50, 1]
+    np.testing.assert_allclose(back, recording({}, WAY).torque_nm[50:-50, 1], atol=2.0)
 
 
 def test_a_recording_in_time_has_no_delay() -> None:
     channel = choose_delays(arm(), [recording({}, WAY)])
     assert not channel.changes
     assert channel.bandwidth_hz is None
+
+
+def in_time(recording: Recording) -> SmoothedSignals:
+    return smooth_nonperiodic(without_torque_filter(recording), 10.0)
+
+
+@pytest.fixture(scope="module")
+def giving_way(cell: LoadedCell) -> Recording:
+    """Drive joints that give way at reversals, hold more at low speed, cog and warm up."""
+    assert cell.plant is not None
+    return closed_loop(cell, cell.plant, MOTION.plan(cell.robot, CYCLE_S), 1)
+
+
+@pytest.mark.parametrize("distances", [(None,) * 3, FOUND_M])
+def test_hysteresis_is_no_delay(
+    cell: LoadedCell, giving_way: Recording, distances: tuple[float | None, ...]
+) -> None:
+    robot = with_distances(robot_of(cell), distances)
+    assert not choose_delays(robot, [in_time(giving_way)]).changes
+
+
+def test_delays_come_back_from_joints_with_another_law(
+    cell: LoadedCell, giving_way: Recording
+) -> None:
+    true_s = np.array([0.002, -0.003, 0.004])
+    delayed = late_torque.late(giving_way, list(1e3 * true_s))
+    channel = choose_delays(with_distances(robot_of(cell), FOUND_M), [in_time(delayed)])
+    assert np.all(channel.delay_s != 0.0)
+    np.testing.assert_array_less(np.abs(channel.delay_s - true_s), 4.0 * channel.delay_sigma_s)
+    assert np.all(channel.delay_sigma_s < 0.0003)
+
+
+def test_joints_that_stick_are_not_early(cell: LoadedCell) -> None:
+    assert cell.plant is not None
+    plant = cell.plant.without_unmodelled()
+    driven = closed_loop(cell, plant, MOTION.plan(cell.robot, CYCLE_S), 1)
+    for distances in ((None,) * 3, FOUND_M):
+        robot = with_distances(robot_of(cell), distances)
+        assert not choose_delays(robot, [in_time(driven)]).changes
+
+
+def test_a_joint_that_only_swings_shows_no_delay() -> None:
+    """No row of it is a period of the cut-off away from a reversal."""
+    signals = late(recording({}, WAY), LATE_S)
+    channel = choose_delays(arm(), [replace(signals, torque_bandwidth_hz=0.2)])
+    assert not channel.delay_s.any()
 
 
 def test_an_estimate_keeps_its_channel_and_its_memory(

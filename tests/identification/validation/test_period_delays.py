@@ -6,16 +6,11 @@ slide by another law than the model's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
-from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
-from acquisition.processing.periods import PeriodAverage, average_periods
+from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
 from config.load import LoadedCell
@@ -26,55 +21,10 @@ from identification.equations.bins import with_free_reversals
 from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import fit_periodic
-from identification.validation.friction_trials import with_friction
 from identification.validation.period_delays import choose_period_delays
 from identification.validation.presliding_choice import with_presliding
+from tests.builders.late_torque import FOUND_M, MOTION, late, robot_of
 from tests.identification.conftest import CYCLE_S
-
-CLASSICAL: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
-FOUND_M = (2.8e-4, 2.8e-4, 3.4e-4)
-"""Presliding distances by which the model comes closest to what the plant's joints give way."""
-MOTION = FourierMotion(
-    kind="fourier",
-    robot="ir361",
-    period_s=10.0,
-    periods=8,
-    ramp_s=4.0,
-    joints=(
-        FourierJoint(
-            joint="axis1",
-            offset=0.5,
-            sine=(-0.62, 0.65, 0.19, -0.22, 0.39),
-            cosine=(0.56, 0.24, -0.41, -0.59, -0.07),
-        ),
-        FourierJoint(
-            joint="axis2",
-            offset=-0.2,
-            sine=(-0.58, 0.17, 0.09, -0.32, -0.23),
-            cosine=(-0.16, -0.28, 0.19, -0.03, 0.49),
-        ),
-        FourierJoint(
-            joint="axis3",
-            offset=0.54,
-            sine=(-0.74, -0.04, 0.18, -0.5, -0.41),
-            cosine=(-0.35, 0.07, -0.76, 0.28, -0.1),
-        ),
-    ),
-)
-"""Five harmonics, as `rid-daq design` finds them."""
-
-
-def robot_of(cell: LoadedCell, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> RobotDescription:
-    return with_friction(cell.robot, [terms] * 3)
-
-
-def late(recording: Recording, delay_ms: Sequence[float]) -> PeriodAverage:
-    """Return the mean period of a recording whose torque came later than it was."""
-    torque = [
-        CubicSpline(recording.time_s, column)(recording.time_s - 1e-3 * by)
-        for column, by in zip(recording.torque_nm.T, delay_ms, strict=True)
-    ]
-    return average_periods(replace(recording, torque_nm=np.transpose(torque)))
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +48,7 @@ def unmodelled(cell: LoadedCell) -> Recording:
 def test_delays_of_parts_of_a_sample_come_back(
     cell: LoadedCell, sticking: Recording, delay_ms: tuple[float, ...]
 ) -> None:
-    channel = choose_period_delays(robot_of(cell), [late(sticking, delay_ms)])
+    channel = choose_period_delays(robot_of(cell), [average_periods(late(sticking, delay_ms))])
     error_ms = 1e3 * channel.delay_s - delay_ms
     assert np.all(channel.delay_s != 0.0)
     assert np.all(np.abs(error_ms) < 2e3 * channel.delay_sigma_s)
@@ -119,7 +69,7 @@ def test_delays_come_back_from_joints_with_another_law(
     cell: LoadedCell, unmodelled: Recording, distances: tuple[float | None, ...]
 ) -> None:
     robot, true_ms = with_presliding(robot_of(cell), distances), (4.0, 2.0, -3.0)
-    channel = choose_period_delays(robot, [late(unmodelled, true_ms)])
+    channel = choose_period_delays(robot, [average_periods(late(unmodelled, true_ms))])
     error_ms = 1e3 * channel.delay_s - true_ms
     assert np.all(channel.delay_s != 0.0)
     assert np.all(np.abs(error_ms) < 2e3 * channel.delay_sigma_s)
@@ -138,7 +88,8 @@ def test_longer_than_a_quarter_of_the_shortest_period_is_no_delay(
     cell: LoadedCell, sticking: Recording
 ) -> None:
     """The band ends at 10 Hz; 96 ms are a whole period of it."""
-    channel = choose_period_delays(robot_of(cell), [late(sticking, (96.0, -40.0, 4.0))])
+    average = average_periods(late(sticking, (96.0, -40.0, 4.0)))
+    channel = choose_period_delays(robot_of(cell), [average])
     assert np.all(channel.delay_s[:2] == 0.0)
 
 
@@ -184,11 +135,12 @@ def test_a_period_in_time_gives_the_estimate_of_one_that_never_was_late(
 ) -> None:
     by_ms = (4.0, 0.0, -3.0)
     channel = TorqueChannel(1e-3 * np.array(by_ms), np.zeros(3))
-    in_time = channel.undelayed_period(late(sticking, by_ms))
+    delayed = average_periods(late(sticking, by_ms))
+    in_time = channel.undelayed_period(delayed)
     whole = average_periods(sticking)
     np.testing.assert_allclose(in_time.torque_nm, whole.torque_nm, atol=0.5)
     right = estimate_periodic(robot_of(cell), [whole])
-    made, wrong = (estimate_periodic(robot_of(cell), [a]) for a in (in_time, late(sticking, by_ms)))
+    made, wrong = (estimate_periodic(robot_of(cell), [a]) for a in (in_time, delayed))
     np.testing.assert_array_less(np.abs(made.values - right.values), 0.1 * right.sigma)
     assert np.any(np.abs(wrong.values - right.values) > 5.0 * right.sigma)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def test_delays_of_a_periodic_run_are_found_said_and_used(
     assert [s.partition(" is ")[0] for s in sentences] == [
         f"The torque of {name}" for name in robot.joint_names
     ]
-    assert all("ms late (± " in sentence for sentence in sentences)
+    assert all(re.search(r"\d ms (late|early) \(± ", sentence) for sentence in sentences)
 
     late = estimate_runs(data, how).estimate
     in_time = estimate_runs(data, how, robot=comparison.robot(robot), chosen=comparison)
