@@ -9,10 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser
 
 from config.errors import ConfigError
 from rid_daq.app import COMMANDS, run
 from rid_daq.commands import docs
+from tests.rid_daq.conftest import browser
+
+__all__ = ["browser"]  # a fixture
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -45,6 +49,15 @@ def test_the_search_puts_decisions_behind_guides(site: Path) -> None:
     order = (site / "_static" / "language_data.js").read_text().split("score:")[1]
     assert "decisions" in order[:90]
     assert "wide.css" in (site / "index.html").read_text()
+
+
+@pytest.mark.parametrize("width", [390, 820, 1030, 1215, 1216, 1320, 1472])
+def test_a_page_is_as_wide_as_its_window(site: Path, browser: Browser, width: int) -> None:
+    with browser.new_page(viewport={"width": width, "height": 800}) as page:
+        for name in ("guide/friction", "guide/payload", "glossary", "architecture"):
+            page.goto((site / f"{name}.html").as_uri())
+            cut = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+            assert cut <= 0, name
 
 
 def test_drawings_are_drawn_and_not_shown_as_text(site: Path) -> None:
