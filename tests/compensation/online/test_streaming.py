@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -182,20 +183,29 @@ class TestIterator:
         assert 20 <= ring.written < 400
 
 
-@pytest.fixture
-def served() -> Iterator[tuple[Path, PointRing]]:
+@contextlib.contextmanager
+def serving(silence_s: float) -> Iterator[tuple[Path, PointRing]]:
     """The server in a thread of this process, at a socket in a folder of our own."""
     ring = PointRing.create(3, 50)
     over = threading.Event()
     with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
         path = Path(folder) / "points"
-        service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s=0.1)
+        service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s)
         thread = threading.Thread(target=serve, args=(listener, ring, service, over.is_set))
         thread.start()
-        yield path, ring
-        over.set()
-        thread.join(120.0)
+        try:
+            yield path, ring
+        finally:
+            over.set()
+            thread.join(120.0)
         assert not thread.is_alive()
+
+
+@pytest.fixture
+def served() -> Iterator[tuple[Path, PointRing]]:
+    """A server that waits for a client whose processor is busy."""
+    with serving(silence_s=600.0) as path_and_ring:
+        yield path_and_ring
 
 
 def client(path: Path) -> socket.socket:
@@ -258,23 +268,23 @@ class TestSocket:
         ("data", "hang_up", "text"),
         [
             (HELLO, True, "hung up before the end"),
-            (HELLO, False, r"sent nothing for 0\.1 s"),
-            (b"", False, r"sent nothing for 0\.1 s"),
+            (HELLO, False, r"sent nothing for 1 s"),
+            (b"", False, r"sent nothing for 1 s"),
             (b"hello\n", False, "does not speak this protocol"),
             (HELLO + struct.pack("<I", 5000), False, "a frame of 5000 points"),
         ],
     )
     def test_a_client_that_dies_stalls_or_misbehaves_fails_the_stream(
-        self, served: tuple[Path, PointRing], data: bytes, hang_up: bool, text: str
+        self, data: bytes, hang_up: bool, text: str
     ) -> None:
-        path, ring = served
         good = struct.pack("<I", 5) + path_of(5).tobytes() if data == HELLO else b""
-        with client(path) as connection:
+        silence_s = 1.0 if "nothing" in text else 600.0
+        with serving(silence_s) as (path, ring), client(path) as connection:
             connection.recv(500)
             connection.sendall(data + good)
-            if not hang_up:
-                until(lambda: bool(ring.failed))
-        until(lambda: bool(ring.failed))
+            if hang_up:
+                connection.close()
+            until(lambda: bool(ring.failed))
         assert ring.failed is PointsFailed.LOST
         assert ring.written == (5 if good else 0), "what came before counts"
         assert re.search(text, ring.failure)
