@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.plate import AmplifierConfig, PlateConfig
@@ -44,6 +45,16 @@ LONG_TESTS = [
     )
 ]
 """Begun first, in this order: what begins last and takes minutes leaves the other workers idle."""
+
+# Neither luck nor a busy computer decides: the same examples each time, however long they take.
+settings.register_profile(
+    "repeatable",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("repeatable")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -154,7 +154,7 @@ def every_axis_stops_where_the_preflight_is_green(
 def test_every_axis_stops_where_the_preflight_is_green(measured: Measured, cells: int) -> None:
     SEEN.clear()
     settings(
-        max_examples=cells, deadline=None, derandomize=True, database=None,
+        max_examples=cells,
         suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
     )(every_axis_stops_where_the_preflight_is_green)()  # fmt: skip
     assert SEEN["tried"] >= cells

@@ -65,7 +65,7 @@ sessions = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(parts=sessions, cut=st.integers(1, CHUNK_BYTES))
 def test_bytes_become_points_or_one_typed_error(parts: list[bytes], cut: int) -> None:
     data, decoder = b"".join(parts), PointDecoder(3)
@@ -102,7 +102,7 @@ def test_two_megabytes_in_single_points_keep_nothing() -> None:
     assert peak < 40 * CHUNK_BYTES
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(points=st.lists(st.lists(doubles, min_size=3, max_size=3), max_size=20))
 def test_any_numbers_pass_the_gate_or_are_refused(points: list[list[float]]) -> None:
     ring = PointRing.create(3, 100)
@@ -111,7 +111,7 @@ def test_any_numbers_pass_the_gate_or_are_refused(points: list[list[float]]) -> 
     assert ring.ended or ring.failure
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(parts=sessions)
 def test_whatever_a_client_sends_the_server_says_why_and_ends(parts: list[bytes]) -> None:
     """The client sends and hangs up; the server's own thread must end, its ring must know why."""

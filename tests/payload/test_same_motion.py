@@ -34,7 +34,7 @@ def recorded(late_s: float, torque_nm: float, *, size: float = 1.0) -> SmoothedS
     )
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_what_is_left_is_the_payloads_torque(first_s: float, second_s: float) -> None:
     found = torque_difference(recorded(first_s, 5.0), recorded(second_s, 2.0))

@@ -191,7 +191,7 @@ def test_unattended_a_press_goes_to_its_end() -> None:
     np.testing.assert_array_equal(bench.positions[-1], GOAL)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     goals=st.lists(
         st.tuples(st.floats(-1.9, 1.9), st.floats(-1.9, 1.9), st.floats(0.01, 50.0)), max_size=4

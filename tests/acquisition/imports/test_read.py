@@ -249,9 +249,8 @@ class TestDamagedRows:
         assert report.gaps == 1
 
     @settings(
-        deadline=None,
         max_examples=40,
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
     @given(data=st.data())
     def test_whatever_is_in_them_never_gets_into_the_recording(
@@ -316,9 +315,8 @@ class TestHopelessFiles:
             import_csv(tmp_path / "none.csv", two_joint_map())
 
     @settings(
-        deadline=None,
         max_examples=60,
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
     @given(content=st.binary(max_size=2000))
     def test_any_bytes_give_one_of_our_errors(self, write: Write, content: bytes) -> None:

@@ -164,7 +164,7 @@ def test_a_tail_of_zeros_is_left_out(path: Path, whole: bytes) -> None:
     assert not journal.damage.finished
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.binary(max_size=2000))
 def test_garbage_is_refused(tmp_path_factory: pytest.TempPathFactory, garbage: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "garbage.mcap"

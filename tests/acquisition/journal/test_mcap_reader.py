@@ -62,7 +62,7 @@ def test_a_chunk_that_is_half_written_is_read_when_it_is_whole(tmp_path: Path) -
     assert numbers == list(range(1000))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(piece=st.integers(1, 60_000), cut=st.integers(0, 40_000), harm=st.integers(0, 60_000))
 def test_pieces_of_any_size_show_the_same_file(
     tmp_path_factory: pytest.TempPathFactory, piece: int, cut: int, harm: int

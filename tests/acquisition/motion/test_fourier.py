@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.motion.fourier import samples_of_period
@@ -88,7 +88,6 @@ class TestSamplesOfPeriod:
         with pytest.raises(ConfigError, match="choose a longer period"):
             samples_of_period(0.024, 0.008)
 
-    @settings(deadline=None)
     @given(
         samples=st.integers(4, 1_000_000),
         cycle_ms=st.integers(1, 100),

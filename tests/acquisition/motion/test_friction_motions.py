@@ -76,7 +76,7 @@ def test_a_kind_says_its_joints_own_stretches_where_its_sentence_does_not() -> N
     assert WAVES.joint_table() is None
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.floats(0.02, 2.0), st.floats(0.0, 0.5), st.floats(0.05, 1.0), st.sampled_from([0.004, 0.01])
 )

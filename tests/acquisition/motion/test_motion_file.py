@@ -128,7 +128,7 @@ def test_a_kind_knows_itself(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(data=st.data())
 def test_a_motion_is_refused_or_reads_back_equal_and_stays_within_the_limits(
     kind: str, data: st.DataObject

@@ -78,7 +78,7 @@ class TestRestToRest:
         one = np.ones(2)
         assert rest_to_rest_duration(np.zeros(2), one, one) == 0.0
 
-    @settings(deadline=None, max_examples=50)
+    @settings(max_examples=50)
     @given(
         travel=st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 1e-3),
         velocity=st.floats(0.1, 5.0),

@@ -114,7 +114,7 @@ class TestFourierPlan:
         ):
             fourier(amplitude=2.0).plan(ROBOT, T)
 
-    @settings(deadline=None, max_examples=15)
+    @settings(max_examples=15)
     @given(
         amplitude=st.floats(0.0, 0.6),
         harmonics=st.integers(1, 8),

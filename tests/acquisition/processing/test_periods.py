@@ -152,7 +152,7 @@ class TestMeanAndNoise:
 
 
 class TestLostRows:
-    @settings(deadline=None, max_examples=25)
+    @settings(max_examples=25)
     @given(seed=st.integers(0, 1000), lost=st.integers(1, 4), erase=st.booleans())
     def test_single_losses_shift_and_bias_nothing(self, seed: int, lost: int, erase: bool) -> None:
         recording = record(noise=1e-6)
@@ -206,7 +206,7 @@ class TestLostRows:
 class TestLostAnswers:
     """Each drive's answers are judged alone: the more joints, the more rows miss one of them."""
 
-    @settings(deadline=None, max_examples=25)
+    @settings(max_examples=25)
     @given(seed=st.integers(0, 1000))
     def test_one_and_a_half_percent_of_each_joints_answers_is_borne(self, seed: int) -> None:
         recording, rng = record(noise=1e-6), np.random.default_rng(seed)
@@ -248,7 +248,7 @@ class TestOutOfFamily:
         assert "torque of joint 'b' differs" in average.rejected[0].reason
         np.testing.assert_allclose(average.torque_nm[:, 1], one_period()[:, 3], atol=0.25)
 
-    @settings(deadline=None, max_examples=30)
+    @settings(max_examples=30)
     @given(seed=st.integers(0, 10_000), periods=st.integers(3, 20))
     def test_ordinary_noise_rejects_nothing(self, seed: int, periods: int) -> None:
         assert average_periods(record(periods, seed)).rejected == ()

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
@@ -29,7 +29,6 @@ def folder(root: Path) -> RunFolder:
     return RunFolder.create(root, "first run", software={"rid-daq": "0.1.0"}, now_ns=NOW_NS)
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(0, 2**48 * 10**6 - 1), min_size=2, max_size=5))
 def test_ids_are_unique_and_sort_by_time(times_ns: list[int]) -> None:
     ids = [new_run_id(time_ns) for time_ns in times_ns]

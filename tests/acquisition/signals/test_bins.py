@@ -35,7 +35,7 @@ def trajectory(seed: int = 0, harmonics: int = 5) -> FourierTrajectory:
 
 
 class TestDifferentiation:
-    @settings(deadline=None, max_examples=20)
+    @settings(max_examples=20)
     @given(seed=st.integers(0, 10_000), harmonics=st.integers(1, 40))
     def test_of_a_fourier_series_is_exact(self, seed: int, harmonics: int) -> None:
         truth = trajectory(seed, harmonics)

@@ -54,7 +54,7 @@ def test_the_number_of_joints_follows_from_the_size_of_a_row() -> None:
     assert joints_of_row(100) is None
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     st.integers(1, 9),
     st.lists(st.one_of(st.just("write"), st.integers(1, 12)), max_size=60),

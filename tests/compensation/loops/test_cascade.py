@@ -45,7 +45,7 @@ def cascade(
     return Cascade(loop, axis, position_gain, CYCLE_S)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.floats(100.0, 3000.0),
     st.floats(0.02, 0.5),
@@ -80,7 +80,7 @@ def test_loops_are_the_series_of_their_parts() -> None:
     np.testing.assert_allclose(one.position_loop(frequency_hz), 15.0 * bent * closed / at)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(200.0, 3000.0), st.floats(0.03, 0.5), st.floats(2.0, 60.0))
 def test_the_largest_gain_just_keeps_both_margins(
     gain: float, integral_s: float, inertia: float

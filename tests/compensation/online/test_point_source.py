@@ -269,7 +269,7 @@ class TestDoubt:
         assert "correction too large" in " ".join(source.notes)
 
 
-@settings(deadline=None, max_examples=600)
+@settings(max_examples=600)
 @given(
     stream=streams(),
     prefill=st.integers(0, 300),

@@ -32,7 +32,7 @@ AT_REST_RAD_S = 0.01
 GAIN_PER_S = CELL.config.position_gain_per_s
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(stream=streams(), prefill=st.integers(20, 300), seed=st.integers(0, 9))
 def test_no_axis_leaves_its_limits_and_all_come_to_rest(
     stream: tuple[Points, list[int], bool, list[int]], prefill: int, seed: int

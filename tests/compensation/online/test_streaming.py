@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -54,7 +54,6 @@ def drain(ring: PointRing, count: int) -> Points:
 
 
 class TestRing:
-    @settings(deadline=None)
     @given(st.integers(1, 20), st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30))))
     def test_every_point_comes_out_once_and_in_order(
         self, capacity: int, steps: list[tuple[int, int]]
@@ -85,7 +84,6 @@ class TestRing:
 
 
 class TestBytes:
-    @settings(deadline=None)
     @given(st.lists(st.integers(1, 9), max_size=8), st.integers(1, 50))
     def test_points_survive_any_cut_of_their_bytes(self, counts: list[int], cut: int) -> None:
         path = path_of(sum(counts))

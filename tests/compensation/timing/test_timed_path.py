@@ -240,7 +240,7 @@ FEW: list[dict[str, Any]] = [
 ]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 10_000), share=st.floats(0.45, 1.0), cycle_ms=st.sampled_from([2, 5]))
 def test_no_row_exceeds_a_limit_whatever_friction_and_gears(
     seed: int, share: float, cycle_ms: int

@@ -6,7 +6,7 @@ import json
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import ConfigError
@@ -91,7 +91,6 @@ def test_text_that_is_not_utf8_is_refused() -> None:
 
 
 @given(st.binary(max_size=200))
-@settings(deadline=None)
 def test_any_bytes_are_read_or_refused_with_a_config_error(text: bytes) -> None:
     try:
         tree = parse_yaml(text, "any")
@@ -117,7 +116,6 @@ _SCALARS = (
         max_size=6,
     )
 )
-@settings(deadline=None)
 def test_what_is_written_reads_back_equal(data: dict[str, object]) -> None:
     assert parse_yaml(dump_yaml(data, "a comment\n\nof two lines").encode(), "f").data == data
 

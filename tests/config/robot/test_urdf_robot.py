@@ -111,7 +111,7 @@ class Judge:
         return pin.computeFrameJacobian(self.model, self.data, position, number, reference).copy()
 
 
-@settings(deadline=None, max_examples=120)
+@settings(max_examples=120)
 @given(st.lists(JOINTS, min_size=1, max_size=7).filter(lambda js: any(j[0] != "fixed" for j in js)))
 def test_kinematics_and_dynamics_of_any_chain_are_pinocchios(joints) -> None:
     data, tip = chain(joints)
@@ -363,7 +363,7 @@ def test_what_cannot_be_meant_is_refused_with_file_and_line(data: bytes, message
         robot_of_urdf(read_urdf(data, "bad.urdf"))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.data())
 def test_a_damaged_file_is_read_or_refused_but_never_crashes(data: Any) -> None:
     whole = bytearray(arm())

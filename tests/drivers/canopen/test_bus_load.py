@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.canopen.bus_load import cyclic_load, frame_bits, typical_bits, worst_bits
@@ -30,13 +30,11 @@ def bits_by_the_standard(frame: Frame) -> int:
     return len(stuffed) + 1 + 2 + 7 + 3
 
 
-@settings(deadline=None)
 @given(frames)
 def test_every_frame_is_as_long_as_the_standard_says(frame: Frame) -> None:
     assert frame_bits(frame) == bits_by_the_standard(frame)
 
 
-@settings(deadline=None)
 @given(frames)
 def test_no_frame_is_longer_than_the_worst_case(frame: Frame) -> None:
     unstuffed = 47 + 8 * len(frame.data)

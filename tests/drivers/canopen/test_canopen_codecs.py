@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import ProtocolError
@@ -143,7 +143,6 @@ class TestEmergency:
     def test_codes_in_words(self, code: int, text: str) -> None:
         assert code_text(code) == text
 
-    @settings(deadline=None)
     @given(st.binary(max_size=8))
     def test_no_emergency_is_unreadable(self, data: bytes) -> None:
         assert str(parse_emcy(data)).isprintable()
@@ -180,7 +179,6 @@ class TestPdo:
         with pytest.raises(ProtocolError, match="96 bits"):
             PdoMapping("tpdo", 1, 0x181, (MappedObject(0x6064, 0, 32),) * 3)
 
-    @settings(deadline=None)
     @given(st.integers(0, 0xFFFF), st.integers(0, 0xFF), st.integers(0, 0xFF))
     def test_entries_survive_the_round_trip(self, index: int, subindex: int, bits: int) -> None:
         item = MappedObject(index, subindex, bits)
@@ -206,7 +204,6 @@ class TestDeviceText:
     def test_long_text_is_cut(self) -> None:
         assert printable("x" * 100, limit=5) == "xxxxx..."
 
-    @settings(deadline=None)
     @given(st.one_of(st.text(), st.binary()))
     def test_whatever_comes_is_printable(self, text: str | bytes) -> None:
         assert printable(text).isprintable()

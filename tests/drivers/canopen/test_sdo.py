@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import DeviceTimeoutError
@@ -132,7 +132,6 @@ class TestServerTranscripts:
 
 
 class TestClientAgainstServer:
-    @settings(deadline=None)
     @given(st.binary(max_size=100))
     def test_whatever_is_written_is_read_back(self, data: bytes) -> None:
         store = Store()
@@ -218,7 +217,6 @@ class TestClientAgainstServer:
         refusal = client.handle(answer("60 08 10 00 00 00 00 00"), 0.0)
         assert refusal == request("80 08 10 00 01 00 04 05")
 
-    @settings(deadline=None)
     @given(st.lists(st.binary(min_size=8, max_size=8), max_size=20), st.booleans())
     def test_no_bytes_break_the_client(self, messages: list[bytes], upload: bool) -> None:
         client = SdoClient(2)
@@ -231,7 +229,6 @@ class TestClientAgainstServer:
         client.check(99.0)
         assert client.done
 
-    @settings(deadline=None)
     @given(st.lists(st.binary(max_size=8), max_size=30))
     def test_no_bytes_break_the_server(self, messages: list[bytes]) -> None:
         store = Store()

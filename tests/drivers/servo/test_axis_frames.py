@@ -179,7 +179,7 @@ arrivals = st.builds(
 )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(strange=st.lists(arrivals, max_size=20), profile=st.sampled_from([FIXED, ASKED]))
 def test_whatever_comes_is_an_answer_once_or_passes(
     strange: list[Arrival], profile: ServoProfile

@@ -6,7 +6,7 @@ import math
 from typing import Literal
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from config.cell.servo_profile import ServoProfile, VelocityUnit
@@ -46,7 +46,6 @@ def test_statuswords(statusword: int, state: PowerState) -> None:
     assert state_of(statusword) is state
 
 
-@settings(deadline=None)
 @given(st.integers(0, 0xFFFF))
 def test_every_statusword_has_one_state(statusword: int) -> None:
     patterns = {
@@ -139,14 +138,12 @@ def test_a_negative_gear_ratio_does_not_turn_the_axis_twice() -> None:
     assert units(gear_ratio=-100.0) == units()
 
 
-@settings(deadline=None)
 @given(st.integers(-(2**31), 2**31 - 1), st.sampled_from([1, -1]), st.floats(0.5, 500.0))
 def test_counts_survive_the_round_trip(counts: int, direction: Literal[1, -1], gear: float) -> None:
     axis = units(direction=direction, gear_ratio=gear)
     assert axis.counts(axis.position(counts)) == counts
 
 
-@settings(deadline=None)
 @given(st.integers(-(2**15), 2**15 - 1))
 def test_torque_survives_the_round_trip(permille: int) -> None:
     assert round(units().torque_nm(permille) / units().nm_per_torque_unit) == permille

@@ -41,7 +41,8 @@ cycles = st.lists(
 
 
 @settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(strange=cycles, silent=st.sets(st.integers(0, 2)))
 def test_any_frames_in_motion_are_typed_errors_or_events_and_hold_nothing_up(

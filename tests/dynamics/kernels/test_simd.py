@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
@@ -58,7 +58,6 @@ def test_what_is_not_a_number_stays_so() -> None:
     assert np.isnan(out).all()
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=20))
 def test_every_sample_is_computed_wherever_it_stands(pairs) -> None:
     x = np.array(pairs)

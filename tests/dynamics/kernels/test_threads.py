@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dynamics.kernels.threads import SHARE, share_out
@@ -76,7 +76,6 @@ def test_callers_do_not_disturb_one_another(model, motion) -> None:
             np.testing.assert_array_equal(call.result(), expected)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10 * SHARE))
 def test_every_sample_belongs_to_one_share(samples) -> None:
     seen = np.zeros(samples, dtype=int)

@@ -181,7 +181,7 @@ def test_the_gradient_knows_the_losses_of_the_gears(ir361, moving) -> None:
         np.testing.assert_allclose(ours, expected[:, kind], rtol=0, atol=1e-7 * size)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     n=st.integers(1, 7),
     seed=st.integers(0, 2**32 - 1),

@@ -88,7 +88,7 @@ def test_torque_finds_the_load_by_itself(ir361, random_motion) -> None:
     np.testing.assert_allclose(phi @ theta, expected)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     efficiency=st.floats(0.2, 1.0),
     share=st.floats(0.0, 0.5),

@@ -219,7 +219,7 @@ def test_gears_transmit_actuators_torques(ir361, random_motion) -> None:
     np.testing.assert_allclose(load, expected, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_power_is_lost_between_joints_and_actuators(seed) -> None:
     """tau_alpha . alpha. = tau_q . q., whatever C."""

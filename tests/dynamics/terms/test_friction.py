@@ -217,7 +217,7 @@ def test_units_are_those_of_the_joint(ir361, kind, units) -> None:
     assert model.nonlinear_units == ("rad/s" if kind == "revolute" else "m/s", "1")
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     speed=st.floats(-3.0, 3.0),
     sizes=st.lists(st.floats(0.0, 50.0), min_size=6, max_size=6),

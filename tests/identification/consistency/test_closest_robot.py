@@ -107,7 +107,7 @@ def make() -> Make:
 
 
 @given(st.integers(0, 10_000))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_a_pseudo_inertia_is_the_sum_over_the_mass(seed: int) -> None:
     masses, places = point_masses(seed)
     ends = np.column_stack([places, np.ones(len(places))])
@@ -116,7 +116,7 @@ def test_a_pseudo_inertia_is_the_sum_over_the_mass(seed: int) -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_a_link_about_its_centre_is_what_pinocchio_says(seed: int) -> None:
     body = body_of(*point_masses(seed))
     link = LinkBody.of(body)

@@ -26,7 +26,7 @@ CRITERIA: list[Criterion] = [
 
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda each: type(each).__name__)
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**31))
 def test_the_gradient_is_that_of_central_differences(criterion: Criterion, seed: int) -> None:
     rows = rows_of(seed)
@@ -42,7 +42,6 @@ def test_the_gradient_is_that_of_central_differences(criterion: Criterion, seed:
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(deadline=None)
 def test_d_optimality_is_the_log_determinant(seed: int) -> None:
     rows = rows_of(seed)
     expected = -np.linalg.slogdet(rows.T @ rows)[1] / B
@@ -50,7 +49,6 @@ def test_d_optimality_is_the_log_determinant(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(deadline=None)
 def test_the_condition_number_is_the_ratio_of_singular_values(seed: int) -> None:
     rows = rows_of(seed)
     scaled = rows / np.linalg.norm(rows, axis=0)

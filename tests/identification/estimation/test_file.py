@@ -144,7 +144,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, estimate: Estim
         write_estimate(tmp_path / "nowhere" / "model.json", estimate)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_nothing_but_our_errors_comes_of_a_changed_model(
     data: st.DataObject, estimate: Estimate, tmp_path_factory: pytest.TempPathFactory

@@ -113,7 +113,7 @@ class TestCombination:
                 base.columns(phi) @ base.from_standard(theta), phi @ theta, rtol=0.0, atol=1e-7
             )
 
-    @settings(deadline=None, max_examples=15)
+    @settings(max_examples=15)
     @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
     def test_holds_for_random_arms_with_prismatic_joints(self, seed: int, joints: int) -> None:
         random = np.random.default_rng(seed)

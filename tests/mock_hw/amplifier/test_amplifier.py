@@ -207,7 +207,7 @@ def test_it_is_the_device_that_the_cell_file_says() -> None:
     assert device.physics.settings.low_pass_order == 4
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.lists(st.binary(max_size=400), max_size=6))
 def test_noise_on_its_input_never_upsets_it(noise: list[bytes]) -> None:
     bench = Bench()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mock_hw.bus.arbitration import FOREVER_NS, CanWire, WireFrame
@@ -69,7 +69,6 @@ def test_a_frame_is_never_sent_before_its_time_nor_in_the_past() -> None:
     assert late.time_ns > 5_000_000
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import ProtocolError
@@ -33,7 +33,6 @@ def test_a_hello_names_the_identifiers_that_are_urgent() -> None:
     assert unpack_identifiers(packet[HEADER.size :]) == {0x000, 0x080, 0x601}
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=200))
 def test_garbage_is_either_frames_or_a_protocol_error(packet: bytes) -> None:
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.canopen.bus_load import frame_bits as drivers_frame_bits
@@ -40,7 +40,6 @@ def test_sync_takes_51_bits() -> None:
     assert frame_bits(0x080, b"") == 51
 
 
-@settings(deadline=None)
 @given(can_id=st.integers(0, 0x7FF), data=payloads)
 def test_tables_agree_with_counting_and_with_the_drivers_own_arithmetic(
     can_id: int, data: bytes

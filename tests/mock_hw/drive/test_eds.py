@@ -11,7 +11,7 @@ from pathlib import Path
 import canopen
 import pytest
 from canopen.objectdictionary import ODVariable
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from config.formats.eds import ElectronicDataSheet, parse_eds
@@ -125,7 +125,7 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_and_canopen_agrees(ce
         assert eds_findings(sheet, exchange, axis) == ()
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(identity=identities)
 def test_any_simulated_drive_has_a_sheet_that_both_read(identity: DriveIdentity) -> None:
     text = drive_eds(identity, "node.eds", CREATED)
@@ -192,7 +192,7 @@ def written(
     return newline.join([*lines, ""])
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(
     items=st.lists(
         objects(), min_size=1, max_size=12, unique_by=lambda item: (item.index, item.subindex)

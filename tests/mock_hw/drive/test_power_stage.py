@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.servo.cia402 import PowerState, state_of
@@ -148,7 +148,6 @@ def test_a_fault_without_power_is_at_once(objects: ObjectDictionary) -> None:
     assert power.state is PowerState.FAULT
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.one_of(

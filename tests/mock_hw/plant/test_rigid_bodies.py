@@ -72,7 +72,7 @@ def without_rotors(
     return robot.model_copy(update={"joints": joints}), plant.model_copy(update={"axes": axes})
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
 def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) -> None:
     """½ I (e·ω + mu q̇)², ω of the link that carries it, the link that it moves included."""
@@ -98,7 +98,7 @@ def test_a_rotor_adds_the_energy_of_its_spin_in_space(seed: int, joints: int) ->
     np.testing.assert_allclose(coupling.T @ full @ coupling, expected, rtol=1e-11, atol=1e-11)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
 def test_the_mass_matrix_and_the_bias_are_those_of_inverse_dynamics(seed: int, joints: int) -> None:
     """Pinocchio's mass matrix is wrong, silently, when a subtree is not in one piece."""

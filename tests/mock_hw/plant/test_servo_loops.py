@@ -228,7 +228,7 @@ def test_the_spring_torque_is_the_slope_of_its_energy() -> None:
         assert spring_torque(spring, angle) == pytest.approx(slope, abs=1e-5)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 7))
 def test_friction_takes_the_force_that_holds_or_its_full_size_against_the_motion(
     seed: int, count: int

@@ -332,7 +332,7 @@ def test_an_error_of_the_application_is_an_answer_and_no_end(
     assert "ZeroDivisionError" in caplog.text
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.binary(max_size=300), min_size=1, max_size=20), st.booleans())
 def test_whatever_bytes_come_the_next_request_is_answered(
     tmp_path_factory: pytest.TempPathFactory, garbage: list[bytes], in_header: bool

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rid_daq.live.feed import MOST_EVENTS, Feed
@@ -64,7 +64,6 @@ def test_who_comes_after_the_end_sees_the_last_picture_and_the_end() -> None:
     asyncio.run(main())
 
 
-@settings(deadline=None)
 @given(st.lists(st.sampled_from(["show", "tell", "take"]), max_size=60))
 def test_events_come_once_in_order_and_pictures_only_forward(steps: list[str]) -> None:
     async def main() -> None:
