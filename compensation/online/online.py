@@ -134,7 +134,7 @@ class OnlineFeedforward:
             column[stage.MOST] = LARGEST_CORRECTION * limits.velocity
             column[stage.CYCLES] = math.floor(ahead)
             column[stage.FRACTION] = ahead - math.floor(ahead)
-        axes[stage.PRESLIDING] = torque.presliding
+        axes[stage.PRESLIDING : stage.PRESLIDING + 2] = torque.presliding
         axes.setflags(write=False)
         return cls(robot, step_s, torque, axes)
 

@@ -51,8 +51,8 @@ SHARE: Final = 9  # T / (2 T_i)
 MOST: Final = 10  # largest correction [rad/s or m/s]
 CYCLES: Final = 11  # whole cycles to look ahead, and the fraction
 FRACTION: Final = 12
-PRESLIDING: Final = 13  # distance, 0 for joints that remember nothing
-AXES_ROWS: Final = 14
+PRESLIDING: Final = 13  # distance, 0 for joints that remember nothing, and share: two rows
+AXES_ROWS: Final = 15
 
 # More words of `counts`.
 HEAD: Final = 11  # cycles that the head has gone
@@ -132,7 +132,9 @@ def next_set_point(
     take_points(counters, rows, model, axes, nodes, counts, pace, step_s, most)
     torque = out[0]
     if counts[SEEING]:
-        _take_what_was_seen(model, axes[PRESLIDING], memory, found, state, head, torque)
+        _take_what_was_seen(
+            model, axes[PRESLIDING : PRESLIDING + 2], memory, found, state, head, torque
+        )
     known = advance(axes, nodes, counts, profiles, pace, step_s, head)
     h = counts[HEAD]
     if counts[RESTED] < 0 and counts[STATE] >= STOPPED:
@@ -142,7 +144,7 @@ def next_set_point(
         for j in range(n):
             if abs(head[Q, j] - memory[DRIVEN, j, LAST]) > DUST:
                 counts[SEEING] = 0
-        go_to(head[Q], axes[PRESLIDING], memory[DRIVEN], found)
+        go_to(head[Q], axes[PRESLIDING : PRESLIDING + 2], memory[DRIVEN], found)
         remembered_torque(model, head[0], head[1], head[2], found, torque)
     elif known:
         node = nodes[counts[NODE] % nodes.shape[0]]
@@ -176,7 +178,7 @@ def next_set_point(
 @kernel
 def see(position: FloatArray, axes: FloatArray, memory: FloatArray, found: FloatArray) -> None:
     """Follow where the robot was seen (n,), on its way to the path and on its first point."""
-    go_to(position, axes[PRESLIDING], memory[SEEN], found)
+    go_to(position, axes[PRESLIDING : PRESLIDING + 2], memory[SEEN], found)
 
 
 @kernel

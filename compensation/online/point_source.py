@@ -19,7 +19,8 @@ from compensation.online.patience import BUFFER_S
 from compensation.online.point_ring import READ, PointRing, PointsFailed
 from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError, DriverError
-from dynamics.model.remembered_sample import FOUND, unknown
+from dynamics.kernels.presliding import FOUND
+from dynamics.model.remembered_sample import unknown
 
 FEWEST_NODES: Final = 64
 MOST_NODES: Final = 2048

@@ -171,7 +171,9 @@ class Joint(ConfigModel):
     `stribeck` starts from the speed `stribeck_velocity` [rad/s or m/s], `temperature` lets Coulomb
     and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
     torque that the gear transmits, and with `presliding` a joint slides only after a distance that
-    starts from `presliding_distance` [rad or m] (section 4.1). `efficiency` (0 to 1) is where the
+    starts from `presliding_distance` [rad or m] (section 4.1). With a `presliding_share` below 1,
+    from which the estimate starts, only that share of the friction gives way so; the rest holds at
+    once. `efficiency` (0 to 1) is where the
     estimate of the gear's efficiency starts (5.16, 5.17); without it the gear loses nothing.
     `torque_constant_nm_per_a` is torque at the link side, gear included, per ampere of the motor,
     at `reference_temperature_k`; `torque_constant_per_k` is by which share of itself it changes per
@@ -190,6 +192,7 @@ class Joint(ConfigModel):
         Positive, Plausible(1e-5, 10.0, "rad/s", Plausible(1e-5, 10.0, "m/s"))
     ] = 0.05
     presliding_distance: Annotated[Positive, Plausible(1e-7, 0.2, "rad")] = 1e-3
+    presliding_share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     reference_temperature_k: Temperature = 298.15
     armature: bool = False
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None

@@ -3,8 +3,9 @@
 A joint that turns round does not slide at once: asperities, teeth and balls give way first, one
 after the other. Each of `ELEMENTS` pieces follows the displacement and slips where it is stretched
 by its own distance, s <- min(max(s + dq, -w d), w d): Prandtl's and Ishlinskii's stop operators,
-Iwan's or the Maxwell slip model with equal stiffness. Their sum over its largest value is the
-direction of motion with memory, between -1 and 1.
+Iwan's or the Maxwell slip model with equal stiffness. Where only a share of the friction gives way
+so, the rest holds at once: one more piece that slips at `AT_ONCE`. Their sum over its largest value
+is the direction of motion with memory, between -1 and 1.
 """
 
 from __future__ import annotations
@@ -18,10 +19,17 @@ from dynamics.kernels.simd import kernel
 
 ELEMENTS: Final = 8
 """Pieces, their distances evenly spread up to the presliding distance."""
-_LAST, _LOWEST, _HIGHEST, _BEGUN, _PIECES = 0, 1, 2, 3, 4
+AT_ONCE: Final = 1e-5
+"""Distance of what holds at once [rad or m]: less than joints' encoders show."""
+_LAST, _LOWEST, _HIGHEST, _BEGUN, _HELD, _PIECES = 0, 1, 2, 3, 4, 5
 STATE: Final = _PIECES + 2 * ELEMENTS
-"""Numbers that a joint's state is made of: last position, reached range, pieces, their slopes."""
-DIRECTION, SLOPE, KNOWN = 0, 1, 2
+"""Numbers that a joint's state is made of.
+
+Last position, reached range, the piece that holds at once, the others, their slopes.
+"""
+DIRECTION, BY_DISTANCE, BY_SHARE, KNOWN = 0, 1, 2, 3
+FOUND: Final = 4
+"""Numbers that are told of each position."""
 
 
 def begin() -> FloatArray:
@@ -30,7 +38,9 @@ def begin() -> FloatArray:
 
 
 @kernel
-def follow(path: FloatArray, distance: float, state: FloatArray, out: FloatArray) -> None:
+def follow(
+    path: FloatArray, distance: float, share: float, state: FloatArray, out: FloatArray
+) -> None:
     """Drive a joint's state along a path.
 
     Parameters
@@ -39,12 +49,14 @@ def follow(path: FloatArray, distance: float, state: FloatArray, out: FloatArray
         Positions, in the order of time.
     distance : float
         Presliding distance d: what a joint at rest is moved until all of it slides.
+    share : float
+        Share of its friction that gives way over that distance; the rest holds at once.
     state : (STATE,) array
         Where it begins; left as it is at the end, so that the next samples go on from there.
-    out : (samples, 3) array
-        Written: the direction, its derivative by the distance, and 1 from where on the direction
-        does not depend on the state that the path began with (a range of 2 d was gone through),
-        otherwise 0.
+    out : (samples, FOUND) array
+        Written: the direction, its derivatives by the distance and by the share, and 1 from where
+        on the direction does not depend on the state that the path began with (a range of 2 d was
+        gone through), otherwise 0.
     """
     widest = 0.5 * ELEMENTS * distance
     for i in range(len(path)):
@@ -56,21 +68,25 @@ def follow(path: FloatArray, distance: float, state: FloatArray, out: FloatArray
         state[_LAST] = q
         state[_LOWEST] = min(state[_LOWEST], q)
         state[_HIGHEST] = max(state[_HIGHEST], q)
+        state[_HELD] = min(max(state[_HELD] + moved, -AT_ONCE), AT_ONCE)
+        held = state[_HELD] / AT_ONCE
         total = 0.0
         slope = 0.0
         for k in range(ELEMENTS):
-            share = (k + 0.5) / ELEMENTS
+            part = (k + 0.5) / ELEMENTS
             stretched = state[_PIECES + k] + moved
-            if stretched >= share * distance:
-                stretched = share * distance
-                state[_PIECES + ELEMENTS + k] = share
-            elif stretched <= -share * distance:
-                stretched = -share * distance
-                state[_PIECES + ELEMENTS + k] = -share
+            if stretched >= part * distance:
+                stretched = part * distance
+                state[_PIECES + ELEMENTS + k] = part
+            elif stretched <= -part * distance:
+                stretched = -part * distance
+                state[_PIECES + ELEMENTS + k] = -part
             state[_PIECES + k] = stretched
             total += stretched
             slope += state[_PIECES + ELEMENTS + k]
-        out[i, DIRECTION] = total / widest
-        out[i, SLOPE] = (slope - total / distance) / widest
+        given = total / widest
+        out[i, DIRECTION] = share * given + (1.0 - share) * held
+        out[i, BY_DISTANCE] = share * ((slope - total / distance) / widest)
+        out[i, BY_SHARE] = given - held
         reached = state[_HIGHEST] - state[_LOWEST]
         out[i, KNOWN] = 1.0 if reached >= 2.0 * distance else 0.0

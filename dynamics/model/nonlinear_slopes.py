@@ -50,7 +50,7 @@ def nonlinear_slopes(
     if memory is not None and model.transmission.losses:
         by_direction = model.transmission.memory_slopes(motion)
         for own in presliding(model):
-            steepness = memory.slope[:, memory.joints.index(own.joint)]
-            place = model.nonlinear_names.index(own.parameter.name)
-            slopes[:, own.joint, place] += by_direction[:, own.joint] * steepness
+            for parameter, steepness in memory.slopes(own):
+                place = model.nonlinear_names.index(parameter.name)
+                slopes[:, own.joint, place] += by_direction[:, own.joint] * steepness
     return slopes

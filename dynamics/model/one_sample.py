@@ -66,10 +66,11 @@ class SampleTorque:
         How many joints.
     arrays : ModelArrays
         What `sample_torque` takes.
-    presliding : ndarray, shape (n,)
-        Presliding distance of each actuator [rad or m], 0 where friction remembers nothing. A
-        sample alone does not say where a joint came from: it slides by sign(v) here, and by what
-        it remembers in `dynamics.model.remembered_sample`.
+    presliding : ndarray, shape (2, n)
+        Presliding distance of each actuator [rad or m], 0 where friction remembers nothing, and
+        the share of its friction that gives way so. A sample alone does not say where a joint came
+        from: it slides by sign(v) here, and by what it remembers in
+        `dynamics.model.remembered_sample`.
     """
 
     joints: int
@@ -135,14 +136,14 @@ class SampleTorque:
         for row, numbers in zip(table, terms, strict=True):
             row[: len(numbers)] = numbers
         coupling = model.coupling or WristCoupling.of_matrix(np.eye(n))
-        distances = np.zeros(n)
+        yielding = np.zeros((2, n))
         for own in presliding(model):
-            distances[own.joint] = own.parameter.value
+            yielding[:, own.joint] = own.distance.value, own.share_value
         memory = np.zeros((n + 6, max(21, n, 6 * (n + 1))))
         memory[n + DIRECTION] = BY_SPEED
         return cls(
             joints=n,
-            presliding=distances,
+            presliding=yielding,
             arrays=(
                 np.ascontiguousarray(model.chain.rows),
                 np.ascontiguousarray(model.chain.fixed_rotations),

@@ -19,8 +19,6 @@ from dynamics.model.one_sample import ModelArrays, sample_torque
 
 LAST: Final = 0
 """Word of a joint's state: where it was."""
-FOUND: Final = 3
-"""Words that `go_to` finds of a joint: the first is its direction."""
 
 
 def unknown(joints: int) -> FloatArray:
@@ -36,7 +34,7 @@ def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: Float
     ----------
     q : (n,) array
         Positions of the actuators, link side [rad or m].
-    presliding : (n,) array
+    presliding : (2, n) array
         `SampleTorque.presliding`.
     state : (n, STATE) array
         What joints remember; written.
@@ -45,8 +43,8 @@ def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: Float
         `BY_SPEED` for joints that remember nothing.
     """
     for j in range(len(q)):
-        if presliding[j] > 0.0:
-            follow(q[j : j + 1], presliding[j], state[j], found[j : j + 1])
+        if presliding[0, j] > 0.0:
+            follow(q[j : j + 1], presliding[0, j], presliding[1, j], state[j], found[j : j + 1])
         else:
             found[j, DIRECTION] = BY_SPEED
 

@@ -21,6 +21,8 @@ SLOWEST_STRIBECK: Final = 0.02
 FASTEST_STRIBECK: Final = 0.5
 SHORTEST_PRESLIDING: Final = 1e-5
 LONGEST_PRESLIDING: Final = 0.05
+LEAST_SHARE: Final = 0.02
+LARGEST_SHARE: Final = 0.98
 
 FrictionFunction = Literal[
     "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
@@ -156,22 +158,27 @@ class Friction:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters: Stribeck speeds, then presliding distances, by joints."""
+        """The nonlinear parameters: Stribeck speeds, presliding distances, then their shares."""
         speeds = tuple(speed.parameter for speed in self.stribeck)
-        return (*speeds, *(distance.parameter for distance in self.presliding))
+        distances = tuple(own.distance for own in self.presliding)
+        return (*speeds, *distances, *(own.share for own in self.presliding if own.share))
 
     def with_nonlinear(self, values: FloatArray) -> Friction:
-        """Return the same friction with other Stribeck speeds and presliding distances."""
-        speeds = len(self.stribeck)
+        """Return the same friction with other values of `nonlinear`."""
+        pairs = zip(self.nonlinear, values, strict=True)
+        moved = {own.name: replace(own, value=float(value)) for own, value in pairs}
         return replace(
             self,
             stribeck=tuple(
-                replace(own, parameter=replace(own.parameter, value=float(value)))
-                for own, value in zip(self.stribeck, values[:speeds], strict=True)
+                replace(own, parameter=moved[own.parameter.name]) for own in self.stribeck
             ),
             presliding=tuple(
-                replace(own, parameter=replace(own.parameter, value=float(value)))
-                for own, value in zip(self.presliding, values[speeds:], strict=True)
+                replace(
+                    own,
+                    distance=moved[own.distance.name],
+                    share=own.share and moved[own.share.name],
+                )
+                for own in self.presliding
             ),
         )
 
@@ -206,9 +213,11 @@ class Friction:
         memory = motion.conditions.memory
         if memory is not None:
             by_direction = self._memory_slopes(motion, coefficients)
-            for k, own in enumerate(self.presliding, start=len(self.stribeck)):
-                steepness = memory.slope[:, memory.joints.index(own.joint)]
-                slopes[:, own.joint, k] = by_direction[:, own.joint] * steepness
+            places = {own.name: k for k, own in enumerate(self.nonlinear)}
+            for own in self.presliding:
+                for parameter, steepness in memory.slopes(own):
+                    place = places[parameter.name]
+                    slopes[:, own.joint, place] = by_direction[:, own.joint] * steepness
         return slopes
 
     def _memory_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
@@ -311,7 +320,7 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
 
 
 def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
-    """Return the presliding distances that an estimate begins with."""
+    """Return the presliding distances and shares that an estimate begins with."""
     return tuple(
         Presliding(
             j,
@@ -322,10 +331,20 @@ def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
                 min(SHORTEST_PRESLIDING, joint.presliding_distance),
                 max(LONGEST_PRESLIDING, joint.presliding_distance),
             ),
+            _share(joint),
         )
         for j, joint in enumerate(robot.joints)
         if "presliding" in joint.friction
     )
+
+
+def _share(joint: Joint) -> NonlinearParameter | None:
+    """Return which share of a joint's friction gives way, None for all of it."""
+    share = joint.presliding_share
+    if share == 1.0:
+        return None
+    low, high = min(LEAST_SHARE, share), max(LARGEST_SHARE, share)
+    return NonlinearParameter(f"sp_{joint.name}", "1", share, low, high)
 
 
 def _remembered(motion: Motion, joint: int) -> FloatArray | None:

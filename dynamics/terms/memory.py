@@ -14,16 +14,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from config.arrays import BoolArray, FloatArray, IntArray
-from dynamics.kernels.presliding import DIRECTION, KNOWN, SLOPE, begin, follow
+from dynamics.kernels.presliding import (
+    BY_DISTANCE,
+    BY_SHARE,
+    DIRECTION,
+    FOUND,
+    KNOWN,
+    begin,
+    follow,
+)
 from dynamics.terms.term_parameter import NonlinearParameter
 
 
 @dataclass(frozen=True)
 class Presliding:
-    """The presliding distance of a joint (from 0)."""
+    """How a joint (from 0) gives way before it slides.
+
+    Attributes
+    ----------
+    joint : int
+        Which joint.
+    distance : NonlinearParameter
+        What it is moved until all of it slides [rad or m].
+    share : NonlinearParameter or None
+        Share of its friction that gives way so, while the rest holds at once; None for all of it.
+    """
 
     joint: int
-    parameter: NonlinearParameter
+    distance: NonlinearParameter
+    share: NonlinearParameter | None = None
+
+    @property
+    def share_value(self) -> float:
+        """Share of the friction that gives way."""
+        return 1.0 if self.share is None else self.share.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +60,18 @@ class Memory:
         Joints (from 0) with presliding, one a column.
     direction : ndarray, shape (samples, columns)
         In place of sign(v), from -1 to 1.
-    slope : ndarray, shape (samples, columns)
+    by_distance : ndarray, shape (samples, columns)
         Its derivative by the presliding distance [1/rad or 1/m].
+    by_share : ndarray, shape (samples, columns)
+        Its derivative by the share of the friction that gives way.
     known : ndarray of bool, shape (samples, columns)
         Whether it depends on the motion alone, and no more on how the joint stood before.
     """
 
     joints: tuple[int, ...]
     direction: FloatArray
-    slope: FloatArray
+    by_distance: FloatArray
+    by_share: FloatArray
     known: BoolArray
 
     @classmethod
@@ -61,7 +88,7 @@ class Memory:
         Parameters
         ----------
         presliding : sequence of Presliding
-            The joints' distances.
+            How the joints give way.
         path : ndarray, shape (samples, n)
             Positions of the actuators, link side, in the order of time [rad or m].
         segment : ndarray of int64, shape (samples,), optional
@@ -69,7 +96,7 @@ class Memory:
         periodic : bool
             The path is one period of a motion that repeats: it is gone through twice.
         """
-        out = np.zeros((len(path), len(presliding), 3))
+        out = np.zeros((len(path), len(presliding), FOUND))
         starts = [0, len(path)]
         if segment is not None:
             starts[1:1] = (np.flatnonzero(np.diff(segment)) + 1).tolist()
@@ -77,12 +104,14 @@ class Memory:
             positions = np.ascontiguousarray(path[:, own.joint])
             for first, end in itertools.pairwise(starts):
                 state = begin()
+                rows, found = positions[first:end], out[first:end, column]
                 for _ in range(1 + periodic):
-                    follow(positions[first:end], own.parameter.value, state, out[first:end, column])
+                    follow(rows, own.distance.value, own.share_value, state, found)
         return cls(
             joints=tuple(own.joint for own in presliding),
             direction=out[:, :, DIRECTION],
-            slope=out[:, :, SLOPE],
+            by_distance=out[:, :, BY_DISTANCE],
+            by_share=out[:, :, BY_SHARE],
             known=out[:, :, KNOWN] > 0.0,
         )
 
@@ -105,8 +134,26 @@ class Memory:
         """Return the direction of a joint, (samples,); None where it remembers nothing."""
         return self.direction[:, self.joints.index(joint)] if joint in self.joints else None
 
+    def slopes(self, own: Presliding) -> tuple[tuple[NonlinearParameter, FloatArray], ...]:
+        """Return a joint's nonlinear parameters, each with the direction's derivative, (samples,).
+
+        Parameters
+        ----------
+        own : Presliding
+            How one of `joints` gives way.
+        """
+        column = self.joints.index(own.joint)
+        by_distance = (own.distance, self.by_distance[:, column])
+        if own.share is None:
+            return (by_distance,)
+        return (by_distance, (own.share, self.by_share[:, column]))
+
     def part(self, samples: slice) -> Memory:
         """Return what is remembered in some of the samples."""
         return Memory(
-            self.joints, self.direction[samples], self.slope[samples], self.known[samples]
+            self.joints,
+            self.direction[samples],
+            self.by_distance[samples],
+            self.by_share[samples],
+            self.known[samples],
         )

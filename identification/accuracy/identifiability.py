@@ -113,7 +113,13 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     return tuple(found)
 
 
-_OF_TERMS: Final = {"vs": "stribeck", "cl": "load", "eta": "efficiency", "dp": "presliding"}
+_OF_TERMS: Final = {
+    "vs": "stribeck",
+    "cl": "load",
+    "eta": "efficiency",
+    "dp": "presliding",
+    "sp": "presliding_share",
+}
 
 
 def few_findings(estimate: Estimate) -> tuple[str, ...]:

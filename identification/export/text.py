@@ -27,7 +27,7 @@ def head(model: ExportModel) -> tuple[str, ...]:
 def _memory(model: ExportModel) -> tuple[str, ...]:
     """Say of friction with memory what a file without states cannot hold."""
     own = ", ".join(
-        f"{each.parameter.name} = {each.parameter.value:.3g} {each.parameter.unit}"
+        f"{each.distance.name} = {each.distance.value:.3g} {each.distance.unit}"
         for each in presliding(model.model)
     )
     if not own:

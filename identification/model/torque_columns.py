@@ -132,10 +132,11 @@ def torque_structure(model: RobotModel, base: BaseParameters, slopes: bool) -> t
     seen = np.zeros(
         (model.chain.n, len(base) + (len(model.nonlinear_names) if slopes else 0)), bool
     )
-    directions = random.uniform(-1.0, 1.0, (2, 20, model.chain.n))
-    own = tuple(distance.joint for distance in presliding(model))
-    direction, steepness = directions[:, :, own]
-    memory = Memory(own, direction, steepness, np.ones((20, len(own)), dtype=bool))
+    directions = random.uniform(-1.0, 1.0, (3, 20, model.chain.n))
+    own = tuple(each.joint for each in presliding(model))
+    direction, by_distance, by_share = directions[:, :, own]
+    known = np.ones((20, len(own)), dtype=bool)
+    memory = Memory(own, direction, by_distance, by_share, known)
     for payload in (False, True):
         conditions = Conditions(temperature_k=warm, payload=payload, memory=memory)
         columns = torque_columns(model, base, motion, conditions, standard)

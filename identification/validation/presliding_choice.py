@@ -3,9 +3,10 @@
 With presliding the samples at rest and at reversal can be predicted. A joint gets it where that
 lowers its squared error on parts of the recordings that a fit has not seen, rest and reversal
 included, by more than one standard error of the difference, second by second (Breiman and others
-1984). Stribeck friction is left out meanwhile: at reversals it stands for what gives way. The
-parameters that are not linear are those of all data in every fold. A distance that the data do not
-tell from zero, or that ends at a bound, is not taken.
+1984). By the same rule only a share of its friction gives way, and the rest holds at once.
+Stribeck friction is left out meanwhile: at reversals it stands for what gives way. The parameters
+that are not linear are those of all data in every fold. A distance that the data do not tell from
+zero, a share that they do not tell from zero and one, and what ends at a bound, is not taken.
 """
 
 from __future__ import annotations
@@ -22,11 +23,19 @@ from config.robot.robot import RobotDescription
 from identification.equations.segments import thinned
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.validation.held_out import FOLDS, held_out_errors, shown_values
+from identification.validation.held_out import (
+    DISTINCT_SIGMAS,
+    FOLDS,
+    held_out_errors,
+    shown_values,
+    worth_having,
+)
 from identification.validation.stribeck_choice import with_stribeck
 
 STARTS: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 """Presliding distances from which the fit begins [rad or m]: each joint from its best."""
+HALF: Final = 0.5
+"""Share of the friction from which the fit begins, where not all of it gives way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +48,8 @@ class PreslidingChoice:
         Base to flange.
     distances : tuple of float or None
         Presliding distance of each joint that has it [rad or m].
+    shares : tuple of float
+        Share of each joint's friction that gives way so, from 0 to 1.
     error_nm : ndarray, shape (2, n)
         RMS error of each joint without and with it on parts left out, standstill and reversal
         included [N m or N].
@@ -46,11 +57,12 @@ class PreslidingChoice:
 
     joint_names: tuple[str, ...]
     distances: tuple[float | None, ...]
+    shares: tuple[float, ...]
     error_nm: FloatArray
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen presliding."""
-        return with_presliding(robot, self.distances)
+        return with_presliding(robot, self.distances, self.shares)
 
 
 def choose_presliding(
@@ -78,37 +90,89 @@ def choose_presliding(
     EstimationError
         The recordings are too short, or do not show the model.
     """
-    options = options or EstimationOptions()
-    robot = with_stribeck(
-        with_presliding(robot, [None] * len(robot.joints)), [None] * len(robot.joints)
-    )
+    options, n = options or EstimationOptions(), len(robot.joints)
+    robot = with_stribeck(with_presliding(robot, [None] * n), [None] * n)
     parts = [thinned(run) for run in signals]
     plain = fit_smoothed(robot, parts, options)
-    start = _start(robot, plain, options)
-    full = fit_smoothed(with_presliding(robot, start), parts, options)
-    errors = held_out_errors(plain, full, folds)
-    distances = shown_values(full.estimate(), errors, "dp")
-    return PreslidingChoice(robot.joint_names, distances, np.sqrt(np.nanmean(errors, axis=1)))
+    whole, partly = (
+        fit_smoothed(
+            with_presliding(robot, _start(robot, plain, options, share), [share] * n),
+            parts,
+            options,
+        )
+        for share in (1.0, HALF)
+    )
+    errors = [held_out_errors(plain, richer, folds) for richer in (whole, partly)]
+    distances = [
+        shown_values(richer.estimate(), own, "dp")
+        for richer, own in zip((whole, partly), errors, strict=True)
+    ]
+    better = worth_having(held_out_errors(whole, partly, folds))
+    shares = [
+        share if worth and distance is not None else None
+        for share, worth, distance in zip(
+            _shares(partly, errors[1]), better, distances[1], strict=True
+        )
+    ]
+    use = [int(share is not None) for share in shares]
+    rms = np.sqrt(np.nanmean(errors, axis=2))
+    return PreslidingChoice(
+        robot.joint_names,
+        tuple(distances[k][j] for j, k in enumerate(use)),
+        tuple(share or 1.0 for share in shares),
+        np.stack([rms[k, :, j] for j, k in enumerate(use)], axis=1),
+    )
 
 
-def with_presliding(robot: RobotDescription, distances: Sequence[float | None]) -> RobotDescription:
-    """Return a robot with presliding on the joints that have a distance [rad or m], no others."""
+def with_presliding(
+    robot: RobotDescription,
+    distances: Sequence[float | None],
+    shares: Sequence[float] | None = None,
+) -> RobotDescription:
+    """Return a robot with presliding on the joints that have a distance [rad or m], no others.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    distances : sequence of float or None
+        One a joint.
+    shares : sequence of float, optional
+        Share of each joint's friction that gives way; all of it by default.
+    """
     joints = []
-    for joint, distance in zip(robot.joints, distances, strict=True):
+    shares = shares or [1.0] * len(distances)
+    for joint, distance, share in zip(robot.joints, distances, shares, strict=True):
         friction = tuple(term for term in joint.friction if term != "presliding")
         update: dict[str, object] = {"friction": friction}
         if distance is not None:
-            update = {"friction": (*friction, "presliding"), "presliding_distance": distance}
+            update = {
+                "friction": (*friction, "presliding"),
+                "presliding_distance": distance,
+                "presliding_share": share,
+            }
         joints.append(joint.model_copy(update=update))
     return robot.model_copy(update={"joints": tuple(joints)})
 
 
+def _shares(partly: FittedSignals, errors: FloatArray) -> list[float | None]:
+    """Return each joint's share where the data tell it from one, too."""
+    estimate = partly.estimate()
+    sigma = dict(zip(partly.model.nonlinear_names, estimate.nonlinear_sigma, strict=True))
+    return [
+        share if share is not None and 1.0 - share > DISTINCT_SIGMAS * sigma[f"sp_{name}"] else None
+        for name, share in zip(
+            partly.model.joint_names, shown_values(estimate, errors, "sp"), strict=True
+        )
+    ]
+
+
 def _start(
-    robot: RobotDescription, plain: FittedSignals, options: EstimationOptions
+    robot: RobotDescription, plain: FittedSignals, options: EstimationOptions, share: float
 ) -> list[float]:
     """Return the distance of `STARTS` that fits each joint best, gears losing nothing yet."""
     residuals = []
     for distance in STARTS:
-        tried = with_presliding(robot, [distance] * len(robot.joints))
+        tried = with_presliding(robot, [distance] * len(robot.joints), [share] * len(robot.joints))
         residuals.append(plain.problem.fit(options.model.build(tried), None).residual_nm)
     return [STARTS[k] for k in np.argmin(residuals, axis=0)]

@@ -49,11 +49,24 @@ class MemoryTrial(Section):
         Presliding distance of each joint that has it [rad or m].
     without, with_memory : tuple of float
         RMS error of each joint on what the fit left out [N m or N].
+    share : tuple of float or None
+        Share of each joint's friction that gives way so; None in results of earlier versions, where
+        all of it does.
     """
 
     distance: tuple[float | None, ...]
     without: Numbers
     with_memory: Numbers
+    share: Numbers | None = None
+
+    @property
+    def shown_shares(self) -> tuple[float | None, ...]:
+        """The share of each joint that has a distance."""
+        shares = self.share or (1.0,) * len(self.distance)
+        return tuple(
+            None if distance is None else share
+            for distance, share in zip(self.distance, shares, strict=True)
+        )
 
 
 class StribeckTrial(Section):
@@ -225,6 +238,10 @@ class ComparisonSection(Section):
                         "presliding distance, where it is chosen",
                         *("-" if d is None else number(d, 3) for d in self.memory.distance),
                     ),
+                    (
+                        "share of the friction that gives way",
+                        *("-" if s is None else number(s, 2) for s in self.memory.shown_shares),
+                    ),
                 ],
             )
         if self.stribeck is not None:
@@ -261,7 +278,10 @@ def _terms(comparison: Comparison) -> list[Texts]:
 def _memory(choice: PreslidingChoice) -> MemoryTrial:
     without, remembering = choice.error_nm.tolist()
     return MemoryTrial(
-        distance=choice.distances, without=tuple(without), with_memory=tuple(remembering)
+        distance=choice.distances,
+        without=tuple(without),
+        with_memory=tuple(remembering),
+        share=choice.shares,
     )
 
 

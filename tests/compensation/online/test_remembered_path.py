@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from compensation.feedforward.inverse import feedforward
+from compensation.online.online_kernel import PRESLIDING
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from dynamics.kernels.presliding import DIRECTION
@@ -125,7 +126,7 @@ def test_what_a_path_that_was_stopped_remembers_is_where_it_went() -> None:
 
 def test_a_model_without_presliding_is_not_watched() -> None:
     forward = replace(REMEMBERING, axes=REMEMBERING.axes.copy())
-    forward.axes[-1] = 0.0
+    forward.axes[PRESLIDING] = 0.0
     forward.axes.setflags(write=False)
     q = rested()[0]
     ring = PointRing.create(3, len(q))

@@ -7,13 +7,14 @@ import pytest
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from dynamics.kernels.presliding import FOUND
 from dynamics.model.memory import with_memory
 from dynamics.model.one_sample import SampleTorque
-from dynamics.model.remembered_sample import FOUND, go_to, remembered_torque, unknown
+from dynamics.model.remembered_sample import go_to, remembered_torque, unknown
 from dynamics.model.robot_model import RobotModel, load_torque, torque
 from dynamics.terms.conditions import Conditions
 
-DISTANCE = 0.05
+DISTANCE, SHARE = 0.05, 0.4
 KINDS = ("coulomb", "viscous", "offset", "asymmetric", "cubic", "cube_root", "stribeck", "load")
 
 
@@ -24,6 +25,7 @@ def arm(ir361: RobotDescription) -> RobotDescription:
             update={
                 "friction": KINDS if j == 1 else (*KINDS, "presliding"),
                 "presliding_distance": DISTANCE,
+                "presliding_share": SHARE if j == 2 else 1.0,
                 "efficiency": 0.8 if j == 2 else None,
             }
         )
@@ -54,7 +56,7 @@ def test_a_path_gone_step_by_step_takes_the_whole_paths_torques(
     load = load_torque(model, q, v, a, theta, conditions)
     expected = torque(model, q, v, a, theta, Conditions(load_nm=load, memory=conditions.memory))
     one = SampleTorque.of(model, theta)
-    np.testing.assert_array_equal(one.presliding, [DISTANCE, 0.0, DISTANCE])
+    np.testing.assert_array_equal(one.presliding, [[DISTANCE, 0.0, DISTANCE], [1.0, 0.0, SHARE]])
     state, found, out = unknown(3), np.zeros((3, FOUND)), np.empty(3)
     for row in range(len(q)):
         go_to(q[row], one.presliding, state, found)

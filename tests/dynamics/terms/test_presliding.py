@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.load import load_robot
 from config.robot.friction_terms import FrictionTerm
-from dynamics.kernels.presliding import DIRECTION, KNOWN, STATE, begin, follow
+from dynamics.kernels.presliding import AT_ONCE, DIRECTION, FOUND, KNOWN, STATE, begin, follow
 from dynamics.model.memory import counted, presliding, with_memory
 from dynamics.model.nonlinear_slopes import nonlinear_slopes
 from dynamics.model.robot_model import RobotModel, load_torque, regressor, torque
@@ -21,15 +21,18 @@ D = 0.01
 PATHS = st.lists(st.floats(-3.0 * D, 3.0 * D), min_size=2, max_size=40).map(np.cumsum)
 
 
-def direction(path: FloatArray, distance: float = D, state: FloatArray | None = None) -> FloatArray:
-    out = np.zeros((len(path), 3))
-    follow(np.asarray(path, dtype=np.float64), distance, begin() if state is None else state, out)
+def direction(
+    path: FloatArray, distance: float = D, state: FloatArray | None = None, share: float = 1.0
+) -> FloatArray:
+    out = np.zeros((len(path), FOUND))
+    state = begin() if state is None else state
+    follow(np.asarray(path, dtype=np.float64), distance, share, state, out)
     return out
 
 
-@given(PATHS)
-def test_it_stays_between_the_two_directions(path: FloatArray) -> None:
-    assert np.all(np.abs(direction(path)[:, DIRECTION]) <= 1.0 + 1e-12)
+@given(PATHS, st.floats(0.0, 1.0))
+def test_it_stays_between_the_two_directions(path: FloatArray, share: float) -> None:
+    assert np.all(np.abs(direction(path, share=share)[:, DIRECTION]) <= 1.0 + 1e-12)
 
 
 @given(PATHS, st.integers(2, 5))
@@ -80,6 +83,13 @@ def test_all_of_a_joint_slides_a_distance_after_rest_and_two_after_a_reversal() 
     np.testing.assert_allclose(turned[-1], -1.0, atol=1e-12)
 
 
+def test_what_does_not_give_way_holds_at_once() -> None:
+    turned = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * AT_ONCE, D]), share=0.25)
+    whole = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * AT_ONCE, D]))[:, DIRECTION]
+    np.testing.assert_allclose(turned[1, DIRECTION], 1.0)
+    np.testing.assert_allclose(turned[2:, DIRECTION], 0.25 * whole[2:] - 0.75)
+
+
 TERMS: tuple[tuple[FrictionTerm, ...], ...] = (
     ("coulomb", "viscous", "stribeck", "presliding"),
     ("asymmetric", "load", "presliding"),
@@ -94,10 +104,11 @@ def model_of(efficiency: float | None = None) -> RobotModel:
             update={
                 "friction": terms,
                 "presliding_distance": 0.02,
+                "presliding_share": share,
                 "efficiency": None if "load" in terms else efficiency,
             }
         )
-        for joint, terms in zip(robot.joints, TERMS, strict=True)
+        for joint, terms, share in zip(robot.joints, TERMS, (1.0, 0.6, 0.3), strict=True)
     )
     return RobotModel.from_description(robot.model_copy(update={"joints": joints}))
 
@@ -110,13 +121,15 @@ def small_motion(samples: int = 60) -> tuple[FloatArray, FloatArray, FloatArray]
 
 
 @pytest.mark.parametrize("efficiency", [None, 0.8])
-def test_the_slopes_by_its_distance_are_those_of_the_torque(efficiency: float | None) -> None:
+def test_the_slopes_by_distance_and_share_are_those_of_the_torque(efficiency: float | None) -> None:
     model = model_of(efficiency)
     q, v, a = small_motion()
     warm = Conditions(temperature_k=np.full(3, 310.0))
     theta = np.random.default_rng(2).normal(size=len(model.parameter_names))
     load = load_torque(model, q, v, a, theta, warm)
-    assert [own.parameter.name for own in presliding(model)] == ["dp_axis1", "dp_axis2", "dp_axis3"]
+    assert [own.distance.name for own in presliding(model)] == ["dp_axis1", "dp_axis2", "dp_axis3"]
+    assert {"sp_axis2", "sp_axis3"} <= set(model.nonlinear_names)
+    assert "sp_axis1" not in model.nonlinear_names, "all of its friction gives way"
 
     def conditions(of: RobotModel) -> Conditions:
         followed = with_memory(of, q, warm)
