@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.imports.between_steps import between_steps, position_steps
 from acquisition.imports.causes import cause_of_loss
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import find
@@ -96,7 +97,8 @@ def import_csv(
         findings = find(rows, columns, import_map, robot)
     except DataQualityError as error:
         raise DataQualityError(f"{file.name}: {error}") from None
-    position = columns.joint_positions(rows.position)
+    position_step = position_steps(rows)
+    position = columns.joint_positions(between_steps(rows, position_step))
     steps = np.diff(rows.time_s)
     report = ImportReport(
         file=file.name,
@@ -111,6 +113,10 @@ def import_csv(
         gaps=int(np.count_nonzero(steps > GAP_STEPS * np.median(steps))),
         travel=tuple(np.ptp(position, axis=0).tolist()),
         velocity_ratio=findings.velocity_ratio,
+        refined_step=tuple(
+            step if joint.velocity is not None else None
+            for step, joint in zip(position_step, import_map.joints, strict=True)
+        ),
         findings=(*table.notes, *notes, *findings.sentences),
         static=findings.static,
     )

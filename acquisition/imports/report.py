@@ -66,6 +66,9 @@ class ImportReport:
     velocity_ratio : tuple of float or None
         Per joint, velocity from the positions over the velocity column; 1 where both agree, None
         where there is no such column or the joint stands still.
+    refined_step : tuple of float or None
+        Per joint, the step that its position was recorded in [rad or m] and between which it
+        follows the recorded velocity; None where there is no such step or no velocity.
     findings : tuple of str
         What is odd about the rows used, a sentence each.
     static : bool
@@ -84,6 +87,7 @@ class ImportReport:
     gaps: int
     travel: tuple[float, ...]
     velocity_ratio: tuple[float | None, ...]
+    refined_step: tuple[float | None, ...] = ()
     findings: tuple[str, ...] = ()
     static: bool = False
 
@@ -108,6 +112,12 @@ class ImportReport:
             f"time steps {_ms(self.step_min_s)} to {_ms(self.step_max_s)} ms, median"
             f" {_ms(self.step_median_s)} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
         ]
+        steps = [step for step in self.refined_step if step is not None]
+        if steps:
+            found.append(
+                f"positions are recorded in steps of {max(steps):.2g} rad or m at most; between two"
+                " steps they follow the recorded velocity"
+            )
         if self.damaged:
             reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
             rows = "damaged row" if self.rows_damaged == 1 else "damaged rows"

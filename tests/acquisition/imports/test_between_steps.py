@@ -1,0 +1,115 @@
+"""Positions that were recorded in steps follow the recorded velocity between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.imports.between_steps import between_steps, position_steps
+from acquisition.imports.columns import ImportRows
+from config.arrays import FloatArray
+from dynamics.kernels.taut_string import pull_taut
+
+STEP = 1e-4
+
+
+def rows(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> ImportRows:
+    return ImportRows(
+        row=np.arange(len(time_s)),
+        time_s=time_s,
+        position=position[:, np.newaxis],
+        velocity=velocity[:, np.newaxis],
+        torque=np.zeros((len(time_s), 1)),
+        temperature=np.zeros((len(time_s), 0)),
+    )
+
+
+def creeping() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, position and velocity of a joint that creeps by a few steps, back and forth."""
+    time_s = np.arange(0.0, 10.0, 0.008)
+    position = 3e-4 * np.sin(0.8 * time_s) + 1e-4 * np.sin(3.0 * time_s)
+    velocity = 2.4e-4 * np.cos(0.8 * time_s) + 3e-4 * np.cos(3.0 * time_s)
+    return time_s, position, velocity
+
+
+def rounded(values: FloatArray, step: float, seed: int = 1) -> FloatArray:
+    """Return values in steps, as an encoder that flickers between two of them shows them."""
+    noise = np.random.default_rng(seed).normal(0.0, 0.1 * step, len(values))
+    return np.asarray(step * np.round((values + noise) / step), dtype=np.float64)
+
+
+def test_the_step_of_a_position_is_found_whatever_its_unit() -> None:
+    time_s, position, velocity = creeping()
+    for factor in (1.0, np.pi / 180.0, 1.0 / 121.0):
+        seen = rows(time_s, factor * rounded(position, STEP), velocity)
+        assert position_steps(seen) == pytest.approx((factor * STEP,))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3, -123.4])
+def test_a_joint_that_creeps_turns_round_where_it_did_and_not_where_its_position_flickers(
+    offset: float,
+) -> None:
+    time_s, position, velocity = creeping()
+    seen = rows(time_s, rounded(position, STEP) + offset, rounded(velocity, STEP))
+    found = between_steps(seen, position_steps(seen))[:, 0] - offset
+    assert np.std(found - position) < 0.4 * np.std(seen.position[:, 0] - offset - position)
+    true, recorded, refined = (
+        np.count_nonzero(np.diff(np.sign(np.diff(path))))
+        for path in (position, seen.position[:, 0], found)
+    )
+    assert recorded > 10 * true
+    assert refined <= true + 4
+
+
+def test_a_joint_at_rest_that_flickers_between_two_steps_stands_still() -> None:
+    time_s = np.arange(0.0, 4.0, 0.01)
+    flicker = STEP * np.random.default_rng(3).integers(0, 2, len(time_s)).astype(float)
+    seen = rows(time_s, 0.5 + flicker, np.zeros(len(time_s)))
+    found = between_steps(seen, position_steps(seen))[50:-50, 0]
+    assert np.ptp(found) < 0.02 * STEP
+
+
+def test_a_velocity_that_is_wrong_moves_nothing_by_more_than_a_step() -> None:
+    time_s, position, velocity = creeping()
+    seen = rows(time_s, rounded(position, STEP), -3.0 * velocity)
+    found = between_steps(seen, position_steps(seen))
+    assert np.abs(found - seen.position).max() <= STEP * (1.0 + 1e-9)
+
+
+def test_what_has_no_steps_or_no_velocity_is_left_as_it_is() -> None:
+    time_s, position, velocity = creeping()
+    smooth = rows(time_s, position, velocity)
+    assert position_steps(smooth) == (None,)
+    np.testing.assert_array_equal(between_steps(smooth, (None,)), smooth.position)
+    alone = rows(time_s, rounded(position, STEP), np.full(len(time_s), np.nan))
+    np.testing.assert_array_equal(between_steps(alone, position_steps(alone)), alone.position)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-5.0, 5.0), st.floats(0.0, 2.0)), min_size=2, max_size=60),
+    st.integers(0, 1000),
+)
+def test_a_taut_string_keeps_its_bounds_and_is_longer_than_no_other(
+    bounds: list[tuple[float, float]], seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    time_s = np.cumsum(random.uniform(0.1, 1.0, len(bounds)))
+    middle, width = np.array(bounds).T
+    low, high = middle - width, middle + width
+    path = np.empty(len(bounds))
+    pull_taut(time_s, low, high, path)
+    assert np.all(path >= low - 1e-9)
+    assert np.all(path <= high + 1e-9)
+    shortest = length(time_s, path)
+    for share in random.uniform(-1.0, 1.0, (20, len(bounds))):
+        other = middle + share * width
+        other[[0, -1]] = path[[0, -1]]
+        assert shortest <= length(time_s, other) + 1e-9
+        between = path + random.uniform(0.0, 0.2) * (other - path)
+        assert shortest <= length(time_s, between) + 1e-9
+
+
+def length(time_s: FloatArray, path: FloatArray) -> float:
+    return float(np.hypot(np.diff(time_s), np.diff(path)).sum())
