@@ -136,14 +136,15 @@ def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> 
     )
 
 
-def with_presliding(joints: Sequence[int], distance: float) -> RobotDescription:
-    """Return the arm whose model has presliding on some joints, begun at a distance."""
+def with_presliding(joints: Sequence[int], distance: float, share: float = 1.0) -> RobotDescription:
+    """Return the arm whose model has presliding on some joints, begun at a distance and a share."""
     robot = arm()
     own = tuple(
         joint.model_copy(
             update={
                 "friction": (*joint.friction, *(("presliding",) if j in joints else ())),
                 "presliding_distance": distance,
+                "presliding_share": share,
             }
         )
         for j, joint in enumerate(robot.joints)

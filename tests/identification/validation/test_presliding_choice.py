@@ -8,6 +8,7 @@ import pytest
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
+from dynamics.kernels.presliding import AT_ONCE
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
@@ -51,6 +52,30 @@ def test_the_robot_carries_the_choice(choice: PreslidingChoice) -> None:
     assert choice.robot(robot) == robot
 
 
+def test_all_of_their_friction_gives_way_where_the_data_show_nothing_else(
+    choice: PreslidingChoice,
+) -> None:
+    assert choice.shares[:2] == (1.0, 1.0)
+    assert choice.shares[2] > 0.9, "Dahl's law begins steeper"
+
+
+def partly(q: FloatArray, share: float) -> FloatArray:
+    """Return the direction of a joint of whose friction a share gives way."""
+    return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, AT_ONCE, elements=1)
+
+
+def test_a_share_that_holds_at_once_is_told() -> None:
+    q = WAY[0]
+    directions = {1: partly(q[:, 1], 0.4), 2: iwan(q[:, 2], DISTANCE)}
+    chosen = choose_presliding(arm(), [recording(directions, WAY)])
+    assert chosen.distances[0] is None
+    assert chosen.distances[1:] == pytest.approx((DISTANCE, DISTANCE), rel=0.15)
+    assert chosen.shares[1] == pytest.approx(0.4, abs=0.06)
+    assert chosen.shares[2] == 1.0
+    robot = chosen.robot(arm())
+    assert robot.joints[1].presliding_share == chosen.shares[1]
+
+
 def test_a_robot_that_slides_at_once_gets_none() -> None:
     assert choose_presliding(arm(), [recording({}, WAY)]).distances == (None, None, None)
 
@@ -68,6 +93,23 @@ def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
     measured = recording(directions, way, noise_nm=6.0, seed=seed)
     estimate: Estimate = estimate_smoothed(with_presliding((1, 2), 0.01), [measured])
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
+
+
+def shared(seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return distance and share of axis 2 and their deviations from one experiment."""
+    way = motion(40.0, seed)
+    measured = recording({1: partly(way[0][:, 1], 0.5)}, way, noise_nm=6.0, seed=seed)
+    robot = with_presliding((1,), 0.01, share=0.7)
+    estimate = estimate_smoothed(robot, [measured])
+    return estimate.model.nonlinear_values, estimate.nonlinear_sigma
+
+
+@pytest.mark.slow
+def test_two_sigma_hold_the_shares_of_50_experiments() -> None:
+    found = [shared(seed) for seed in range(50)]
+    values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
+    assert np.mean(np.abs(values - [DISTANCE, 0.5]) < 2.0 * sigmas) >= 0.9
+    assert np.all(np.mean(sigmas, axis=0) < [0.2 * DISTANCE, 0.1])
 
 
 def paused(measured: SmoothedSignals, seconds: float) -> SmoothedSignals:
