@@ -63,7 +63,7 @@ class CycleReader:
         return self._reader.damage()
 
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
-        """Yield the rows that were not read before, as `row_dtype`, some thousands at a time.
+        """Yield the rows that were not read before, as `row_dtype`, about a thousand at a time.
 
         Parameters
         ----------

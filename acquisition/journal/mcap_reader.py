@@ -32,7 +32,7 @@ from acquisition.journal.mcap_records import (
 from config.errors import RecordingError, system_errors
 from config.formats.bounded_file import open_file
 
-PIECE_BYTES = 1 << 20
+PIECE_BYTES = 1 << 18
 MAX_CHUNK_BYTES = 1 << 20
 MAX_FILE_BYTES = 4_000_000_000
 # opcode, record length, first and last time, uncompressed size, CRC, length of the (empty)
@@ -162,7 +162,7 @@ class JournalReader:
         return tuple(pairs for pairs in candidates if pairs is not None)
 
     def pieces(self, *, growing: bool = False) -> Iterator[Messages]:
-        """Yield what was not read before, up to the file's present end, a few MB at a time.
+        """Yield what was not read before, up to the file's present end, a quarter MB at a time.
 
         Parameters
         ----------
