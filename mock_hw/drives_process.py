@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from config.cell.cell import CanBusConfig
 from config.errors import RidDaqError, TransportError
@@ -29,11 +30,13 @@ from mock_hw.host.device_process import keep_pace, leave_signals_to_parent
 from mock_hw.host.runtime_directory import axes_path, folder_in_use
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.plate_service import PlateService
-from mock_hw.rack import DriveRack
 from mock_hw.registers.contents import DriveRegisters
 from mock_hw.registers.registers import SimulatedRegisters
 from mock_hw.registers.server import RegisterService, RegisterSettings
 from mock_hw.simulation import CellSimulation
+
+if TYPE_CHECKING:
+    from mock_hw.rack import DriveRack
 
 _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
@@ -127,6 +130,8 @@ def _rack_on_bus(
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
     with signals_deferred():  # an exception that a compiler's callback raises is lost
+        from mock_hw.rack import DriveRack  # it loads Pinocchio, which only this process needs
+
         DriveRack(cell, robot, plant, seed).advance(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))

@@ -10,12 +10,15 @@ import contextlib
 import select
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from mock_hw.amplifier.port import AmplifierPort
 from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.bus_client import BusClient
 from mock_hw.bus.hub_client import HubClient
-from mock_hw.rack import DriveRack
+
+if TYPE_CHECKING:
+    from mock_hw.rack import DriveRack
 
 LOCKSTEP_BATCH_S = 0.045
 IDLE_BATCH_S = 1.0
