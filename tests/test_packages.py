@@ -80,6 +80,27 @@ def test_a_command_starts_without_what_takes_a_second_to_import(command: str) ->
     assert loaded_by(f"rid_daq.commands.{command}", heavy) == "set()"
 
 
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("rid_daq.runs.run_data", ("numba", "llvmlite", "scipy", "matplotlib", "bokeh")),
+        (
+            "rid_daq.performers.identify",
+            (
+                *("scipy.optimize", "scipy.interpolate", "scipy.integrate", "scipy.spatial"),
+                *("scipy.signal", "matplotlib", "bokeh"),
+            ),
+        ),
+        ("mock_hw.cell", ("pinocchio",)),
+    ],
+)
+def test_what_a_command_does_loads_no_library_that_it_does_not_use(
+    module: str, heavy: tuple[str, ...]
+) -> None:
+    """Most of the memory of averaging and of identifying is libraries."""
+    assert loaded_by(module, heavy) == "set()"
+
+
 def test_a_report_without_a_figure_loads_nothing_that_draws() -> None:
     """Half of what a command that only records would compute."""
     program = (

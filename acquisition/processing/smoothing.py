@@ -12,12 +12,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy import interpolate
 
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray, IntArray, freeze
 from config.errors import ConfigError, DataQualityError
-from dynamics.kernels.low_pass import filter_both_ways
 
 FILTER_ORDER = 4
 GAP_STEPS = 5.0
@@ -100,6 +98,8 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
             f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {every}: choose one between"
             f" 0 and {0.45 / step:.4g} Hz"
         )
+    from dynamics.kernels.low_pass import filter_both_ways  # it loads the compiler
+
     sections, start = _sections(cutoff_hz * sample_period_s)
     padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
     longer = np.empty((len(values) + 2 * padding, *values.shape[1:]))
@@ -150,6 +150,8 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
     DataQualityError
         No segment is long enough.
     """
+    from scipy import interpolate  # large, and periodic runs do without
+
     time_s = recording.time_s[recording.valid]
     if len(time_s) < 2:
         raise DataQualityError(f"{len(time_s)} valid rows are too few to smooth")
@@ -225,6 +227,8 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
     DataQualityError
         The recording holds less than two whole periods.
     """
+    from scipy import interpolate
+
     time_s = recording.time_s[recording.valid]
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
     periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0

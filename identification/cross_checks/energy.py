@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.integrate import cumulative_simpson
 
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
@@ -100,6 +99,8 @@ def _energies(
     Kinetic energy is half the product of velocity and momentum; the momentum M v is the torque at
     rest with acceleration v, less the one with none.
     """
+    from scipy.integrate import cumulative_simpson  # large, and few estimates are checked
+
     model, base, signals = estimate.model, estimate.base, run.signals
     q, v = signals.position[rows], signals.velocity[rows]
     rest, conditions = np.zeros_like(q), run.conditions.part(rows)

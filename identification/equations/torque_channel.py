@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
@@ -57,6 +56,8 @@ class TorqueChannel:
         signals : SmoothedSignals
             As they were recorded.
         """
+        from scipy.interpolate import CubicSpline  # large, and few recordings need it
+
         torque = signals.torque_nm.copy()
         for number in np.unique(signals.segment):
             rows = signals.segment == number

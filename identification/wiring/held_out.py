@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial import KDTree
 
 from config.arrays import BoolArray, FloatArray, IntArray
 from dynamics.model.robot_model import regressor
@@ -90,13 +89,13 @@ def _parts(signals: WiredSignals) -> list[tuple[IntArray, BoolArray]]:
     parts = (signals.position[:, moving], signals.velocity[:, moving])
     states = np.hstack([part / np.maximum(part.std(axis=0), 1e-12) for part in parts])
     steps = np.linalg.norm(np.diff(states, axis=0), axis=1)
-    near = KDTree(states).query_ball_point(states, float(np.median(steps)))
+    near = float(np.median(steps))
     rows = len(states)
     open_, found = np.ones(rows, dtype=np.bool_), []
     while open_.any():
         out, row = np.zeros(rows, dtype=np.bool_), int(np.argmax(open_))
         while row < rows and PARTS * np.sum(out) < rows:
-            out[near[row]] = True
+            out |= np.linalg.norm(states - states[row], axis=1) <= near
             row += 1
         found.append((np.flatnonzero(out & open_), out))
         open_ &= ~out

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from config.arrays import FloatArray
 from identification.wiring.mistakes import OFFSET_STEPS, Kind, Mistake, common_mistakes, offset
@@ -17,6 +17,7 @@ from identification.wiring.trial import Condensed, Trial
 AS_GOOD: Final = 0.1
 MOST_MISTAKES: Final = 3
 MOST_ALTERNATIVES: Final = 3
+ANGLE_STEP_RAD: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +100,29 @@ def _exact(signals: WiredSignals, near: Mistake) -> tuple[Mistake, Trial]:
         return Condensed.of(moved).trial(still).cost
 
     half = math.pi / OFFSET_STEPS
-    bounds = (near.factor - 2.0 * half, near.factor + 2.0 * half)
-    angle = float(minimize_scalar(cost, bounds=bounds, options={"xatol": 1e-3}).x)
+    angle = _lowest(cost, near.factor - 2.0 * half, near.factor + 2.0 * half)
     best = offset(signals.robot, joint, angle)
     return best, Condensed.of(best.undone(signals)).trial(still)
+
+
+def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a cost with one valley is lowest, by golden sections.
+
+    `scipy.optimize`, which could do it, takes more memory and time to load than all trials.
+    """
+    share = 0.5 * (math.sqrt(5.0) - 1.0)
+    left, right = high - share * (high - low), low + share * (high - low)
+    of_left, of_right = cost(left), cost(right)
+    while high - low > ANGLE_STEP_RAD:
+        if of_left < of_right:
+            high, right, of_right = right, left, of_left
+            left = high - share * (high - low)
+            of_left = cost(left)
+        else:
+            low, left, of_left = left, right, of_right
+            right = low + share * (high - low)
+            of_right = cost(right)
+    return 0.5 * (low + high)
 
 
 def _distinct(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:

@@ -13,7 +13,6 @@ from functools import cached_property
 from pathlib import Path
 
 from acquisition.imports.import_map import ImportMap
-from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
@@ -139,6 +138,8 @@ class RunData:
         require_own(folder)
         robot = load_robot(str(folder.file(ROBOT)))
         if not recorded:
+            from acquisition.imports.read import import_csv  # it loads the compiler
+
             import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
             source = folder.file(SOURCE)
             further = [folder.file(name) for name in SOURCES[1 : 1 + len(import_map.further_files)]]
