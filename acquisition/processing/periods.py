@@ -171,7 +171,7 @@ def average_table(
     channels = [
         f"{what} of joint {j!r}" for what in ("position", "torque") for j in table.joint_names
     ]
-    rejected |= _out_of_family(table.values, present[:, :, np.newaxis], good, channels)
+    rejected |= _out_of_family(table.values, present[:, :, np.newaxis], good, channels, alike=n)
     good = _without(rejected, len(present))
     plate = None
     if recording is not None and recording.reaction is not None:
@@ -260,7 +260,8 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
     used = np.flatnonzero(plate.used)
     there = plate.present[:, :, used]
     values = plate.values[:, :, used]
-    odd = _out_of_family(lambda m, rows: values[m, rows], there, good, [names[k] for k in used])
+    channels = [names[k] for k in used]
+    odd = _out_of_family(lambda m, rows: values[m, rows], there, good, channels, alike=1)
     return {m: why for m, why in (unfit | odd).items() if m not in rejected}
 
 
@@ -299,8 +300,14 @@ def _out_of_family(
     present: BoolArray,
     good: BoolArray,
     channels: Sequence[str],
+    *,
+    alike: int,
 ) -> dict[int, str]:
-    """Return the complete periods that differ from the others far more than those do, with why."""
+    """Return the complete periods that differ from the others far more than those do, with why.
+
+    What is negligible against the largest change among `alike` neighbouring channels counts
+    nowhere: a joint at rest creeps, and its encoder's last digit turns over.
+    """
     indices = np.flatnonzero(good).tolist()
     if len(indices) < 3:
         return {}
@@ -320,7 +327,8 @@ def _out_of_family(
         peak = highest if peak is None else np.maximum(peak, highest)
     assert squares is not None
     assert peak is not None
-    negligible = NEGLIGIBLE_FRACTION * np.concatenate(means).std(axis=0)
+    changes = np.concatenate(means).std(axis=0).reshape(-1, alike).max(axis=1)
+    negligible = NEGLIGIBLE_FRACTION * np.repeat(changes, alike)
     rejected: dict[int, str] = {}
     for words, measure in (("RMS", np.sqrt(squares / samples)), ("peak", peak)):
         common = np.median(measure, axis=0)

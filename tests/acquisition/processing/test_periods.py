@@ -265,6 +265,13 @@ class TestOutOfFamily:
         position[main_row(2, 10), 0] += 5e-5  # one count, in a recording without any noise
         assert average_periods(replace(recording, position=position)).rejected == ()
 
+    def test_a_joint_at_rest_that_creeps_by_a_count_rejects_nothing(self) -> None:
+        recording = record()
+        position = recording.position.copy()
+        position[:, 1] = 0.7
+        position[main_row(2, 10) : main_row(2, 60), 1] += 2.4e-5
+        assert average_periods(replace(recording, position=position)).rejected == ()
+
     def test_too_many_bad_periods_are_refused_with_all_reasons(self) -> None:
         recording = record(periods=16)
         for period in range(0, 12, 2):

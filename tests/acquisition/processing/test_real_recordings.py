@@ -86,7 +86,7 @@ class TestPeriods:
         average = average_periods(recording)
         assert average.periods_kept >= 4
         deviation_rad = float(np.sqrt(average.position_variance[number - 1]))
-        assert 0.02e-3 < deviation_rad < 0.05e-3
+        assert 0.01e-3 < deviation_rad < 0.05e-3
 
     def test_the_way_into_the_motion_is_out_of_family(self, real_robot: Path) -> None:
         import_map = layout().model_copy(update={"rows": RowRange(first=82, last=5805)})
