@@ -160,10 +160,11 @@ def _near(those: BoolArray, signals: SmoothedSignals, cutoff_hz: float) -> BoolA
     near = np.zeros_like(those)
     edges = (np.flatnonzero(np.diff(signals.segment)) + 1).tolist()
     for first, end in pairwise([0, *edges, len(those)]):
-        counts = np.cumsum(np.vstack([np.zeros_like(those[:1], int), those[first:end]]), axis=0)
         rows = np.arange(end - first)
         before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, end - first)
-        near[first:end] = counts[after] > counts[before]
+        for j in range(those.shape[1]):  # counts of all joints at once would be the largest array
+            counts = np.concatenate([[0], np.cumsum(those[first:end, j])])
+            near[first:end, j] = counts[after] > counts[before]
     return near
 
 
