@@ -13,7 +13,7 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
-from rid_daq.jobs.payload.payload_job import PayloadRequest
+from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
 from rid_daq.preflight.preflight import preflight
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import (
@@ -218,11 +218,10 @@ class PayloadGuide:
         """Return the runs so far that the payload is estimated from."""
         if not self.state.measurements:
             return None
-        return PeriodicRuns(
-            tuple(item.average for item in self.state.runs()),
-            tuple(name != UNLOADED for name in self.state.measurements),
-            self.payload_request.band_hz,
-            self.payload_request.standstill_rad_s,
+        return periodic_runs(
+            [item.average for item in self.state.runs()],
+            [name != UNLOADED for name in self.state.measurements],
+            self.payload_request,
         )
 
 

@@ -12,11 +12,10 @@ from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
 from config.errors import DataQualityError, EstimationError
 from config.robot.robot import RobotDescription
-from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
-from rid_daq.jobs.payload.payload_job import PayloadRequest
+from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
 from rid_daq.recording.average_so_far import AverageSoFar
 from rid_daq.report.formats import measured
 
@@ -127,14 +126,12 @@ class MassWatch:
         """Say what the mass is so far."""
         return self._said
 
-    def _runs(self, average: PeriodAverage) -> MeasuredRuns:
+    def _runs(self, average: PeriodAverage) -> PeriodicRuns:
+        new = periodic_runs((average,), (True,), self._payload_request)
         if self._before is None:
-            payload_request = self._payload_request
-            return PeriodicRuns(
-                (average,), (True,), payload_request.band_hz, payload_request.standstill_rad_s
-            )
+            return new
         return replace(
             self._before,
-            averages=(*self._before.averages, average),
-            loaded=(*self._before.loaded, True),
+            averages=(*self._before.averages, *new.averages),
+            loaded=(*self._before.loaded, *new.loaded),
         )

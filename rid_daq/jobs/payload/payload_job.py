@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
-from identification.estimation.estimate import Estimate
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
@@ -41,15 +41,11 @@ class PayloadRequest:
 
 
 def payload_runs(
-    data: Sequence[RunData],
-    loaded: Sequence[bool],
-    band_hz: float,
-    standstill_rad_s: float,
-    model: Estimate | None = None,
+    data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
 ) -> MeasuredRuns:
     """Return runs as the estimators take them: averaged periods, or smoothed recordings.
 
-    Where `model` says how joints warm up, smoothed recordings have the temperatures of that.
+    What a model of the robot says of late torques and of joints that warm up holds for them too.
 
     Raises
     ------
@@ -60,14 +56,29 @@ def payload_runs(
     """
     one_robot(data)
     if data[0].is_periodic:
-        averages = tuple(item.average for item in data)
-        return PeriodicRuns(averages, tuple(loaded), band_hz, standstill_rad_s)
-    signals = tuple(
-        smooth_nonperiodic(without_torque_filter(item.recording), band_hz) for item in data
-    )
+        return periodic_runs([item.average for item in data], loaded, payload_request)
+    signals = [
+        smooth_nonperiodic(without_torque_filter(item.recording), payload_request.band_hz)
+        for item in data
+    ]
+    model = payload_request.how.robot
+    if model is not None and model.channel is not None:
+        signals = [model.channel.undelayed(each) for each in signals]
     if model is not None and model.warming is not None:
-        signals = tuple(model.warming.warmed(model.robot, each) for each in signals)
-    return SmoothedRuns(signals, tuple(loaded), standstill_rad_s)
+        signals = [model.warming.warmed(model.robot, each) for each in signals]
+    return SmoothedRuns(tuple(signals), tuple(loaded), payload_request.standstill_rad_s)
+
+
+def periodic_runs(
+    averages: Sequence[PeriodAverage], loaded: Sequence[bool], payload_request: PayloadRequest
+) -> PeriodicRuns:
+    """Return mean periods as the estimators take them, in time where a model knows the delays."""
+    model = payload_request.how.robot
+    if model is not None and model.channel is not None:
+        averages = [model.channel.undelayed_period(each) for each in averages]
+    return PeriodicRuns(
+        tuple(averages), tuple(loaded), payload_request.band_hz, payload_request.standstill_rad_s
+    )
 
 
 def payload_from_runs(
@@ -92,9 +103,7 @@ def payload_from_runs(
         The data do not show a payload.
     """
     how = payload_request.how
-    runs = payload_runs(
-        data, loaded, payload_request.band_hz, payload_request.standstill_rad_s, how.robot
-    )
+    runs = payload_runs(data, loaded, payload_request)
     robot = data[0].robot
     estimate = identify_payload(
         robot,

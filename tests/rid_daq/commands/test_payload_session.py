@@ -115,9 +115,7 @@ def test_the_mass_that_is_followed_is_the_one_that_is_reported(
     runs, document, _ = weighed
     payload_request = PayloadRequest()
     unloaded = RunData.load(RunFolder.open(runs / document["done"]["unloaded"]))
-    before = payload_runs(
-        [unloaded], [False], payload_request.band_hz, payload_request.standstill_rad_s
-    )
+    before = payload_runs([unloaded], [False], payload_request)
     assert isinstance(before, PeriodicRuns)
     watch = MassWatch(unloaded.robot, before, payload_request, None)
     assert not watch.enough(periods_of(runs / document["done"]["loaded 1"], 0, 3))
