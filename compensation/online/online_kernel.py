@@ -21,7 +21,7 @@ Numba's cache on disk notices a change in this file only: after one in `path_ker
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from compensation.online.path_kernels import (
     STOPPED,
     TAU,
     TORQUE,
+    PathArrays,
     Q,
     V,
     advance,
@@ -86,56 +87,51 @@ INDEX: Final = 3
 POINTS_A_CYCLE: Final = 4
 DUST: Final = 1e-9  # rad or m in a cycle: rounding of points at rest
 
+StageArrays: TypeAlias = tuple[
+    FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
+]
+"""What the compensation keeps beside the path.
+
+`line` (places, 4, n): what the head has passed and has not been handed out. `state`
+(STATE_ROWS, n): the inverse of the velocity loops. `memory` (2, n, STATE): what joints remember.
+`found` (n, FOUND): to compute in. `head` (3, n): where the path's head is. `out` (3, n): position,
+velocity, feedforward to hand out.
+"""
+
 
 @kernel
 def next_set_point(
     counters: IntArray,
     rows: FloatArray,
     model: ModelArrays,
-    axes: FloatArray,
-    nodes: FloatArray,
-    profiles: FloatArray,
-    line: FloatArray,
-    state: FloatArray,
-    memory: FloatArray,
-    found: FloatArray,
-    counts: IntArray,
-    pace: FloatArray,
-    head: FloatArray,
-    out: FloatArray,
-    step_s: float,
+    path: PathArrays,
+    stage: StageArrays,
 ) -> bool:
     """Go on by one cycle.
 
     Parameters
     ----------
-    counters, rows, model, axes, nodes, profiles, counts, pace, head, step_s
-        As for `take_points` and `advance`.
-    line : (places, 4, n) array
-        What the head has passed and has not been handed out.
-    state : (STATE_ROWS, n) array
-        The inverse of the velocity loops.
-    memory : (2, n, STATE) array
-        What joints remember.
-    found : (n, FOUND) array
-        To compute in.
-    out : (3, n) array
-        Position, velocity, feedforward to hand out; written.
+    counters, rows, model, path
+        As for `take_points`.
+    stage : StageArrays
+        What is kept; `out` is written.
 
     Returns
     -------
     bool
         Whether the motion is over, and `out` its last set-point.
     """
+    axes, nodes, _, counts, pace, _ = path
+    line, state, memory, found, head, out = stage
     n, places = out.shape[1], line.shape[0]
     most = int(np.int64(POINTS_A_CYCLE))  # as a literal it would be compiled for by itself
-    take_points(counters, rows, model, axes, nodes, counts, pace, step_s, most)
+    take_points(counters, rows, model, path, most)
     torque = out[0]
     if counts[SEEING]:
         _take_what_was_seen(
             model, axes[PRESLIDING : PRESLIDING + 2], memory, found, state, head, torque
         )
-    known = advance(axes, nodes, counts, profiles, pace, step_s, head)
+    known = advance(path, head)
     h = counts[HEAD]
     if counts[RESTED] < 0 and counts[STATE] >= STOPPED:
         counts[RESTED] = h

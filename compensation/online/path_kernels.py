@@ -15,7 +15,7 @@ the path is driven as it is; where it is not, it is driven by the pass's own pro
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, TypeAlias
 
 from compensation.online.point_ring import READ, TOTAL, WRITTEN
 from config.arrays import FloatArray, IntArray
@@ -77,17 +77,21 @@ BEFORE: Final = 2  # nodes before the first point, which is where the robot rest
 BEHIND: Final = 4  # nodes behind the last one
 SPARE: Final = 12
 
+PathArrays: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray, float]
+"""The path on its way through the kernels.
+
+`axes` (5 or more, n): limits. `nodes` (nodes, 6, n): each in place (number modulo length).
+`profiles` (2, nodes): the one that holds, and the one that is tried. `counts` and `pace`: see the
+words above. Last the time between points [s].
+"""
+
 
 @kernel
 def take_points(
     counters: IntArray,
     rows: FloatArray,
     model: ModelArrays,
-    axes: FloatArray,
-    nodes: FloatArray,
-    counts: IntArray,
-    pace: FloatArray,
-    step_s: float,
+    path: PathArrays,
     most: int,
 ) -> None:
     """Take up to `most` points out of the ring, as long as there is room ahead.
@@ -98,17 +102,12 @@ def take_points(
         Those of the `PointRing`.
     model : tuple of arrays
         `SampleTorque.arrays`.
-    axes : (5 or more, n) array
-        Limits.
-    nodes : (nodes, 6, n) array
-        The nodes, each in place (number modulo length).
-    counts, pace : arrays
-        See the words above.
-    step_s : float
-        Time between points [s].
+    path : PathArrays
+        The path.
     most : int
         How many at once.
     """
+    axes, nodes, _, counts, pace, _ = path
     total, written = counters[TOTAL], counters[WRITTEN]
     read = counters[READ]
     length, n = nodes.shape[0], nodes.shape[2]
@@ -132,14 +131,14 @@ def take_points(
                 break
         if counts[CLOSED] == OPEN:
             for _ in range(1 + (BEFORE if counts[TAKEN] == 0 else 0)):
-                _push(point, model, axes, nodes, counts, pace, step_s)
+                _push(point, model, path)
     counters[READ] = read
     room = counts[TAKEN] - counts[NODE] < length - SPARE
     if counts[CLOSED] == OPEN and 0 <= total == read and counts[TAKEN] > 0 and room:
         last = nodes[(counts[TAKEN] - 1) % length, Q]
         for _ in range(BEHIND):
             if counts[CLOSED] == OPEN:
-                _push(last, model, axes, nodes, counts, pace, step_s)
+                _push(last, model, path)
         if counts[CLOSED] == OPEN:
             counts[CLOSED] = ENDED
 
@@ -160,16 +159,9 @@ def _refuse(
 
 
 @kernel
-def _push(
-    point: FloatArray,
-    model: ModelArrays,
-    axes: FloatArray,
-    nodes: FloatArray,
-    counts: IntArray,
-    pace: FloatArray,
-    step_s: float,
-) -> None:
+def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
     """Append a node; the one two before it then has neighbours on both sides, and is judged."""
+    axes, nodes, _, counts, pace, step_s = path
     length, n = nodes.shape[0], nodes.shape[2]
     own = nodes[counts[TAKEN] % length, Q]
     for j in range(n):
@@ -187,7 +179,7 @@ def _push(
         node[A, j] = bend / (12.0 * step_s * step_s)
     which = max(k - BEFORE, 0)
     if k > 0:
-        _judge(nodes[(k - 1) % length], node, axes, counts, pace, step_s, which)
+        _judge(nodes[(k - 1) % length], node, path, which)
     sample_torque(model, node[Q], node[V], node[A], node[TAU])
     for j in range(n):
         limit = axes[TORQUE, j]
@@ -198,17 +190,9 @@ def _push(
 
 
 @kernel
-def _judge(
-    begin: FloatArray,
-    end: FloatArray,
-    axes: FloatArray,
-    counts: IntArray,
-    pace: FloatArray,
-    step_s: float,
-    which: int,
-) -> None:
+def _judge(begin: FloatArray, end: FloatArray, path: PathArrays, which: int) -> None:
     """Hold the control points of the quintic between two nodes against the limits."""
-    h = step_s
+    axes, _, _, counts, pace, h = path
     for j in range(begin.shape[1]):
         p0, p5 = begin[Q, j], end[Q, j]
         p1, p4 = p0 + 0.2 * h * begin[V, j], p5 - 0.2 * h * end[V, j]
@@ -242,19 +226,15 @@ def _judge(
 
 
 @kernel
-def plan_stop(
-    axes: FloatArray,
-    nodes: FloatArray,
-    counts: IntArray,
-    profile: FloatArray,
-    step_s: float,
-) -> int:
+def plan_stop(path: PathArrays, which: int) -> int:
     """Fill a profile of x, the rate's square, that ends at rest; return the last safe node.
 
     Where the path's end is known, the profile ends there at full rate: the path itself rests.
     Safe is what follows the present node without a gap at full rate; one less than the present
     node where not even that is.
     """
+    axes, nodes, profiles, counts, _, step_s = path
+    profile = profiles[which]
     length, n = nodes.shape[0], nodes.shape[2]
     last = counts[KNOWN] - 1
     x = 1.0 if counts[CLOSED] == ENDED else 0.0
@@ -279,23 +259,13 @@ def plan_stop(
 
 
 @kernel
-def advance(
-    axes: FloatArray,
-    nodes: FloatArray,
-    counts: IntArray,
-    profiles: FloatArray,
-    pace: FloatArray,
-    step_s: float,
-    head: FloatArray,
-) -> bool:
+def advance(path: PathArrays, head: FloatArray) -> bool:
     """Go on by one cycle.
 
     Parameters
     ----------
-    axes, nodes, counts, pace, step_s : ndarray, ndarray, ndarray, ndarray, float
-        As for `take_points`.
-    profiles : (2, nodes) array
-        The profile that holds, and the one that is tried.
+    path : PathArrays
+        The path.
     head : (3, n) array
         Where the path is then: position, velocity, acceleration; written.
 
@@ -304,6 +274,7 @@ def advance(
     bool
         Whether that is a node at full rate, whose torque is known.
     """
+    _, nodes, profiles, counts, pace, step_s = path
     length = nodes.shape[0]
     if counts[STATE] == DRIVING:
         ahead = counts[NODE] + 1
@@ -311,7 +282,7 @@ def advance(
             counts[STATE] = ARRIVED
         elif ahead > counts[SAFE]:
             other = 1 - counts[PROFILE]
-            safe = plan_stop(axes, nodes, counts, profiles[other], step_s)
+            safe = plan_stop(path, other)
             if safe >= counts[NODE]:  # a new profile holds from where the path is
                 counts[PROFILE], counts[SAFE], counts[HORIZON] = other, safe, counts[KNOWN] - 1
             if ahead > counts[SAFE]:

@@ -155,13 +155,19 @@ class PointSource:
         self._counts = np.zeros(stage.COUNTS, dtype=np.int64)
         self._pace = np.zeros(stage.PACE)
         self._nodes = np.zeros((nodes, path.NODE_ROWS, n))
-        self._profiles = np.zeros((2, nodes))
         self._line = np.zeros((places, 4, n))
         self._state = np.zeros((stage.STATE_ROWS, n))
         self._memory = np.array([unknown(n), unknown(n)])
         self._found = np.zeros((n, FOUND))
         self._position = np.zeros(n)
-        self._out, self._head = np.zeros((3, n)), np.zeros((3, n))
+        self._out, head = np.zeros((3, n)), np.zeros((3, n))
+        profiles = np.zeros((2, nodes))
+        self._path: path.PathArrays = (
+            forward.axes, self._nodes, profiles, self._counts, self._pace, step_s
+        )  # fmt: skip
+        self._stage: stage.StageArrays = (
+            self._line, self._state, self._memory, self._found, head, self._out
+        )  # fmt: skip
         self._counts[stage.DELAY] = forward.delay_cycles
         self._counts[stage.RESTED] = -1
         self._counts[stage.REMEMBERS] = (forward.axes[stage.PRESLIDING] > 0.0).any()
@@ -178,9 +184,7 @@ class PointSource:
             time.sleep(PAUSE_S)
         if self._counts[path.CLOSED] == path.REFUSED and self._counts[path.KNOWN] < 2 * path.SPARE:
             raise ConfigError(f"{self._refusal().text}; nothing was moved")
-        begin = path.plan_stop(
-            forward.axes, self._nodes, self._counts, self._profiles[0], forward.cycle_time_s
-        )
+        begin = path.plan_stop(self._path, 0)
         if self._counts[path.KNOWN] == 0 or begin < 1:
             why = ring.failure or f"only {int(ring.counters[READ])} came"
             raise DriverError(
@@ -242,18 +246,13 @@ class PointSource:
         forward, ring = self._feedforward, self._ring
         return bool(
             stage.next_set_point(
-                ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
-                self._profiles, self._line, self._state, self._memory, self._found, self._counts,
-                self._pace, self._head, self._out, forward.cycle_time_s,
+                ring.counters, ring.rows, forward.torque.arrays, self._path, self._stage
             )
-        )  # fmt: skip
+        )
 
     def _take(self, most: int) -> None:
         forward, ring = self._feedforward, self._ring
-        path.take_points(
-            ring.counters, ring.rows, forward.torque.arrays, forward.axes, self._nodes,
-            self._counts, self._pace, forward.cycle_time_s, most,
-        )  # fmt: skip
+        path.take_points(ring.counters, ring.rows, forward.torque.arrays, self._path, most)
 
     @property
     def _filled(self) -> bool:
