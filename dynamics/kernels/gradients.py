@@ -6,6 +6,8 @@ takes the weights inwards from link to link; a last sweep inwards takes them thr
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
 from config.arrays import BoolArray, FloatArray
@@ -41,6 +43,21 @@ from dynamics.kernels.vectors import (
     zero_vector,
 )
 
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
+"""An array of the links or joints, and one of the rotors or actuators."""
+
+Rotor: TypeAlias = tuple[Vector, float, int]
+"""Axis in its link, ratio, joint whose actuator it is."""
+
+Sweep: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""What the sweeps keep of eight samples at a time.
+
+`moves` and `gains` (3 (n + 1), 3, LANES): of every link, the base first, angular velocity and
+acceleration, acceleration of the origin, and what the sum gains by each. `frames` (4 n, 3, LANES):
+rotation and offset of every joint. `screws` (2 n, 3, LANES): the two vectors of a row's screw on
+every link. `by_position` (n, 1, LANES): what the sum gains by each position.
+"""
+
 
 def weights_of(values: FloatArray) -> FloatArray:
     """Return a view that cannot be written to: for one that can, numba compiles once more."""
@@ -53,13 +70,10 @@ def weights_of(values: FloatArray) -> FloatArray:
 def pull_back(
     chain: ChainArrays,
     rotors: RotorArrays,
-    motion: FloatArray,
-    actuator: FloatArray,
+    moved: Pair,
     first_link: int,
-    link_weights: FloatArray,
-    rotor_weights: FloatArray,
-    by_joint: FloatArray,
-    by_actuator: FloatArray,
+    weights: Pair,
+    found: Pair,
     first: int,
     last: int,
 ) -> None:
@@ -69,30 +83,29 @@ def pull_back(
     ----------
     chain, rotors : ChainArrays, RotorArrays
         As for `fill_rotors`.
-    motion, actuator : (3, samples, n) arrays
+    moved : two (3, samples, n) arrays
         Positions, velocities, accelerations of the joints and of the actuators.
     first_link : int
         The first link (from 0) that has weights; n leaves the links out.
-    link_weights : (sums, samples, n, 10 (n - first_link)) array
-        Weights on the columns of `fill_rigid_body`, in the rows of the joints.
-    rotor_weights : (sums, samples, n, rotors) array
-        Weights on the columns of `fill_rotors`.
-    by_joint, by_actuator : (sums, 3, samples, n) arrays
-        Derivatives of each sum by `motion` and, where there are rotors, by `actuator`. Zero on
-        entry.
+    weights : two arrays, (sums, samples, n, 10 (n - first_link)) and (sums, samples, n, rotors)
+        Weights on the columns of `fill_rigid_body` and of `fill_rotors`, in the rows of the joints.
+    found : two (sums, 3, samples, n) arrays
+        Derivatives of each sum by what the joints and, where there are rotors, the actuators did;
+        written. Zero on entry.
     first, last : int
         The samples to do.
     """
-    _, fixed_rotations, prismatic, _ = chain
-    rotor_joint, rotor_link, rotor_axis, rotor_ratio, own_torque = rotors
+    motion, actuator = moved
+    link_weights, rotor_weights = weights
+    by_joint, by_actuator = found
+    prismatic, rotor_link = chain[2], rotors[1]
     joints = motion.shape[2]
-    # Of every link, the base first: angular velocity and acceleration, acceleration of the origin,
-    # and what the sum gains by each.
     moves = np.zeros((3 * (joints + 1), 3, LANES))
     gains = np.zeros((3 * (joints + 1), 3, LANES))
     frames = np.empty((4 * joints, 3, LANES))
     screws = np.empty((2 * joints, 3, LANES))
     by_position = np.empty((joints, 1, LANES))
+    sweep = (moves, gains, frames, screws, by_position)
     for start in range(first, last, LANES):
         samples = eight_from(start, last)
         _sweep_out(chain, motion, samples, moves, frames)
@@ -112,53 +125,21 @@ def pull_back(
                             weight = gather(rotor_weights[one, :, k], samples, r)
                             a = _contract_rotor(
                                 weight,
-                                _axis(rotor_axis, r),
-                                rotor_ratio[r],
-                                rotor_joint[r],
+                                _rotor(rotors, r),
                                 actuator,
                                 samples,
                                 i,
-                                screws,
-                                moves,
-                                gains,
+                                sweep,
                                 by_actuator[one],
                             )
                             turning_gain = add(turning_gain, a)
                     if i > k:
                         turning_gain, sliding_gain = _carry_back(
-                            fixed_rotations[i],
-                            prismatic[i],
-                            i,
-                            turning_gain,
-                            sliding_gain,
-                            frames,
-                            screws,
-                            by_position,
+                            chain, i, turning_gain, sliding_gain, sweep
                         )
             for r in range(len(rotor_link)):
-                _contract_own(
-                    rotor_weights[one],
-                    own_torque,
-                    r,
-                    _axis(rotor_axis, r),
-                    rotor_ratio[r],
-                    rotor_joint[r],
-                    rotor_link[r],
-                    samples,
-                    gains,
-                    by_actuator[one],
-                )
-            _sweep_in(
-                fixed_rotations,
-                prismatic,
-                motion,
-                samples,
-                moves,
-                frames,
-                gains,
-                by_position,
-                by_joint[one],
-            )
+                _contract_own(rotor_weights[one], rotors, r, samples, gains, by_actuator[one])
+            _sweep_in(chain, motion, samples, sweep, by_joint[one])
 
 
 @kernel
@@ -241,18 +222,16 @@ def _contract_link(
 @kernel
 def _contract_rotor(
     weight: Lanes,
-    axis: Vector,
-    ratio: float,
-    joint: int,
+    rotor: Rotor,
     actuator: FloatArray,
     samples: Samples,
     i: int,
-    screws: FloatArray,
-    moves: FloatArray,
-    gains: FloatArray,
+    sweep: Sweep,
     by_actuator: FloatArray,
 ) -> Vector:
     """Take in the weight on a rotor's load on link i; return what the screw's turning gains."""
+    axis, ratio, joint = rotor
+    moves, gains, _, screws, _ = sweep
     t, w = load_vector(screws, 2 * i), load_vector(moves, 3 * i + 3)
     weight = ratio * weight
     spin, spin_up = gather(actuator[1], samples, joint), gather(actuator[2], samples, joint)
@@ -266,42 +245,39 @@ def _contract_rotor(
 @kernel
 def _contract_own(
     weights: FloatArray,
-    own_torque: FloatArray,
+    rotors: RotorArrays,
     r: int,
-    axis: Vector,
-    ratio: float,
-    joint: int,
-    link: int,
     samples: Samples,
     gains: FloatArray,
     by_actuator: FloatArray,
 ) -> None:
     """Take in the weights on a rotor's torque on its own actuator."""
+    _, rotor_link, _, _, own_torque = rotors
+    axis, ratio, joint = _rotor(rotors, r)
     weight = spread(0.0)
     for k in range(own_torque.shape[0]):
         weight = weight + own_torque[k, joint] * gather(weights[:, k], samples, r)
     weight = ratio * weight
-    accumulate(scale(weight, axis), gains, 3 * link + 1)
+    accumulate(scale(weight, axis), gains, 3 * rotor_link[r] + 1)
     _add(ratio * weight, by_actuator[2], samples, joint)
 
 
 @kernel
 def _carry_back(
-    fixed: FloatArray,
-    prismatic: bool,
+    chain: ChainArrays,
     i: int,
     turning_gain: Vector,
     sliding_gain: Vector,
-    frames: FloatArray,
-    screws: FloatArray,
-    by_position: FloatArray,
+    sweep: Sweep,
 ) -> tuple[Vector, Vector]:
     """Carry what a screw gains on link i over its joint, to the link before."""
+    _, fixed_rotations, prismatic, _ = chain
+    _, _, frames, screws, by_position = sweep
     rotation, offset = _frame(frames, i)
     force = turn_back(rotation, sliding_gain)
-    if prismatic:
+    if prismatic[i]:
         before = load_vector(screws, 2 * i - 2)
-        gain = _along(fixed, cross(force, before))
+        gain = _along(fixed_rotations[i], cross(force, before))
     else:
         turning, sliding = load_vector(screws, 2 * i), load_vector(screws, 2 * i + 1)
         gain = _by_turn(turning_gain, turning) + _by_turn(sliding_gain, sliding)
@@ -311,17 +287,11 @@ def _carry_back(
 
 @kernel
 def _sweep_in(
-    fixed_rotations: FloatArray,
-    prismatic: BoolArray,
-    motion: FloatArray,
-    samples: Samples,
-    moves: FloatArray,
-    frames: FloatArray,
-    gains: FloatArray,
-    by_position: FloatArray,
-    by_joint: FloatArray,
+    chain: ChainArrays, motion: FloatArray, samples: Samples, sweep: Sweep, by_joint: FloatArray
 ) -> None:
     """Take what the links' motions gain back to the joints'."""
+    _, fixed_rotations, prismatic, _ = chain
+    moves, gains, frames, _, by_position = sweep
     for i in range(len(prismatic) - 1, -1, -1):
         rotation, offset = _frame(frames, i)
         qd = gather(motion[1], samples, i)
@@ -383,8 +353,10 @@ def _along(fixed: FloatArray, v: Vector) -> Lanes:
 
 
 @kernel
-def _axis(rotor_axis: FloatArray, r: int) -> Vector:
-    return (spread(rotor_axis[r, 0]), spread(rotor_axis[r, 1]), spread(rotor_axis[r, 2]))
+def _rotor(rotors: RotorArrays, r: int) -> Rotor:
+    joint, _, axis, ratio, _ = rotors
+    across = (spread(axis[r, 0]), spread(axis[r, 1]), spread(axis[r, 2]))
+    return across, ratio[r], joint[r]
 
 
 @kernel

@@ -126,13 +126,10 @@ def links_gradient(
         pull_back(
             chain.arrays,
             no_rotors,
-            motion.joint,
-            motion.actuator,
+            (motion.joint, motion.actuator),
             first_link,
-            weights,
-            unweighted,
-            out,
-            out,
+            (weights, unweighted),
+            (out, out),
             first,
             last,
         )

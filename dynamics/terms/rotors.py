@@ -107,13 +107,10 @@ class Rotors:
             pull_back(
                 self.chain.arrays,
                 rotors,
-                motion.joint,
-                motion.actuator,
+                (motion.joint, motion.actuator),
                 self.chain.n,
-                unweighted,
-                weights,
-                by_joint,
-                by_actuator,
+                (unweighted, weights),
+                (by_joint, by_actuator),
                 first,
                 last,
             )
