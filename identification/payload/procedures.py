@@ -158,7 +158,7 @@ def _options(how: PayloadOptions) -> ModelOptions:
 
 
 def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
-    """Return the robot with the friction terms of its model, which may have been chosen."""
+    """Return the robot with the joints of its model, whose friction may have been chosen."""
     if how.robot is None:
         return robot
     differences = robot.differences(how.robot.robot)
@@ -167,11 +167,7 @@ def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription
             f"the model is of another robot than the runs: {', '.join(differences)} differ."
             " Identify the robot without payload from runs of this one"
         )
-    joints = tuple(
-        joint.model_copy(update={"friction": own.friction})
-        for joint, own in zip(robot.joints, how.robot.robot.joints, strict=True)
-    )
-    return robot.model_copy(update={"joints": joints})
+    return robot.model_copy(update={"joints": how.robot.robot.joints})
 
 
 def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> PayloadEquations:

@@ -393,3 +393,24 @@ def test_an_estimate_that_no_body_can_have_is_moved_to_the_closest_one_that_can(
 def test_the_names_are_those_of_the_thesis() -> None:
     assert PARAMETERS == ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
     assert REPORTED[:4] == ("m", "cx", "cy", "cz")
+
+
+def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
+    lab: SimpleNamespace, robot: RobotDescription, unloaded: PeriodAverage, loaded: PeriodAverage
+) -> None:
+    """As `identify --choose` makes it: the runs' own robot file knows nothing of the share."""
+    remembering = robot.joints[2].model_copy(
+        update={
+            "friction": (*robot.joints[2].friction, "presliding"),
+            "presliding_distance": 1e-3,
+            "presliding_share": 0.5,
+        }
+    )
+    chosen = robot.model_copy(
+        update={"joints": (*robot.joints[:2], remembering, *robot.joints[3:])}
+    )
+    model = estimate_periodic(chosen, [unloaded], EstimationOptions(model=OPTIONS))
+    assert model.model.nonlinear_names == ("dp_joint3", "sp_joint3")
+    found = identify_payload(robot, runs((loaded, True)), PayloadOptions("model", OPTIONS, model))
+    assert abs(found.reported[0] - lab.medium.mass_kg) < 0.02
+    assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0

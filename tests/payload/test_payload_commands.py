@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +14,9 @@ import numpy as np
 import pytest
 
 from acquisition.runs.catalogue import find_run
+from config.load import load_cell
 from identification.choices import LoadFormat
+from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
@@ -22,6 +25,7 @@ from identification.payload.file import read_payload
 from rid_daq.app import run
 from rid_daq.jobs.identification_job import EstimationRequest, estimate_runs
 from rid_daq.runs.run_data import RunData
+from tests.builders.known_model import known
 
 FILES = {
     "unloaded": ("ur-20_01_31-unload.csv", "300-2623"),
@@ -278,6 +282,16 @@ def test_what_cannot_be_meant_is_refused_in_words(
     capsys.readouterr()
     assert run(identify(workshop, *words)) in (2, 6)
     assert said in capsys.readouterr().err
+
+
+def test_a_model_of_another_robot_is_refused_whatever_it_says_of_late_torques(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late = TorqueChannel(np.full(3, 0.004), np.full(3, 1e-4))
+    model = workshop / "three_axes.json"
+    write_estimate(model, replace(known(load_cell("ir361"), {}), channel=late))
+    assert run(identify(workshop, "--loaded", "loaded", "--model", str(model))) == 2
+    assert "three_axes.json: is of robot 'ir361', which is not this" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,12 @@ from identification.choices import (
     StandstillRadS,
     TorqueConstantSigma,
 )
-from identification.estimation.file import read_estimate
 from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
 from identification.payload.known import Known
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
+from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.verdict import Verdict
@@ -123,7 +123,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
     notes = report_lacks(console, data)
     flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
-    robot = None if request.model is None else read_estimate(request.model)
+    robot = None if request.model is None else estimate_for(request.model, data[0].robot)
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:
         raise ConfigError("--procedure model needs the robot without payload: --model MODEL")

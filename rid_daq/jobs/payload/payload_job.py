@@ -10,6 +10,7 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
+from identification.estimation.estimate import Estimate
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
@@ -45,7 +46,8 @@ def payload_runs(
 ) -> MeasuredRuns:
     """Return runs as the estimators take them: averaged periods, or smoothed recordings.
 
-    What a model of the robot says of late torques and of joints that warm up holds for them too.
+    What a model of the robot says of late and low-passed torques and of joints that warm up holds
+    for them too; the last two hold in time, not in a mean period.
 
     Raises
     ------
@@ -55,18 +57,23 @@ def payload_runs(
         A run is too short or too damaged.
     """
     one_robot(data)
-    if data[0].is_periodic:
+    model = payload_request.how.robot
+    if data[0].is_periodic and (model is None or not _holds_in_time(model)):
         return periodic_runs([item.average for item in data], loaded, payload_request)
     signals = [
         smooth_nonperiodic(without_torque_filter(item.recording), payload_request.band_hz)
         for item in data
     ]
-    model = payload_request.how.robot
     if model is not None and model.channel is not None:
         signals = [model.channel.undelayed(each) for each in signals]
     if model is not None and model.warming is not None:
         signals = [model.warming.warmed(model.robot, each) for each in signals]
     return SmoothedRuns(tuple(signals), tuple(loaded), payload_request.standstill_rad_s)
+
+
+def _holds_in_time(model: Estimate) -> bool:
+    narrow = model.channel is not None and model.channel.bandwidth_hz is not None
+    return narrow or model.warming is not None
 
 
 def periodic_runs(
