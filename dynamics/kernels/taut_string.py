@@ -2,12 +2,14 @@
 
 Of all paths through bounds that move with time it goes back and forth least: where the bounds let
 it, it is straight, and it turns at their corners only (funnel algorithm: Lee and Preparata 1984;
-taut string: Davies and Kovac 2001).
+taut string: Davies and Kovac 2001). From the last corner a funnel opens: of each bound the side
+that a string would hug. Where a new bound closes it, the string goes on to the next corner of the
+other side. Each bound joins and leaves a side once.
 """
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from config.arrays import FloatArray
 from dynamics.kernels.simd import kernel
@@ -27,30 +29,39 @@ def pull_taut(time_s: FloatArray, low: FloatArray, high: FloatArray, path: Float
         Written.
     """
     last = len(time_s) - 1
-    corner = 0
-    path[0] = 0.5 * (low[0] + high[0])
-    while corner < last:
-        # The slopes with which a straight way from the corner passes all bounds so far, and where
-        # those are that leave no more.
-        flattest, steepest = -math.inf, math.inf
-        at_flattest, at_steepest = last, last
-        turn, end = last, 0.5 * (low[last] + high[last])
-        for i in range(corner + 1, last + 1):
-            span = time_s[i] - time_s[corner]
-            below, above = (low[i], high[i]) if i < last else (end, end)
-            least, most = (below - path[corner]) / span, (above - path[corner]) / span
-            if least > steepest:
-                turn, end = at_steepest, high[at_steepest]
-                break
-            if most < flattest:
-                turn, end = at_flattest, low[at_flattest]
-                break
-            if least >= flattest:
-                flattest, at_flattest = least, i
-            if most <= steepest:
-                steepest, at_steepest = most, i
-        slope = (end - path[corner]) / (time_s[turn] - time_s[corner])
-        for i in range(corner + 1, turn):
-            path[i] = path[corner] + slope * (time_s[i] - time_s[corner])
-        path[turn] = end
-        corner = turn
+    bounds = np.empty((2, last + 1))  # the upper ones turned over, so that both sides are concave
+    for i in range(last + 1):
+        bounds[0, i], bounds[1, i] = low[i], -high[i]
+    for i in (0, last):
+        path[i] = 0.5 * (low[i] + high[i])
+        bounds[0, i], bounds[1, i] = path[i], -path[i]
+    sides = np.zeros((2, last + 1), dtype=np.int64)  # bounds by number, from the corner on
+    begin, end = np.array([0, 0]), np.array([1, 1])
+    for i in range(1, last + 1):
+        for own in range(2):
+            side, bound, other = sides[own], bounds[own], 1 - own
+            while end[own] - begin[own] > 1:
+                a, b = side[end[own] - 2], side[end[own] - 1]
+                if _slope(time_s, bound, a, i) < _slope(time_s, bound, a, b):
+                    break
+                end[own] -= 1
+            while end[own] - begin[own] == 1 and end[other] - begin[other] > 1:
+                a, b = sides[other, begin[other]], sides[other, begin[other] + 1]
+                slope = -_slope(time_s, bounds[other], a, b)
+                if _slope(time_s, bound, a, i) < slope:
+                    break
+                bound[b] = -bounds[other, b]
+                sign = 1.0 - 2.0 * own
+                for k in range(a + 1, b):
+                    path[k] = sign * (bound[a] + slope * (time_s[k] - time_s[a]))
+                path[b] = sign * bound[b]
+                side[begin[own]] = b
+                begin[other] += 1
+            if side[end[own] - 1] < i:
+                side[end[own]] = i
+                end[own] += 1
+
+
+@kernel
+def _slope(time_s: FloatArray, bound: FloatArray, a: int, b: int) -> float:
+    return float((bound[b] - bound[a]) / (time_s[b] - time_s[a]))

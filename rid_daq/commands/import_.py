@@ -85,6 +85,7 @@ def _document(run: ImportedRun) -> dict[str, object]:
         "damaged": BadRows.of(report),
         "findings": report.findings,
         "velocity_ratio": report.velocity_ratio,
+        "refined_step": report.refined_step,
         "static": report.static,
     }
 

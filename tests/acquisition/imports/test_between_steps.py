@@ -71,6 +71,39 @@ def test_a_joint_at_rest_that_flickers_between_two_steps_stands_still() -> None:
     assert np.ptp(found) < 0.02 * STEP
 
 
+def test_a_joint_at_rest_before_a_gap_stands_still_wherever_it_went_in_the_gap() -> None:
+    time_s, position, velocity = creeping()
+    rest_s = time_s[-1] + 0.008 * np.arange(1, 501)
+    moving = rounded(position, STEP)
+    seen = rows(
+        np.concatenate([time_s, rest_s, rest_s + 10.0]),
+        np.concatenate([moving, np.full(500, moving[-1]), np.full(500, moving[-1] + 0.2)]),
+        np.concatenate([velocity, np.zeros(1000)]),
+    )
+    found = between_steps(seen, position_steps(seen))[:, 0]
+    assert np.ptp(found[-900:-500]) < 0.02 * STEP
+    assert np.ptp(found[-500:]) < 0.02 * STEP
+
+
+@pytest.mark.parametrize(("counts", "digits"), [(2**16, 6), (2**17, 6), (2**18, 7), (20_000, 5)])
+def test_the_steps_of_an_encoder_are_found_behind_digits_that_were_rounded_away(
+    counts: int, digits: int
+) -> None:
+    step = 2.0 * np.pi / counts
+    time_s = np.arange(0.0, 20.0, 0.008)
+    position = rounded(0.8 * np.sin(0.6 * time_s), step)
+    seen = rows(time_s, np.round(position, digits), 0.48 * np.cos(0.6 * time_s))
+    assert position_steps(seen) == pytest.approx((step,), rel=0.01)
+
+
+def test_a_steady_speed_and_a_jump_are_no_steps() -> None:
+    time_s = np.arange(0.0, 8.0, 0.004)
+    triangle = 0.2 * np.abs((time_s + 2.0) % 4.0 - 2.0)
+    jump = np.where(time_s < 3.0, 0.0, 0.2)
+    for position in (triangle, jump):
+        assert position_steps(rows(time_s, position, np.zeros(len(time_s)))) == (None,)
+
+
 def test_a_velocity_that_is_wrong_moves_nothing_by_more_than_a_step() -> None:
     time_s, position, velocity = creeping()
     seen = rows(time_s, rounded(position, STEP), -3.0 * velocity)
