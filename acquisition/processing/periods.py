@@ -124,8 +124,9 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     transient periods and run-out are left out. A period is rejected where it is incomplete, misses
     more than 2 % of a joint's rows or more than 3 in sequence, or is out of family: its deviation
     from the median period (RMS or peak, any channel) is more than twice, and 6 robust standard
-    deviations above, what is common among the periods. A single row of a good period that any joint
-    misses is left out of the mean at its place.
+    deviations above, what is common among the periods, and more than a ten thousandth of how the
+    channel changes (of a joint at rest, of how the others change). A single row of a good period
+    that any joint misses is left out of the mean at its place.
 
     Parameters
     ----------
@@ -305,8 +306,9 @@ def _out_of_family(
 ) -> dict[int, str]:
     """Return the complete periods that differ from the others far more than those do, with why.
 
-    What is negligible against the largest change among `alike` neighbouring channels counts
-    nowhere: a joint at rest creeps, and its encoder's last digit turns over.
+    What is negligible against a channel's own change never counts. One at rest, which changes
+    negligibly against the largest of its `alike` neighbours, is held to what is negligible against
+    that one: a joint at rest creeps, and its encoder's last digit turns over.
     """
     indices = np.flatnonzero(good).tolist()
     if len(indices) < 3:
@@ -327,8 +329,10 @@ def _out_of_family(
         peak = highest if peak is None else np.maximum(peak, highest)
     assert squares is not None
     assert peak is not None
-    changes = np.concatenate(means).std(axis=0).reshape(-1, alike).max(axis=1)
-    negligible = NEGLIGIBLE_FRACTION * np.repeat(changes, alike)
+    changes = np.concatenate(means).std(axis=0)
+    largest = np.repeat(changes.reshape(-1, alike).max(axis=1), alike)
+    at_rest = changes < NEGLIGIBLE_FRACTION * largest
+    negligible = NEGLIGIBLE_FRACTION * np.where(at_rest, largest, changes)
     rejected: dict[int, str] = {}
     for words, measure in (("RMS", np.sqrt(squares / samples)), ("peak", peak)):
         common = np.median(measure, axis=0)

@@ -272,6 +272,15 @@ class TestOutOfFamily:
         position[main_row(2, 10) : main_row(2, 60), 1] += 2.4e-5
         assert average_periods(replace(recording, position=position)).rejected == ()
 
+    def test_a_joint_that_moves_little_is_held_to_its_own_motion(self) -> None:
+        """As a prismatic one is, by millimetres beside radians."""
+        recording = record(noise=1e-6)
+        position = recording.position.copy()
+        position[:, 1] *= 2e-3
+        position[main_row(2, 10) : main_row(2, 60), 1] += 6e-5
+        average = average_periods(replace(recording, position=position))
+        assert [period.index for period in average.rejected] == [2]
+
     def test_too_many_bad_periods_are_refused_with_all_reasons(self) -> None:
         recording = record(periods=16)
         for period in range(0, 12, 2):
