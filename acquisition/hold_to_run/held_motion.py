@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
 from acquisition.motion.approach import APPROACH_SPEED_FRACTION
@@ -96,7 +97,7 @@ class HeldMotion:
         self._way = np.zeros(len(self._pose))
         return self._pose
 
-    def watch(self, position: FloatArray) -> None:
+    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
         """Do nothing: the pose that was begun at counts."""
 
     def at(self, row: int) -> SetPoint | None:

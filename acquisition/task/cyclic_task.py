@@ -175,7 +175,7 @@ class CyclicTask:
         )
 
     def _stream(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
-        begin = self._cycle + len(way)
+        begin, answers = self._cycle + len(way), self._axes.answers
         ends = source.period_ends
         left_out = 0  # rows of the motion that are not driven, since enough was seen
         held_until: int | None = None
@@ -189,7 +189,7 @@ class CyclicTask:
             if row in ends and self._seen_enough(ends[row]):
                 left_out += max(ends) - row
                 row = max(ends)
-            source.watch(self._axes.answers.position)
+            source.watch(answers.position, answers.position_counts)
             target = None
             if held_until is None:
                 target = _on_the_way(way, row) if row < 0 else source.at(row)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.cycle import SetPoint
@@ -66,13 +67,15 @@ class SetPointSource(Protocol):
         """
 
     @abstractmethod
-    def watch(self, position: FloatArray) -> None:
+    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
         """Be told where the robot is: once a cycle, the way to the motion's start included.
 
         Parameters
         ----------
         position : ndarray, shape (joints,)
             As of the last SYNC [rad or m]; changed in place afterwards.
+        counts : ndarray of int32, shape (joints,)
+            As the drives sent it; changed in place, too.
         """
 
     @abstractmethod
@@ -128,7 +131,7 @@ class PlannedMotion:
         """Return the first row's pose."""
         return np.asarray(self.samples.position[0])
 
-    def watch(self, position: FloatArray) -> None:
+    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
         """Do nothing: what is planned does not ask where the robot is."""
 
     def at(self, row: int) -> SetPoint | None:

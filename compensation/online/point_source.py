@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.motion.samples import Phase
 from acquisition.supervision.cycle import SetPoint
@@ -160,6 +161,7 @@ class PointSource:
         self._memory = np.array([unknown(n), unknown(n)])
         self._found = np.zeros((n, FOUND))
         self._position = np.zeros(n)
+        self._seen = np.full(n, np.iinfo(np.int64).max // 2)  # counts: none yet
         self._out, head = np.zeros((3, n)), np.zeros((3, n))
         profiles = np.zeros((2, nodes))
         self._path: path.PathArrays = (
@@ -204,14 +206,20 @@ class PointSource:
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose to begin at."""
         self._lockstep = lockstep
-        self.watch(position)
+        self._position[:] = position
+        if self._counts[stage.REMEMBERS]:
+            self._see()
         return np.array(self._nodes[0, 0])
 
-    def watch(self, position: FloatArray) -> None:
-        """See how joints come to the path's first point, and how they settle there."""
+    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
+        """See how joints come to the path's first point, and how they settle there.
+
+        One that is told to be a single count away stands where it stood: its last digit flickers.
+        """
         beginning = self._row < 0 or self._counts[stage.SEEING]
         if beginning and self._counts[stage.REMEMBERS]:
-            self._position[:] = position
+            moved = np.abs(counts - self._seen) > 1
+            self._seen[moved], self._position[moved] = counts[moved], position[moved]
             self._see()
 
     def at(self, row: int) -> SetPoint | None:

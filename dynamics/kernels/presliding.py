@@ -20,7 +20,7 @@ from dynamics.kernels.simd import kernel
 ELEMENTS: Final = 8
 """Pieces, their distances evenly spread up to the presliding distance."""
 AT_ONCE: Final = 1e-5
-"""Distance of what holds at once [rad or m]: less than joints' encoders show."""
+"""Distance of what holds at once [rad or m]: of the size of an encoder's count."""
 _LAST, _LOWEST, _HIGHEST, _BEGUN, _HELD, _PIECES = 0, 1, 2, 3, 4, 5
 STATE: Final = _PIECES + 2 * ELEMENTS
 """Numbers that a joint's state is made of.
@@ -55,10 +55,11 @@ def follow(
         Where it begins; left as it is at the end, so that the next samples go on from there.
     out : (samples, FOUND) array
         Written: the direction, its derivatives by the distance and by the share, and 1 from where
-        on the direction does not depend on the state that the path began with (a range of 2 d was
-        gone through), otherwise 0.
+        on the direction does not depend on the state that the path began with (twice the longest
+        distance was gone through), otherwise 0.
     """
     widest = 0.5 * ELEMENTS * distance
+    longest = distance if share == 1.0 else max(distance, AT_ONCE)
     for i in range(len(path)):
         q = path[i]
         if state[_BEGUN] == 0.0:
@@ -89,4 +90,4 @@ def follow(
         out[i, BY_DISTANCE] = share * ((slope - total / distance) / widest)
         out[i, BY_SHARE] = given - held
         reached = state[_HIGHEST] - state[_LOWEST]
-        out[i, KNOWN] = 1.0 if reached >= 2.0 * distance else 0.0
+        out[i, KNOWN] = 1.0 if reached >= 2.0 * longest else 0.0

@@ -162,10 +162,12 @@ def bound_findings(estimate: Estimate) -> tuple[str, ...]:
         if name in model.nonlinear_at_bound:
             symbol, joint = name.split("_", 1)
             of_unit = "" if unit == "1" else f" {unit}"
+            nothing_gives_way = symbol == "sp" and value < 0.5
+            term = _OF_TERMS["dp" if nothing_gives_way else symbol]
             found.append(
                 f"{name} = {value:.3g}{of_unit} is at a bound of its range ({low:.3g} to"
                 f" {high:.3g}): the runs do not show it, and its interval means nothing. Leave"
-                f" `{_OF_TERMS[symbol]}` of {joint} out of the model."
+                f" `{term}` of {joint} out of the model."
             )
     return tuple(found)
 

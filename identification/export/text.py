@@ -26,9 +26,15 @@ def head(model: ExportModel) -> tuple[str, ...]:
 
 def _memory(model: ExportModel) -> tuple[str, ...]:
     """Say of friction with memory what a file without states cannot hold."""
-    own = ", ".join(
-        f"{each.distance.name} = {each.distance.value:.3g} {each.distance.unit}"
+    numbers = [
+        number
         for each in presliding(model.model)
+        for number in (each.distance, each.share)
+        if number is not None
+    ]
+    own = ", ".join(
+        f"{each.name} = {each.value:.3g}{'' if each.unit == '1' else ' ' + each.unit}"
+        for each in numbers
     )
     if not own:
         return ()

@@ -198,7 +198,7 @@ class SpeedUp:
     def begin(self, lockstep: bool, position: Any) -> Any:
         return np.array(self._middle)
 
-    def watch(self, position: Any) -> None:
+    def watch(self, position: Any, counts: Any) -> None:
         pass
 
     def at(self, row: int) -> SetPoint | None:

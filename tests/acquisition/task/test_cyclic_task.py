@@ -105,7 +105,7 @@ class Watching(PlannedMotion):
 
     seen: list[NDArray[np.float64]] = field(default_factory=list)
 
-    def watch(self, position: NDArray[np.float64]) -> None:
+    def watch(self, position: NDArray[np.float64], counts: NDArray[np.int32]) -> None:
         self.seen.append(position.copy())
 
 

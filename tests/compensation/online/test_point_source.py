@@ -300,7 +300,8 @@ def test_whatever_comes_and_whenever_the_set_points_hold_every_limit_and_come_to
         sent += ring.write(path[sent : sent + count])
         if end and sent == len(path):
             ring.end()
-        source.watch(np.array(points[-1].position if points else path[0]))
+        at = np.array(points[-1].position if points else path[0])
+        source.watch(at, np.rint(1e6 * at).astype(np.int32))
         if row in late:
             continue
         point = source.at(row)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from compensation.feedforward.inverse import feedforward
 from compensation.online.online_kernel import PRESLIDING
@@ -37,6 +38,11 @@ REST_ROWS = 40
 AT_ONCE = slice(20, -5)  # the compensation is faded in by then
 
 
+def counted(position: Points) -> NDArray[np.int32]:
+    """Return positions as an encoder of a microradian tells them."""
+    return np.rint(1e6 * position).astype(np.int32)
+
+
 def watched(points: Points, seen: Points) -> PointSource:
     """Return a source that saw the robot come to the path's start."""
     ring = PointRing.create(3, len(points))
@@ -46,7 +52,7 @@ def watched(points: Points, seen: Points) -> PointSource:
     source.prepare()
     source.begin(False, seen[0])
     for position in seen:
-        source.watch(position)
+        source.watch(position, counted(position))
     return source
 
 
@@ -100,16 +106,34 @@ def test_joints_that_settle_on_the_first_point_are_seen_and_asked_for_nothing() 
     source, points = watched(q, seen), []
     for row, position in enumerate(settling):
         points.append(source.at(row))
-        source.watch(position)
+        source.watch(position, counted(position))
     assert max(abs(x) for p in points if p is not None for x in p.feedforward) < 1e-9
     for row in range(len(settling), len(q)):
         if row >= leaves:
-            source.watch(START + 1.0)  # once the path has begun nobody asks
+            source.watch(START + 1.0, counted(START + 1.0))  # once the path has begun nobody asks
         points.append(source.at(row))
     found = np.array([p.feedforward for p in points if p is not None])[1:]
     whole = np.concatenate([seen, settling])
     wanted = expected(q, v, a, whole)[: len(found)]
     assert np.abs(found - wanted)[25:-5].max() < 2e-3
+
+
+def test_a_last_digit_that_flickers_turns_no_joint_round() -> None:
+    """Part of the friction holds at once, by less than a count of a coarse encoder."""
+    axes = REMEMBERING.axes.copy()
+    axes[PRESLIDING + 1] = 0.5
+    forward, count = replace(REMEMBERING, axes=axes), 2e-5
+    ring = PointRing.create(3, len(rested()[0]))
+    ring.write(rested()[0])
+    ring.end()
+    source = PointSource(forward, ring, prefill_patience_s=0.0)
+    source.prepare()
+    source.begin(False, START - 0.02)
+    told = [*range(-1000, 1), *([-1, 0] * 5), -1]
+    for counts in told:
+        source.watch(START + count * counts, np.full(3, counts, dtype=np.int32))
+        slides = source._found[:, DIRECTION].copy()
+    np.testing.assert_allclose(slides, 1.0, atol=1e-3)
 
 
 def test_what_a_path_that_was_stopped_remembers_is_where_it_went() -> None:
@@ -136,5 +160,5 @@ def test_a_model_without_presliding_is_not_watched() -> None:
     source.prepare()
     source.begin(False, START)
     before = source._memory.copy()
-    source.watch(START + 0.1)
+    source.watch(START + 0.1, counted(START + 0.1))
     np.testing.assert_array_equal(source._memory, before)

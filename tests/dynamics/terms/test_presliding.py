@@ -90,6 +90,14 @@ def test_what_does_not_give_way_holds_at_once() -> None:
     np.testing.assert_allclose(turned[2:, DIRECTION], 0.25 * whole[2:] - 0.75)
 
 
+def test_what_holds_at_once_is_unknown_as_long_as_its_own_way_lasts() -> None:
+    path = 1e-6 * np.arange(40.0)
+    out = np.empty((len(path), FOUND))
+    follow(path, 1e-6, 0.5, begin(), out)
+    assert not out[path < 1.99 * AT_ONCE, KNOWN].any()
+    assert out[path > 2.01 * AT_ONCE, KNOWN].all()
+
+
 TERMS: tuple[tuple[FrictionTerm, ...], ...] = (
     ("coulomb", "viscous", "stribeck", "presliding"),
     ("asymmetric", "load", "presliding"),

@@ -8,9 +8,10 @@ import pytest
 from acquisition.processing.smoothing import SmoothedSignals
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, torque
-from identification.accuracy.identifiability import weak_parameters
+from identification.accuracy.identifiability import bound_findings, weak_parameters
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
+from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
 
 def measured(amplitude: tuple[float, float, float]) -> Estimate:
@@ -69,3 +70,15 @@ def test_the_sentence_says_what_to_do(shy: Estimate) -> None:
 def test_a_motion_of_all_joints_leaves_less_to_wish_for(shy: Estimate) -> None:
     lively = measured((0.4, 0.4, 0.4))
     assert len(weak_parameters(lively, most=100)) < len(weak_parameters(shy, most=100))
+
+
+def test_at_a_bound_of_the_share_that_gives_way_what_the_data_do_not_show_is_left_out() -> None:
+    """Where nothing gives way it is the memory; where all of it does, only the share."""
+    way = motion(20.0, 1)
+    for gives_way, term in ((False, "presliding"), (True, "presliding_share")):
+        directions = {1: iwan(way[0][:, 1], 0.01)} if gives_way else {}
+        estimate = estimate_smoothed(
+            with_presliding((1,), 0.01, share=0.5), [recording(directions, way)]
+        )
+        found = [each for each in bound_findings(estimate) if each.startswith("sp_axis2")]
+        assert [f"Leave `{term}` of axis2 out" in each for each in found] == [True]

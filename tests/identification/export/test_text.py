@@ -1,0 +1,17 @@
+"""What a file that holds no states says of itself."""
+
+from __future__ import annotations
+
+from identification.estimation.estimators import estimate_smoothed
+from identification.export.model import ExportModel
+from identification.export.text import head
+from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
+
+
+def test_distance_and_share_of_what_friction_remembers_are_named_as_left_out() -> None:
+    way = motion(20.0, 1)
+    measured = recording({1: iwan(way[0][:, 1], 0.01)}, way)
+    estimate = estimate_smoothed(with_presliding((1,), 0.01, share=0.5), [measured])
+    said = " ".join(head(ExportModel.identified(estimate)))
+    assert "Left out: presliding (dp_axis2 = 0.01" in said
+    assert " rad, sp_axis2 = 0.9" in said or " rad, sp_axis2 = 1)" in said
