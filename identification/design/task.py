@@ -13,12 +13,13 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from dynamics.model.cad import cad_parameters
-from dynamics.model.robot_model import RobotModel, regressor
+from dynamics.model.robot_model import RobotModel, regressor, torque
+from dynamics.terms.conditions import Conditions
 from identification.calibration.base_reaction import base_limits, with_known_mass
 from identification.design.criteria import Condition, Criterion, DOptimal, Goals
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
-from identification.estimation.estimate import Estimate
+from identification.estimation.estimate import Estimate, predict
 from identification.model.base_parameters import BaseParameters, base_parameters
 
 EXPECTED_NOISE_SHARE: Final = 0.01
@@ -27,6 +28,8 @@ CAD_TORQUE_SHARE: Final = 0.8
 """Share of the torque limits that drawings may use up: they tell neither friction nor rotors."""
 TORQUE: Final = "torque"
 TORQUE_POSES: Final = 50
+FRICTION_POSES: Final = 500
+ROUNDING: Final = 1e-6
 
 
 def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
@@ -76,13 +79,15 @@ def excitation_problem(
 ) -> ExcitationProblem:
     """Put a design task together from a cell and what is known of its robot.
 
-    Torque limits are held by `model`, else by the robot file's `cad`, else not at all. The noise
-    to expect is what `model` or an earlier estimate left over, else a share of the torque limits.
+    Torque limits are held by `model`, else by the robot file's `cad`, else not at all. What the
+    friction of `model` that the robot file does not name may take is kept free. The noise to expect
+    is what `model` or an earlier estimate left over, else a share of the torque limits.
 
     Raises
     ------
     ConfigError
-        A model is of another robot or has other terms, or the period does not suit the cell.
+        A model is of another robot or has friction that leaves nothing of a torque limit, or the
+        period does not suit the cell.
     """
     samples = samples_of_period(period_s, cell.cycle_time_s)
     if 2 * harmonics >= samples:
@@ -117,7 +122,7 @@ def excitation_problem(
         given=_information(base_parameters(planned), given) if given else None,
         workspace=cell.workspace,
         base_limits=_base_limits(cell, parameters, model),
-        torque_share=1.0 if model is not None else CAD_TORQUE_SHARE,
+        torque_share=CAD_TORQUE_SHARE if model is None else _torque_share(robot, planned, model),
     )
 
 
@@ -132,16 +137,44 @@ def _base_limits(
     return base_limits(cell.plate.limits)
 
 
+def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate) -> float:
+    """Return what friction that only the model has leaves of the torque limits."""
+    if model.options.kind == "external":
+        return 1.0
+    motion = _random_motion(robot, FRICTION_POSES)
+    reference = np.array([joint.reference_temperature_k for joint in model.robot.joints])
+    warmth = Conditions(temperature_k=np.tile(reference, (FRICTION_POSES, 1)))
+    beyond = predict(model, *motion, warmth) - torque(
+        planned, *motion, _standard_values(planned, model)
+    )
+    limit = np.array([joint.limits.torque for joint in robot.joints])
+    taken = np.abs(beyond).max(axis=0) / limit
+    worst = int(np.argmax(taken))
+    if taken[worst] >= LIMIT_FRACTION:
+        raise ConfigError(
+            f"the model of robot {model.robot.name!r} has friction beyond the robot file's terms,"
+            f" of up to {taken[worst]:.0%} of the torque limit of {robot.joint_names[worst]}: write"
+            " its terms into the robot file, or correct the limit"
+        )
+    return 1.0 if taken[worst] < ROUNDING else 1.0 - float(taken[worst])
+
+
 def _predictions(robot: RobotDescription, model: RobotModel, base: BaseParameters) -> FloatArray:
     """Return what predicts the torques of random motions within the limits, (rows, b)."""
+    motion = _random_motion(robot, TORQUE_POSES)
+    return base.columns(regressor(model, *motion)).reshape(-1, len(base))
+
+
+def _random_motion(robot: RobotDescription, rows: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return positions, velocities and accelerations within the limits."""
     random = np.random.default_rng(0)
     limits = [joint.limits for joint in robot.joints]
-    shape = (TORQUE_POSES, len(limits))
+    shape = (rows, len(limits))
     low, high = ([getattr(x, f"position_{end}") for x in limits] for end in ("min", "max"))
     q = random.uniform(low, high, shape)
     v = random.uniform(-1.0, 1.0, shape) * [each.velocity for each in limits]
     a = random.uniform(-1.0, 1.0, shape) * [each.acceleration for each in limits]
-    return base.columns(regressor(model, q, v, a)).reshape(-1, len(base))
+    return q, v, a
 
 
 def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:

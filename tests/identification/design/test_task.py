@@ -1,0 +1,84 @@
+"""A design task: what a model of the robot says of the torques that a motion may take."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.motion.kinds.fourier import FourierMotion
+from config.errors import ConfigError
+from config.load import LoadedCell, load_cell
+from config.robot.friction_terms import FrictionTerm
+from dynamics.model.robot_model import torque
+from identification.design.criteria import Condition
+from identification.design.problem import ExcitationProblem
+from identification.design.task import excitation_problem
+from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
+from identification.estimation.estimate import Estimate, predict
+from identification.model.base_parameters import base_parameters
+from identification.model.options import ModelOptions
+from tests.builders.known_model import known
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="module")
+def motion(cell: LoadedCell) -> FourierMotion:
+    return design_two_harmonic(cell.robot, TwoHarmonicOptions(5.0, tries=50), 0.008)
+
+
+def chosen(cell: LoadedCell, terms: tuple[FrictionTerm, ...], friction_nm: float) -> Estimate:
+    """Return a model with other friction than the robot file's, each coefficient of one size."""
+    true = known(cell, {})
+    joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
+    robot = cell.robot.model_copy(update={"joints": joints})
+    base = base_parameters(ModelOptions().build(robot))
+    given = dict(zip(true.base.names, true.values, strict=True))
+    values = np.array([given.get(name, friction_nm) for name in base.names])
+    covariance = np.diag((0.01 * np.abs(values) + 1e-3) ** 2)
+    return replace(
+        true,
+        robot=robot,
+        base=base,
+        values=values,
+        covariance_residual=covariance,
+        covariance_jackknife=covariance,
+    )
+
+
+def problem_of(cell: LoadedCell, model: Estimate) -> ExcitationProblem:
+    return excitation_problem(
+        cell.config, cell.robot, period_s=5.0, harmonics=5, criterion=Condition(), model=model
+    )
+
+
+def test_a_model_with_the_robot_files_terms_may_use_the_whole_limits(cell: LoadedCell) -> None:
+    assert problem_of(cell, known(cell, {})).torque_share == 1.0
+
+
+def test_friction_that_the_robot_file_does_not_name_is_kept_free(
+    cell: LoadedCell, motion: FourierMotion
+) -> None:
+    terms: tuple[FrictionTerm, ...] = ("coulomb", "viscous", "cube_root", "offset")
+    model = chosen(cell, terms, 10.0)
+    problem = problem_of(cell, model)
+    assert problem.parameters is not None
+    assert 0.5 < problem.torque_share < 1.0
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s).whole()
+    driven = (samples.position, samples.velocity, samples.acceleration)
+    planned = np.abs(torque(problem.model, *driven, problem.parameters)).max(axis=0)
+    limits = np.array([joint.limits.torque for joint in cell.robot.joints])
+    needed = np.abs(predict(model, *driven)).max(axis=0)
+    assert np.any(needed > planned)
+    assert np.all(needed <= planned + (1.0 - problem.torque_share) * limits)
+
+
+def test_friction_that_leaves_nothing_of_a_limit_is_refused(cell: LoadedCell) -> None:
+    model = chosen(cell, ("coulomb", "viscous", "offset"), 1e4)
+    with pytest.raises(ConfigError, match=r"torque limit of axis\d: write its terms"):
+        problem_of(cell, model)
