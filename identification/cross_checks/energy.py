@@ -9,11 +9,13 @@ motion, it tells whether those are right (Gautier and Khalil 1988, Kozlowski 199
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
+from dynamics.model.memory import with_memory
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns
@@ -73,7 +75,9 @@ def _intervals(
     An interval belongs to the stretch of time that it starts in.
     """
     for run in runs:
-        event = run.event
+        event, signals = run.event, run.signals
+        known = with_memory(estimate.model, signals.position, run.conditions, signals.segment)
+        run = replace(run, conditions=known)
         for number in range(int(run.signals.segment[-1]) + 1):
             rows = np.flatnonzero(run.signals.segment == number)
             step_s = run.signals.sample_period_s

@@ -48,10 +48,16 @@ def compare_period(estimate: Estimate, average: PeriodAverage) -> PeriodComparis
     EstimationError
         The joints are not the estimate's.
     """
+    standard = estimate.standard_values if estimate.model.transmission.losses else None
     equations = bin_equations(
-        estimate.model, estimate.base, average, band_hz=estimate.band_hz, standstill_rad_s=0.0
+        estimate.model,
+        estimate.base,
+        average,
+        band_hz=estimate.band_hz,
+        standstill_rad_s=0.0,
+        standard=standard,
     )
-    predicted = equations.matrix @ estimate.values
+    predicted = equations.matrix[:, :, : len(estimate.base)] @ estimate.values
     samples = average.samples_per_period
     return PeriodComparison(
         time_s=np.arange(samples, dtype=np.float64) * average.sample_period_s,

@@ -17,6 +17,7 @@ from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
+from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -111,3 +112,12 @@ def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) ->
     kalman = check(Method.KALMAN, weightless, runs)
     assert kalman.agrees is None
     assert "runs away" in kalman.trouble
+
+
+def test_energies_follow_friction_that_remembers() -> None:
+    way = motion(60.0, 3)
+    directions = {j: iwan(way[0][:, j], 0.03) for j in range(3)}
+    signals = recording(directions, way)
+    estimate = estimate_smoothed(with_presliding((0, 1, 2), 0.03), [signals])
+    energies = check(Method.ENERGY, estimate, runs_of([signals]))
+    assert energies.agrees, energies.sentence

@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
+from acquisition.signals.bins import from_bins, to_bins
 from config.cell.cell import ButterworthFilter
+from identification.equations.segments import period_signals
+from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_periodic
 from identification.validation.period_comparison import compare_period
 
@@ -45,3 +49,24 @@ def test_a_true_model_leaves_noise_and_no_more(
     assert (residual < 1.2 * noise).all()
     assert (residual > 0.6 * noise).all()
     assert (measured > 30.0 * noise).all()
+
+
+def test_what_gears_lose_is_in_the_prediction(
+    arm: KnownArm, measure: Callable[..., Recording]
+) -> None:
+    joints = tuple(
+        joint.model_copy(update={"friction": (*joint.friction, "load")})
+        for joint in arm.robot.joints
+    )
+    average = average_periods(measure())
+    estimate = estimate_periodic(arm.robot.model_copy(update={"joints": joints}), [average])
+    lossy = replace(estimate, options=replace(estimate.options, nonlinear=(0.2, 0.2, 0.2)))
+    drawn = compare_period(lossy, average).predicted_nm
+    signals = period_signals(average, 10.0)
+    motion = (signals.position, signals.velocity, signals.acceleration)
+    rows = slice(0, average.samples_per_period)
+    told, without = (
+        from_bins(to_bins(predict(each, *motion)[rows], 50), len(drawn))
+        for each in (lossy, estimate)
+    )
+    assert np.std(drawn - told) < 0.1 * np.std(told - without)
