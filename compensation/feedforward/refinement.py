@@ -47,6 +47,7 @@ POSES: Final = 24
 SIGMAS_OF_NOISE: Final = 3.0
 SMALL_STEP: Final = 1e-3
 _NOT_SMOOTH: Final = ("fc", "fo", "fs", "f13", "fp", "fm")
+_LOSSES: Final = ("cl_", "eta_")
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +200,34 @@ def stability_bound(
 def without_jumps(estimate: Estimate) -> Estimate:
     """Return a model without the friction that jumps where a speed changes its sign."""
     kept = [not name.startswith(_NOT_SMOOTH) for name in estimate.base.names]
-    return replace(estimate, values=np.where(kept, estimate.values, 0.0))
+    smooth = replace(estimate, values=np.where(kept, estimate.values, 0.0))
+    return _lossless(smooth) if estimate.model.transmission.losses else smooth
+
+
+def _lossless(estimate: Estimate) -> Estimate:
+    """Return a model whose gears lose nothing: their losses change sides with the speed's sign."""
+    own, model = estimate.options, estimate.model
+    left = np.array([not name.startswith(_LOSSES) for name in model.nonlinear_names])
+    joints = tuple(
+        joint.model_copy(
+            update={
+                "friction": tuple(term for term in joint.friction if term != "load"),
+                "efficiency": None,
+            }
+        )
+        for joint in estimate.robot.joints
+    )
+    terms = own.friction_terms
+    return replace(
+        estimate,
+        robot=estimate.robot.model_copy(update={"joints": joints}),
+        options=replace(
+            own,
+            friction_terms=None if terms is None else tuple(t for t in terms if t != "load"),
+            nonlinear=tuple(model.nonlinear_values[left].tolist()) or None,
+        ),
+        nonlinear_covariance=estimate.nonlinear_covariance[np.ix_(left, left)],
+    )
 
 
 def _likely(loop: VelocityLoop) -> list[VelocityLoop]:

@@ -11,7 +11,7 @@ from acquisition.motion.samples import JointTrajectory
 from compensation.timing.timed_path import Margins
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from dynamics.model.robot_model import base_wrench_regressor, regressor
+from dynamics.model.robot_model import base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
@@ -79,7 +79,11 @@ class ModelMargin:
         variance = self._variance(columns)
         variance += _unexplained(estimate.residual_nm, estimate.noise_nm)
         if self.payload is not None:
-            variance += self._of_payload(regressor(estimate.model, *motion))
+            there = Conditions()
+            if estimate.model.transmission.losses:
+                load = load_torque(estimate.model, *motion, estimate.standard_values, there)
+                there = Conditions(load_nm=load)
+            variance += self._of_payload(regressor(estimate.model, *motion, there))
         return np.sqrt(variance)
 
     def _base(self, path: JointTrajectory) -> FloatArray:

@@ -12,9 +12,11 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from dynamics.model.robot_model import RobotModel, regressor
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.conditions import Conditions
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters
+from identification.model.torque_columns import torque_columns
 
 FEWEST_PERIODS: Final = 3
 POSES: Final = 400
@@ -189,6 +191,8 @@ def _torque_sigma(
     """Return the largest of the joints' RMS standard deviations of the predicted torque."""
     step = max(1, len(motion[0]) // POSES)
     q, v, a = (part[::step] for part in motion)
-    phi = estimate.base.columns(regressor(estimate.model, q, v, a))
+    reference = [joint.reference_temperature_k for joint in estimate.robot.joints]
+    warmth = Conditions(temperature_k=np.tile(reference, (len(q), 1)))
+    phi = torque_columns(estimate.model, estimate.base, (q, v, a), warmth)
     variance = np.einsum("snb,bc,snc->n", phi, covariance, phi) / len(phi)
     return float(np.sqrt(variance.max()))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from config.load import LoadedCell
+from config.robot.friction_terms import FrictionTerm
 from identification.design.model import design_model
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import base_parameters
@@ -37,4 +40,30 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
         method="smoothed",
         band_hz=10.0,
         standstill_rad_s=0.02,
+    )
+
+
+def chosen(
+    cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
+) -> Estimate:
+    """Return them with other friction than the robot file's, its coefficients all of one size."""
+    true = known(cell, {})
+    joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
+    robot = cell.robot.model_copy(update={"joints": joints})
+    names = ModelOptions().build(robot).nonlinear_names
+    values = None if nonlinear is None else (nonlinear,) * len(names)
+    options = ModelOptions(nonlinear=values)
+    base = base_parameters(options.build(robot))
+    given = dict(zip(true.base.names, true.values, strict=True))
+    found = np.array([given.get(name, size) for name in base.names])
+    covariance = np.diag((0.01 * np.abs(found) + 1e-3) ** 2)
+    return replace(
+        true,
+        robot=robot,
+        options=options,
+        base=base,
+        values=found,
+        covariance_residual=covariance,
+        covariance_jackknife=covariance,
+        nonlinear_covariance=np.diag(np.full(len(names), 1e-4)),
     )

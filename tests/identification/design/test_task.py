@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,9 +15,7 @@ from identification.design.problem import ExcitationProblem
 from identification.design.task import excitation_problem
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate, predict
-from identification.model.base_parameters import base_parameters
-from identification.model.options import ModelOptions
-from tests.builders.known_model import known
+from tests.builders.known_model import chosen, known
 
 
 @pytest.fixture(scope="module")
@@ -30,25 +26,6 @@ def cell() -> LoadedCell:
 @pytest.fixture(scope="module")
 def motion(cell: LoadedCell) -> FourierMotion:
     return design_two_harmonic(cell.robot, TwoHarmonicOptions(5.0, tries=50), 0.008)
-
-
-def chosen(cell: LoadedCell, terms: tuple[FrictionTerm, ...], friction_nm: float) -> Estimate:
-    """Return a model with other friction than the robot file's, each coefficient of one size."""
-    true = known(cell, {})
-    joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
-    robot = cell.robot.model_copy(update={"joints": joints})
-    base = base_parameters(ModelOptions().build(robot))
-    given = dict(zip(true.base.names, true.values, strict=True))
-    values = np.array([given.get(name, friction_nm) for name in base.names])
-    covariance = np.diag((0.01 * np.abs(values) + 1e-3) ** 2)
-    return replace(
-        true,
-        robot=robot,
-        base=base,
-        values=values,
-        covariance_residual=covariance,
-        covariance_jackknife=covariance,
-    )
 
 
 def problem_of(cell: LoadedCell, model: Estimate) -> ExcitationProblem:

@@ -1,0 +1,53 @@
+"""Models whose gears lose something of what they transmit, where limits and bounds are made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.samples import JointTrajectory
+from compensation.feedforward.refinement import without_jumps
+from compensation.timing.uncertainty import ModelMargin
+from config.load import LoadedCell, load_cell
+from identification.accuracy.goals import Goal, goal_states
+from identification.estimation.estimate import Estimate, predict
+from tests.builders.certified import estimate_of
+from tests.builders.known_model import chosen, known
+from tests.builders.warm_model import by_temperature
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="module")
+def lossy(cell: LoadedCell) -> Estimate:
+    return chosen(cell, ("coulomb", "viscous", "load"), 10.0, 0.1)
+
+
+def motion() -> JointTrajectory:
+    random = np.random.default_rng(0)
+    return JointTrajectory(*random.normal(0.0, 0.4, (3, 40, 3)))
+
+
+def test_losses_jump_and_are_no_part_of_what_a_refinement_takes_for_smooth(
+    cell: LoadedCell, lossy: Estimate
+) -> None:
+    smooth, plain = without_jumps(lossy), without_jumps(known(cell, {}))
+    np.testing.assert_allclose(predict(smooth, *motion()), predict(plain, *motion()), atol=1e-9)
+
+
+def test_a_margin_counts_a_payload_that_gears_transmit(cell: LoadedCell, lossy: Estimate) -> None:
+    payload = estimate_of(cell, ("run",))
+    with_payload = ModelMargin(lossy, 0.95, payload)(motion()).torque
+    assert np.all(with_payload > ModelMargin(lossy, 0.95)(motion()).torque)
+
+
+def test_a_goal_for_the_torque_is_judged_whatever_friction_depends_on(
+    cell: LoadedCell, lossy: Estimate
+) -> None:
+    goal = Goal("torque", 1.0, False, "torque<1Nm")
+    for model in (lossy, by_temperature(cell, measured=True)):
+        (state,) = goal_states([goal], model, motion())
+        assert state.sigma > 0.0
