@@ -101,11 +101,6 @@ class PeriodicRuns:
         if procedure == "difference":
             binned = [_difference(self, binned)]
             layout = Layout(model, 1, with_robot=False, slopes=0)
-            if slopes:
-                raise EstimationError(
-                    "torques are subtracted only where the model is linear: use `together` with"
-                    " friction terms stribeck or load, or with efficiencies"
-                )
             averages = [self.averages[self.loaded.index(True)]]
         else:
             layout = Layout(model, len(binned), slopes=slopes)

@@ -107,11 +107,17 @@ def equations_of(
                 raise EstimationError("the procedure `model` needs a model of the robot alone")
         case "apart":
             return _apart(robot, runs, how)
-    model = PayloadModel.of(_described(robot, how), _options(how))
-    if not model.model.nonlinear_names:
+    described = _described(robot, how)
+    model = PayloadModel.of(described, _options(how))
+    if how.procedure == "difference" and model.model.transmission.losses:
+        raise EstimationError(
+            "torques are subtracted only where a gear loses the same with the payload as without"
+            " it: use `together` with the friction term load, or with efficiencies"
+        )
+    if how.procedure == "difference" or not model.model.nonlinear_names:
         return runs.equations(model, how.procedure, robot=how.robot)
     if how.procedure == "together":
-        joint = runs.estimate(robot, model.options, runs.loaded)
+        joint = runs.estimate(described, model.options, runs.loaded)
         model = model.with_nonlinear(joint.model)
         return runs.equations(model, how.procedure, robot=how.robot, standard=joint.standard_values)
     # A gear's loss depends on what it carries: the payload's equations are made with the payload.

@@ -396,7 +396,11 @@ def test_the_names_are_those_of_the_thesis() -> None:
 
 
 def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
-    lab: SimpleNamespace, robot: RobotDescription, unloaded: PeriodAverage, loaded: PeriodAverage
+    lab: SimpleNamespace,
+    robot: RobotDescription,
+    unloaded: PeriodAverage,
+    loaded: PeriodAverage,
+    both: PeriodicRuns,
 ) -> None:
     """As `identify --choose` makes it: the runs' own robot file knows nothing of the share."""
     remembering = robot.joints[2].model_copy(
@@ -411,6 +415,24 @@ def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
     )
     model = estimate_periodic(chosen, [unloaded], EstimationOptions(model=OPTIONS))
     assert model.model.nonlinear_names == ("dp_joint3", "sp_joint3")
-    found = identify_payload(robot, runs((loaded, True)), PayloadOptions("model", OPTIONS, model))
-    assert abs(found.reported[0] - lab.medium.mass_kg) < 0.02
-    assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
+    given: dict[Procedure, PeriodicRuns] = {
+        "model": runs((loaded, True)),
+        "together": both,
+        "difference": both,
+    }
+    for procedure, measured in given.items():
+        how = PayloadOptions(procedure, OPTIONS, model)
+        found = identify_payload(robot, measured, how)
+        assert abs(found.reported[0] - lab.medium.mass_kg) < 0.02, procedure
+        assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0, procedure
+
+
+def test_torques_are_not_subtracted_where_gears_lose_more_with_the_payload(
+    robot: RobotDescription, both: PeriodicRuns
+) -> None:
+    joints = tuple(
+        joint.model_copy(update={"friction": (*joint.friction, "load")}) for joint in robot.joints
+    )
+    lossy = robot.model_copy(update={"joints": joints})
+    with pytest.raises(EstimationError, match="use `together` with the friction term load"):
+        identify_payload(lossy, both, PayloadOptions("difference", OPTIONS))
