@@ -14,7 +14,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 from identification.export.model import ExportModel
-from identification.export.text import head, identifier, plain, render
+from identification.export.text import head, identifier, plain, render, temperatures
 
 Language = Literal["c", "python"]
 
@@ -53,10 +53,11 @@ def _render(template: str, model: ExportModel, language: Language) -> str:
     text = " ".join(line.text for line in lines)
     payload = model.term(Payload)
     smooth = _names(language)["smooth"] in text
+    warm = "temperature_k" in text
     return render(
         template,
         name=identifier(model.robot.name),
-        head=head(model),
+        head=(*head(model), *(temperatures(model) if warm else ())),
         joints=model.robot.joint_names,
         n=n,
         fixed=chain.fixed_rotations,
@@ -75,7 +76,7 @@ def _render(template: str, model: ExportModel, language: Language) -> str:
         spring=_spring(model, language),
         losses=losses,
         actuator_lines=lines,
-        warm="temperature_k" in text,
+        warm=warm,
         smoothing=_smoothing(model),
         smooth_signs=smooth,
         signs=bool(losses) or " sign(" in f" {text}" or (smooth and not _smoothing(model)),

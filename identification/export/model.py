@@ -21,6 +21,7 @@ from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 from identification.consistency.closest_robot import ConsistentEstimate
 from identification.consistency.rigid_body import LinkBody
+from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.friction.curve import friction_columns
 
@@ -54,6 +55,8 @@ class ExportModel:
         Values of `model.parameter_names`.
     origin : tuple of str
         Where they come from, a line each.
+    warming : Warming or None
+        How joints warm up, where their friction depends on a temperature that no one measured.
 
     Raises
     ------
@@ -65,6 +68,7 @@ class ExportModel:
     model: RobotModel
     parameters: FloatArray
     origin: tuple[str, ...] = ()
+    warming: Warming | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.model.parameter_names),)
@@ -81,14 +85,16 @@ class ExportModel:
         """Return an estimate's own parameters, which no robot need have."""
         line = "Parameters as identified: torques are those of the model file."
         origin = _origin(estimate, line)
-        return cls(estimate.robot, estimate.model, estimate.standard_values, origin)
+        values = estimate.standard_values
+        return cls(estimate.robot, estimate.model, values, origin, estimate.warming)
 
     @classmethod
     def consistent(cls, found: ConsistentEstimate) -> ExportModel:
         """Return the closest parameters that a robot can have."""
         estimate = found.estimate
         origin = _origin(estimate, found.sentence)
-        return cls(estimate.robot, estimate.model, found.standard_values, origin)
+        values = found.standard_values
+        return cls(estimate.robot, estimate.model, values, origin, estimate.warming)
 
     @cached_property
     def links(self) -> tuple[LinkBody, ...]:
@@ -250,6 +256,8 @@ class ExportModel:
             lines.append(
                 f"the friction of {joint.name} is a line through the model's {', '.join(curved)}"
             )
+        if f"fcT_{joint.name}" in names:
+            lines.append(self._warmth_left_out(j, joint))
         lines += [
             f"{loss.parameter.name} = {loss.parameter.value:.6g}: what the gear loses of its load"
             for loss in self.model.transmission.losses
@@ -257,8 +265,19 @@ class ExportModel:
         ]
         return lines
 
+    def _warmth_left_out(self, j: int, joint: Joint) -> str:
+        what = f"how the friction of {joint.name} changes"
+        if self.warming is None:
+            cold_k = joint.reference_temperature_k
+            return f"{what} with its drive's temperature: written is that at {cold_k:g} K"
+        constant_s = self.warming.time_constant_s[j]
+        return (
+            f"{what} as it warms up (time constant {constant_s:.3g} s): written is that of a cold"
+            " robot"
+        )
 
-_CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck", "fcT": "temperature"}
+
+_CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck"}
 
 
 def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:

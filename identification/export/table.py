@@ -15,8 +15,14 @@ from config.arrays import FloatArray
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.export.model import ExportModel
+from identification.export.text import friction_units
 
-Kind = Literal["identified", "shape", "consistent", "link"]
+Kind = Literal["identified", "shape", "warming", "consistent", "link"]
+
+_HEAT = (
+    "T in T x' = P - x with P = (fc_heat + fv_heat |v|) |v|, v the speed of the joint (of its"
+    " actuator where a wrist couples), x = 0 of a cold robot; fcT and fvT multiply x, 1 K a watt"
+)
 
 
 @dataclass(frozen=True)
@@ -24,9 +30,10 @@ class TableRow:
     """One value.
 
     `kind` is "identified" for a base parameter, "shape" for a nonlinear one (Stribeck speed,
-    efficiency), "consistent" for a standard parameter of the physically consistent estimate, and
-    "link" for what follows from those of a link, about its centre of gravity. `words` says which
-    combination of standard parameters it is; sigmas are standard deviations, None where unknown.
+    efficiency), "warming" for what a joint's temperature follows from where no one measured it,
+    "consistent" for a standard parameter of the physically consistent estimate, and "link" for
+    what follows from those of a link, about its centre of gravity. `words` says which combination
+    of standard parameters it is; sigmas are standard deviations, None where unknown.
     """
 
     kind: Kind
@@ -74,6 +81,7 @@ def table(estimate: Estimate, consistent: ExportModel | None = None) -> tuple[Ta
         TableRow("shape", name, name, float(value), unit, float(sigma))
         for name, value, unit, sigma in shapes
     ]
+    rows += _warming_rows(estimate)
     if consistent is not None:
         own = consistent.model
         rows += [
@@ -125,6 +133,27 @@ def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str
         "parameters": [asdict(row) for row in table(estimate, consistent)],
     }
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+
+def _warming_rows(estimate: Estimate) -> list[TableRow]:
+    """Return what the temperatures that `fcT` and `fvT` multiply follow from."""
+    warming = estimate.warming
+    if warming is None:
+        return []
+    rows = []
+    for j in np.flatnonzero(warming.joints):
+        joint = estimate.robot.joints[j]
+        coulomb, viscous = friction_units(joint)
+        sigma_s = float(warming.time_constant_sigma_s[j])
+        for name, words, value, unit, sigma in (
+            ("T_heat", _HEAT, warming.time_constant_s[j], "s", sigma_s),
+            ("fc_heat", "Coulomb friction that heats", warming.coulomb_nm[j], coulomb, None),
+            ("fv_heat", "viscous friction that heats", warming.viscous_nm_s[j], viscous, None),
+            ("T0_heat", "temperature at x = 0", joint.reference_temperature_k, "K", None),
+        ):
+            own = f"{name}_{joint.name}"
+            rows.append(TableRow("warming", own, words, float(value), unit, sigma))
+    return rows
 
 
 def _link_rows(model: ExportModel, number: int) -> list[TableRow]:

@@ -8,8 +8,10 @@ from importlib.metadata import version
 from typing import Any
 
 import jinja2
+import numpy as np
 
 from config.arrays import FloatArray
+from config.robot.robot import Joint
 from dynamics.model.memory import presliding
 from identification.export.model import ExportModel
 
@@ -42,6 +44,40 @@ def _memory(model: ExportModel) -> tuple[str, ...]:
         f"Left out: presliding ({own}). Here friction slides by the sign of the speed, which says"
         " nothing of a joint at rest or turning round.",
     )
+
+
+def temperatures(model: ExportModel) -> tuple[str, ...]:
+    """Say what a function's argument `temperature_k` is, a line each."""
+    warming = model.warming
+    if warming is None:
+        return ("temperature_k: measured temperatures of the joints' drives in K.",)
+    speed = "v the speed of the joint"
+    if model.model.coupling is not None:
+        speed = "v the speed of the actuator"
+    lines = [
+        "temperature_k is not what a thermometer shows. It follows from the motion since the robot",
+        f"was cold (x = 0), with {speed}; x is counted as 1 K a watt:",
+        "  T x' = P - x,  P = (f_C + f_v |v|) |v|,  temperature_k = T0 + x.",
+        "Over a time step dt: x becomes P + exp(-dt / T) (x - P). Joints that are not listed do not"
+        " use it.",
+    ]
+    for j in np.flatnonzero(warming.joints):
+        joint = model.robot.joints[j]
+        coulomb, viscous = friction_units(joint)
+        constant_s, coulomb_nm, viscous_nm_s = (
+            float(values[j])
+            for values in (warming.time_constant_s, warming.coulomb_nm, warming.viscous_nm_s)
+        )
+        lines.append(
+            f"  {joint.name}: T = {constant_s!r} s, f_C = {coulomb_nm!r} {coulomb},"
+            f" f_v = {viscous_nm_s!r} {viscous}, T0 = {joint.reference_temperature_k!r} K"
+        )
+    return tuple(map(plain, lines))
+
+
+def friction_units(joint: Joint) -> tuple[str, str]:
+    """Return the units of a joint's Coulomb and viscous friction."""
+    return ("N m", "N m s/rad") if joint.type == "revolute" else ("N", "N s/m")
 
 
 def plain(text: str) -> str:

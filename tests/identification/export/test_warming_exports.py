@@ -1,0 +1,136 @@
+"""What an exported file says of joints that warm up: enough to follow their warmth without us."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from config.arrays import FloatArray
+from config.load import LoadedCell, load_cell
+from dynamics.terms.conditions import Conditions
+from identification.consistency.closest_robot import consistent
+from identification.estimation.estimate import Estimate, predict
+from identification.export.description import pinocchio_model, sdf, urdf
+from identification.export.function import c_function, python_function
+from identification.export.model import ExportModel
+from identification.export.table import csv_table, json_table
+from tests.builders.known_model import known
+from tests.builders.warm_model import by_temperature
+from tests.builders.warming_arm import recording
+
+NUMBER = r"(-?[\d.]+(?:e-?\d+)?)"
+LINE = re.compile(
+    rf"axis(\d): T = {NUMBER} s, f_C = {NUMBER} N m, f_v = {NUMBER} N m s/rad, T0 = {NUMBER} K"
+)
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+@pytest.fixture(scope="module")
+def warming(cell: LoadedCell) -> Estimate:
+    return by_temperature(cell, measured=False)
+
+
+def followed(text: str, time_s: FloatArray, v: FloatArray) -> FloatArray:
+    """Return `temperature_k` as the head of a file says that it follows from a motion."""
+    out = np.zeros_like(v)
+    for number, *values in LINE.findall(text):
+        j = int(number) - 1
+        constant_s, coulomb, viscous, cold_k = map(float, values)
+        x = np.zeros(len(v))
+        for i, step_s in enumerate(np.diff(time_s)):
+            speed = abs(v[i, j])
+            power = (coulomb + viscous * speed) * speed
+            x[i + 1] = power + np.exp(-step_s / constant_s) * (x[i] - power)
+        out[:, j] = cold_k + x
+    return out
+
+
+def test_a_function_with_the_temperatures_that_its_head_tells_has_the_models_torques(
+    warming: Estimate, tmp_path: Path
+) -> None:
+    text = python_function(ExportModel.identified(warming))
+    (tmp_path / "arm.py").write_text(text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location("arm", tmp_path / "arm.py")
+    assert spec is not None
+    assert spec.loader is not None
+    arm = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(arm)
+    signals = recording(20.0, (None, None, None), seed=4)
+    motion = signals.position, signals.velocity, signals.acceleration
+    temperature_k = followed(text, signals.time_s, signals.velocity)
+    assert temperature_k[-1, 0] > 300.0
+    assert warming.warming is not None
+    warm = warming.warming.warmed(warming.robot, signals).temperature_k
+    np.testing.assert_allclose(
+        arm.inverse_dynamics(*motion, temperature_k),
+        predict(warming, *motion, Conditions(temperature_k=warm)),
+        rtol=1e-9,
+        atol=1e-7,
+    )
+
+
+def test_a_functions_head_says_that_no_thermometer_gives_its_temperatures(
+    warming: Estimate,
+) -> None:
+    for write in (python_function, c_function):
+        text = " ".join(write(ExportModel.consistent(consistent(warming))).split())
+        assert "temperature_k is not what a thermometer shows" in text
+        assert "T x' = P - x, P = (f_C + f_v |v|) |v|, temperature_k = T0 + x" in text
+        assert [found[0] for found in LINE.findall(text)] == ["1", "2"]
+
+
+def test_where_temperatures_were_measured_the_head_says_whose(cell: LoadedCell) -> None:
+    text = python_function(ExportModel.identified(by_temperature(cell, measured=True)))
+    assert "temperature_k: measured temperatures of the joints' drives in K." in text
+    assert "thermometer" not in text
+    assert "temperature_k" not in python_function(ExportModel.identified(known(cell, {})))
+
+
+def test_tables_hold_what_the_temperatures_follow_from(warming: Estimate) -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_table(warming), newline="")))
+    found = {row["name"]: row for row in rows if row["kind"] == "warming"}
+    assert warming.warming is not None
+    assert list(found) == [
+        f"{name}_axis{j}" for j in (1, 2) for name in ("T_heat", "fc_heat", "fv_heat", "T0_heat")
+    ]
+    assert float(found["T_heat_axis1"]["value"]) == 60.0
+    assert found["T_heat_axis1"]["unit"] == "s"
+    assert float(found["T_heat_axis1"]["sigma"]) == 5.0
+    assert "T x' = P - x" in found["T_heat_axis1"]["words"]
+    assert "(fc_heat + fv_heat |v|) |v|" in found["T_heat_axis1"]["words"]
+    assert float(found["fc_heat_axis2"]["value"]) == warming.warming.coulomb_nm[1]
+    assert found["fc_heat_axis2"]["unit"] == "N m"
+    assert float(found["fv_heat_axis2"]["value"]) == warming.warming.viscous_nm_s[1]
+    assert float(found["T0_heat_axis2"]["value"]) == 298.15
+    document = json.loads(json_table(warming))["parameters"]
+    assert {row["name"] for row in document if row["kind"] == "warming"} == set(found)
+
+
+@pytest.mark.parametrize("write", [urdf, sdf, pinocchio_model])
+def test_descriptions_say_that_their_friction_is_a_cold_robots(
+    write: Callable[[ExportModel], str], warming: Estimate, cell: LoadedCell
+) -> None:
+    text = write(ExportModel.consistent(consistent(warming)))
+    assert (
+        "how the friction of axis1 changes as it warms up (time constant 60 s): written is that of"
+        " a cold robot" in text
+    )
+    measured = consistent(by_temperature(cell, measured=True))
+    text = write(ExportModel.consistent(measured))
+    assert (
+        "how the friction of axis1 changes with its drive's temperature: written is that at"
+        " 298.15 K" in text
+    )
+    assert "a line through the model's temperature" not in text
