@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -90,6 +91,10 @@ def run_payload_session(
         ),
         limits=request.limits,
     )
+    done: Mapping[str, str] = {} if state is None else state.done
+    moves = any(name not in done for name in request.wanted)
+    if moves:
+        _require_followed(request, payload_request)
     if state is None:
         state, motion = _begun(request, loaded)
     else:
@@ -99,7 +104,7 @@ def run_payload_session(
             f" {', '.join(state.done) or 'nothing'}."
         )
     console.say(motion.describe())
-    if any(name not in state.done for name in request.wanted):
+    if moves:
         simulation = Simulation(seed=request.seed, pace=request.pace)
         with (
             unfinished(state.folder),
@@ -112,6 +117,18 @@ def run_payload_session(
         if failed is not None:
             return failed
     return _result(state, loaded, payload_request, motion)
+
+
+def _require_followed(request: PayloadSessionRequest, payload_request: PayloadRequest) -> None:
+    """Refuse to end runs by a mass that cannot be followed while the robot moves."""
+    only_in_time = payload_request.only_in_time
+    if only_in_time and request.until_mass_kg is not None:
+        raise ConfigError(
+            f"--until-mass {request.until_mass_kg:g}: {request.model} says {only_in_time}, which is"
+            " made up for once a run is complete: the mass cannot be followed while the robot"
+            " moves. Leave --until-mass out, or give a model that `rid-daq identify` writes without"
+            " --choose"
+        )
 
 
 def _begun(

@@ -215,8 +215,8 @@ class PayloadGuide:
         )
 
     def _averages(self) -> PeriodicRuns | None:
-        """Return the runs so far that the payload is estimated from."""
-        if not self.state.measurements:
+        """Return the runs so far that the mass is followed from."""
+        if not self.state.measurements or self.payload_request.only_in_time:
             return None
         return periodic_runs(
             [item.average for item in self.state.runs()],

@@ -81,6 +81,9 @@ class WarmUpWatch:
 class MassWatch:
     """Tells whether the mass of the payload is sure enough.
 
+    By a model that says what no mean period shows the mass is not followed: the watch says so,
+    and ends nothing.
+
     Parameters
     ----------
     robot : RobotDescription
@@ -102,11 +105,19 @@ class MassWatch:
     ) -> None:
         self._robot, self._before = robot, before
         self._payload_request, self._goal_kg = payload_request, goal_kg
+        self._only_in_time = payload_request.only_in_time
         self._said = ""
+        if self._only_in_time:
+            self._said = (
+                "The mass was not followed while the robot moved: the model says"
+                f" {self._only_in_time}, which is made up for once a run is complete"
+            )
         self._average = AverageSoFar(robot)
 
     def enough(self, new: NewPeriods) -> bool:
         """Estimate from the periods so far."""
+        if self._only_in_time:
+            return False
         try:
             runs = self._runs(self._average.with_more(new))
             estimate = identify_payload(self._robot, runs, self._payload_request.how)
@@ -124,7 +135,7 @@ class MassWatch:
 
     def line(self) -> str:
         """Say what the mass is so far."""
-        return self._said
+        return "mass not followed" if self._only_in_time else self._said
 
     def _runs(self, average: PeriodAverage) -> PeriodicRuns:
         new = periodic_runs((average,), (True,), self._payload_request)

@@ -10,7 +10,6 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
-from identification.estimation.estimate import Estimate
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
@@ -40,6 +39,20 @@ class PayloadRequest:
     band_hz: float = BAND_HZ
     standstill_rad_s: float = STANDSTILL_RAD_S
 
+    @property
+    def only_in_time(self) -> str:
+        """What the model of the robot says that no mean period shows; empty where there is none.
+
+        Runs are weighed as they were recorded then, and not before they are complete.
+        """
+        model = self.how.robot
+        if model is None:
+            return ""
+        if model.warming is not None:
+            return "how joints warm up"
+        narrow = model.channel is not None and model.channel.bandwidth_hz is not None
+        return "that torques were low-passed" if narrow else ""
+
 
 def payload_runs(
     data: Sequence[RunData], loaded: Sequence[bool], payload_request: PayloadRequest
@@ -58,7 +71,7 @@ def payload_runs(
     """
     one_robot(data)
     model = payload_request.how.robot
-    if data[0].is_periodic and (model is None or not _holds_in_time(model)):
+    if data[0].is_periodic and not payload_request.only_in_time:
         return periodic_runs([item.average for item in data], loaded, payload_request)
     signals = [
         smooth_nonperiodic(without_torque_filter(item.recording), payload_request.band_hz)
@@ -69,11 +82,6 @@ def payload_runs(
     if model is not None and model.warming is not None:
         signals = [model.warming.warmed(model.robot, each) for each in signals]
     return SmoothedRuns(tuple(signals), tuple(loaded), payload_request.standstill_rad_s)
-
-
-def _holds_in_time(model: Estimate) -> bool:
-    narrow = model.channel is not None and model.channel.bandwidth_hz is not None
-    return narrow or model.warming is not None
 
 
 def periodic_runs(

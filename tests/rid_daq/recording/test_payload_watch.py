@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -10,12 +12,20 @@ import pytest
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.session.early_stop import NewPeriods
-from config.errors import EstimationError
-from config.load import load_robot
+from config.errors import ConfigError, EstimationError
+from config.load import load_cell, load_robot
+from identification.equations.torque_channel import TorqueChannel
+from identification.estimation.estimate import Estimate
+from identification.payload.procedures import PayloadOptions
 from rid_daq.jobs.payload.payload_job import PayloadRequest
-from rid_daq.recording import payload_watch
+from rid_daq.recording import payload_session_job, payload_watch
 from rid_daq.recording.average_so_far import AverageSoFar
+from rid_daq.recording.payload_session_job import run_payload_session
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
+from rid_daq.terminal.console import Console
+from tests.builders.known_model import known
+from tests.builders.warm_model import by_temperature
 
 JOINTS = ("axis1", "axis2")
 NEW = cast(NewPeriods, SimpleNamespace(recording=SimpleNamespace(joint_names=JOINTS), first_row=0))
@@ -109,3 +119,44 @@ def test_an_estimate_that_fails_says_why_and_ends_nothing(monkeypatch: pytest.Mo
     monkeypatch.setattr(payload_watch, "identify_payload", fail)
     assert not watch.enough(PERIODS)
     assert watch.sentences() == ["the motion does not show the mass"]
+
+
+def says_of_time(what: str) -> Estimate:
+    """Return a model that says what no mean period shows."""
+    if what == "how joints warm up":
+        return by_temperature(load_cell("ir361"), measured=False)
+    narrow = TorqueChannel(np.zeros(3), np.zeros(3), bandwidth_hz=3.0)
+    return replace(known(load_cell("ir361"), {}), channel=narrow)
+
+
+@pytest.mark.parametrize("what", ["how joints warm up", "that torques were low-passed"])
+def test_a_mass_is_not_followed_by_a_model_that_holds_in_time_alone(
+    what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    how = PayloadRequest(PayloadOptions("model", robot=says_of_time(what)))
+    weighing(None, monkeypatch, sigma_kg=0.001)
+    watch = MassWatch(load_robot("ir361"), None, how, 0.1)
+    assert not watch.enough(PERIODS)
+    assert watch.line() == "mass not followed"
+    (sentence,) = watch.sentences()
+    assert sentence.startswith("The mass was not followed while the robot moved")
+    assert what in sentence
+
+
+@pytest.mark.parametrize("what", ["how joints warm up", "that torques were low-passed"])
+def test_until_mass_with_such_a_model_is_refused_before_there_is_a_session(
+    what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(payload_session_job, "estimate_for", lambda *_: says_of_time(what))
+    request = PayloadSessionRequest(
+        cell="ir361",
+        runs=tmp_path / "runs",
+        model=Path("warm.json"),
+        until_mass_kg=0.012,
+        yes=True,
+    )
+    with pytest.raises(ConfigError) as refused:
+        run_payload_session(request, Console())
+    assert str(refused.value).startswith(f"--until-mass 0.012: warm.json says {what}")
+    assert "Leave --until-mass out, or give a model" in str(refused.value)
+    assert not (tmp_path / "runs").exists()
