@@ -22,6 +22,7 @@ from config.errors import LimitError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 from identification.estimation.estimate import Estimate, predict
+from identification.estimation.limit_torque import limit_torque
 
 BLEND_S: Final = 0.3
 
@@ -133,7 +134,7 @@ def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) ->
 def refuse_torque(
     motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
 ) -> None:
-    """Refuse a motion that takes more torque than a joint has.
+    """Refuse a motion that takes more torque than a joint has, cold or warm (`limit_torque`).
 
     Parameters
     ----------
@@ -152,7 +153,8 @@ def refuse_torque(
         It does; the text names joint, time and, of a path, the segment.
     """
     samples = samples.whole()
-    torque = np.abs(predict(estimate, samples.position, samples.velocity, samples.acceleration))
+    moved = (samples.position, samples.velocity, samples.acceleration)
+    torque = np.abs(limit_torque(estimate, *moved))
     for j, joint in enumerate(robot.joints):
         row = int(torque[:, j].argmax())
         if torque[row, j] <= joint.limits.torque:

@@ -357,8 +357,9 @@ def _warmth(column: FrictionColumn, motion: Motion) -> FloatArray:
     temperature = motion.conditions.temperature_k
     if temperature is None:
         raise EstimationError(
-            f"{column.parameter_name} depends on the drive's temperature, and the recording has"
-            " none: record or import it, or leave the friction term `temperature` out"
+            f"{column.parameter_name} depends on the drive's temperature, and none is given:"
+            " record or import it, say how warm the joints are where the command has --temperature,"
+            " or leave the friction term `temperature` out"
         )
     shape = motion.actuator.shape[1:]
     return np.broadcast_to(temperature, shape)[:, column.joint] - column.reference_temperature_k

@@ -37,7 +37,7 @@ VIEWS: Final = ((0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True, eq=False)
 class _Quantity:
-    """One quantity of all joints: its values, their units, and their share of the limit [%]."""
+    """One quantity of all joints: its values, their units, their share of the limit [%], a note."""
 
     name: str
     title: str
@@ -45,6 +45,7 @@ class _Quantity:
     values: FloatArray
     units: tuple[str, ...]
     percent: FloatArray
+    note: str = ""
 
     @property
     def peak(self) -> float:
@@ -58,6 +59,7 @@ def motion_figure(
     workspace: Workspace,
     torque_nm: FloatArray | None = None,
     condition_number: float | None = None,
+    torque_note: str = "",
 ) -> GridPlot:
     """Return a figure of positions, speeds, accelerations and torques against their limits.
 
@@ -78,9 +80,11 @@ def motion_figure(
         The torque that a model expects [N m or N].
     condition_number : float, optional
         Of an excitation.
+    torque_note : str
+        How warm the model's friction was taken to be.
     """
     one = samples.whole(most_periods=1)
-    quantities = _quantities(one, robot, torque_nm)
+    quantities = _quantities(one, robot, torque_nm, torque_note)
     rows = thinned(len(one.position))
     time_s = one.sample_period_s * np.arange(len(one.position))
     columns: dict[str, object] = {TIME: time_s[rows]}
@@ -98,7 +102,10 @@ def motion_figure(
 
 
 def _quantities(
-    samples: MotionSamples, robot: RobotDescription, torque_nm: FloatArray | None
+    samples: MotionSamples,
+    robot: RobotDescription,
+    torque_nm: FloatArray | None,
+    torque_note: str,
 ) -> list[_Quantity]:
     limits = [joint.limits for joint in robot.joints]
     low, high = (
@@ -129,7 +136,8 @@ def _quantities(
         rates.append(("torque", "torques", torque_nm, "torque", torque_unit))
     for name, title, values, key, own in rates:
         limit = np.array([getattr(each, key) for each in limits])
-        found.append(_Quantity(name, title, "limit", values, own, 100.0 * values / limit))
+        note = torque_note if name == "torque" else ""
+        found.append(_Quantity(name, title, "limit", values, own, 100.0 * values / limit, note))
     return found
 
 
@@ -144,6 +152,8 @@ def _over_time(
     title = f"{quantity.title}: {quantity.peak:.0f} % of the {quantity.of} at most"
     if first and condition_number is not None:
         title += f"\ncondition number {condition_number:.4g}"
+    if quantity.note:
+        title += f"\n{quantity.note}"
     plot = panel(
         title,
         TIME,

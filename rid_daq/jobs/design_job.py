@@ -18,6 +18,7 @@ from identification.design.two_harmonic import (
     condition_number,
     design_two_harmonic,
 )
+from identification.estimation.limit_torque import limit_warmth
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.jobs.excitation_search import Search, SearchOptions, search
@@ -107,7 +108,7 @@ def design_motion(request: DesignRequest, console: Console) -> Designed:
             steady = constant_velocity_motion(robot, config.workspace, seed=request.seed)
             return Designed(cell, steady, _written(request, cell, steady))
         case Kind.MULTISINE:
-            return _multisine(request, cell)
+            return _multisine(request, cell, console)
         case Kind.EXCITATION | Kind.REVERSED:
             motion, origin, found = _excitation(request, cell, console)
     if request.kind is Kind.REVERSED:
@@ -147,11 +148,14 @@ def _excitation(
     return found.best.motion, origin, found
 
 
-def _multisine(request: DesignRequest, cell: LoadedCell) -> Designed:
+def _multisine(request: DesignRequest, cell: LoadedCell, console: Console) -> Designed:
     robot, model = cell.robot, request.model
     estimate = None if model is None else estimate_for(model, robot)
     motion = multisine_motion(robot, cell.config, request.multisine, estimate)
     samples = _written(request, cell, motion)
+    warmth = "" if estimate is None else limit_warmth(estimate)
+    if warmth:
+        console.say(warmth)
     return Designed(cell, motion, samples, use=limit_use(samples, robot, estimate))
 
 

@@ -18,6 +18,7 @@ from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES
 from config.load import load_cell, load_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
+from identification.estimation.limit_torque import limit_warmth
 from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for, with_feedforward
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -122,7 +123,11 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
     motion = motion_for(request.motion, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     if request.model is not None:
-        refuse_torque(motion, samples, estimate_for(request.model, loaded.robot), loaded.robot)
+        estimate = estimate_for(request.model, loaded.robot)
+        refuse_torque(motion, samples, estimate, loaded.robot)
+        warmth = limit_warmth(estimate)
+        if warmth:
+            console.say(warmth)
     if request.feedforward is not None:
         samples = with_feedforward(request.feedforward, motion, samples)
     accuracy = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from bokeh.models import GridPlot
 from pydantic import BaseModel, ConfigDict
@@ -11,9 +12,13 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.motion_file import AnyMotion
 from config.load import LoadedCell
 from identification.design.two_harmonic import condition_number
-from identification.estimation.estimate import predict
+from identification.estimation.at_temperature import by_temperature
+from identification.estimation.limit_torque import limit_torque
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.jobs.cell_files import estimate_for, motion_for
+
+AT_REFERENCE: Final = "friction as at its reference temperature"
+COLD_OR_WARM: Final = "friction as cold or as warm, whichever takes more"
 
 
 class MotionFacts(BaseModel):
@@ -63,6 +68,8 @@ def motion_facts(cell: LoadedCell, path: Path) -> MotionFacts:
 def motion_picture(cell: LoadedCell, path: Path, model: Path | None) -> GridPlot:
     """Return the picture of a motion file, with the torque that a model expects.
 
+    It is the one that `record` holds the limits by (`limit_torque`).
+
     Raises
     ------
     ConfigError, LimitError
@@ -70,13 +77,15 @@ def motion_picture(cell: LoadedCell, path: Path, model: Path | None) -> GridPlot
     """
     motion = motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
-    torque = None
+    torque, note = None, ""
     if model is not None:
         one = samples.whole(1)
         estimate = estimate_for(model, cell.robot)
-        torque = predict(estimate, one.position, one.velocity, one.acceleration)
+        torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
+        if by_temperature(estimate).any():
+            note = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM
     condition = _condition(cell, motion)
-    return motion_figure(samples, cell.robot, cell.config.workspace, torque, condition)
+    return motion_figure(samples, cell.robot, cell.config.workspace, torque, condition, note)
 
 
 def excitation_of(motion: AnyMotion) -> FourierMotion | None:

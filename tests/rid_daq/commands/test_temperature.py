@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 
 from acquisition.motion.motion_file import load_motion
-from compensation.compensated_motion import compensated_motion
+from compensation.compensated_motion import compensated_motion, refuse_torque
 from compensation.feedforward.file import read_feedforward
 from compensation.loops.loop_file import read_loops, write_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.operating_temperature import at_operation
+from config.errors import LimitError
 from config.load import LoadedCell, load_cell
+from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.limit_torque import limit_warmth
 from rid_daq.app import run
+from rid_daq.figures.embedding import as_item
+from rid_daq.workbench.motion_facts import motion_picture
 from tests.builders.told import document
 from tests.builders.warm_model import FALL, by_temperature
 
@@ -110,3 +115,42 @@ def test_how_warm_it_is_must_be_said(
     assert "friction of axis1, axis2 depends on warmth that nobody measured" in told
     assert "--temperature warm" in told
     assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize("model", ["followed", "measured"])
+def test_torque_limits_are_held_without_it_and_how_warm_is_told(
+    folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str], model: str
+) -> None:
+    file = folder / f"{model}.json"
+    told = limit_warmth(read_estimate(file))
+    assert told
+    path = folder / "path.yaml"
+    assert run(["record", "ir361", str(path), "--model", str(file), "--runs", str(folder)]) == 0
+    assert told in " ".join(capsys.readouterr().out.split())
+    multisine = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
+    assert run([*multisine, "--model", str(file), "-o", str(folder / "sines.yaml")]) == 0
+    assert told in " ".join(capsys.readouterr().out.split())
+    drawn = str(as_item(motion_picture(cell, path, file), dark=False)["doc"])
+    assert {"followed": "cold or as warm", "measured": "reference temperature"}[model] in drawn
+
+
+def test_a_motion_that_takes_too_much_of_a_cold_joint_is_refused(
+    folder: Path, cell: LoadedCell
+) -> None:
+    motion = load_motion(folder / "path.yaml")
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
+    estimate = read_estimate(folder / "followed.json")
+    way = (samples.position, samples.velocity, samples.acceleration)
+    peaks = [
+        np.abs(predict(at_operation(estimate, asked, way[1]).estimate, *way)).max(axis=0)[0]
+        for asked in ("cold", "warm")
+    ]
+    between = 0.5 * sum(peaks)
+    assert peaks[0] > between > peaks[1]
+    first, *rest = cell.robot.joints
+    limits = first.limits.model_copy(update={"torque": between})
+    robot = cell.robot.model_copy(
+        update={"joints": (first.model_copy(update={"limits": limits}), *rest)}
+    )
+    with pytest.raises(LimitError, match=r"the motion takes .* of joint 'axis1'"):
+        refuse_torque(motion, samples, estimate, robot)

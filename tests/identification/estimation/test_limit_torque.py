@@ -1,0 +1,59 @@
+"""The torque by which limits are held, where friction depends on temperature."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.load import LoadedCell, load_cell
+from dynamics.terms.conditions import Conditions
+from identification.estimation.estimate import predict
+from identification.estimation.limit_torque import limit_torque, limit_warmth
+from tests.builders.known_model import known
+from tests.builders.warm_model import by_temperature
+from tests.builders.warming_arm import motion
+
+WAY = motion(20.0, 4)
+COLD_K = 298.15
+
+
+@pytest.fixture(scope="module")
+def cell() -> LoadedCell:
+    return load_cell("ir361")
+
+
+def test_of_a_joint_that_warms_up_it_is_the_larger_of_cold_and_warm(cell: LoadedCell) -> None:
+    followed = by_temperature(cell, measured=False)
+    assert followed.warming is not None
+    settled = followed.warming.settled(followed.robot, WAY[1])
+    cold, half, warm = (
+        np.abs(predict(followed, *WAY, Conditions(temperature_k=COLD_K + share)))
+        for share in (0.0 * (settled - COLD_K), 0.5 * (settled - COLD_K), settled - COLD_K)
+    )
+    assert (cold > warm).any()
+    assert (warm > cold).any()  # where friction helps to slow down
+    held = np.abs(limit_torque(followed, *WAY))
+    np.testing.assert_array_equal(held, np.maximum(cold, warm))
+    assert (half <= held + 1e-9).all()
+    assert limit_warmth(followed) == (
+        "Torque limits are held with the friction of axis1, axis2 both as after a long rest and as"
+        " the motion makes it."
+    )
+
+
+def test_of_measured_temperatures_it_is_that_at_the_reference_and_said_so(
+    cell: LoadedCell,
+) -> None:
+    measured = by_temperature(cell, measured=True)
+    there = Conditions(temperature_k=np.full(3, COLD_K))
+    np.testing.assert_array_equal(limit_torque(measured, *WAY), predict(measured, *WAY, there))
+    assert limit_warmth(measured) == (
+        "Torque limits are held with friction at reference_temperature_k (axis1 25 °C, axis2"
+        " 25 °C); at other temperatures the motion may take more."
+    )
+
+
+def test_of_other_models_it_is_their_torque(cell: LoadedCell) -> None:
+    plain = known(cell, {})
+    np.testing.assert_array_equal(limit_torque(plain, *WAY), predict(plain, *WAY))
+    assert limit_warmth(plain) == ""
