@@ -20,8 +20,14 @@ const value = (id, words) => {
   return chosen;
 };
 
+const model = () => {
+  const asks = { model: value("model", "A model: identify the robot first. It") };
+  const temperature = find("temperature").value.trim();
+  return temperature ? { ...asks, temperature } : asks;
+};
+
 const byModel = () => ({
-  model: value("model", "A model: identify the robot first. It"),
+  ...model(),
   loop: value("loop", "A file of velocity loops: measure them in step 1. It"),
 });
 
@@ -52,7 +58,7 @@ function margins(each) {
 
 // ---- 2: timing, feedforward
 press("retime", panel, "retime", () => panel.begin("retime", {
-  motion: motionOf(), model: value("model", "A model: identify the robot first. It"),
+  motion: motionOf(), ...model(),
   margin: numberOf("kept-free", { least: 0 }) / 100, output: nameOf("timed-name", ".yaml"), overwrite: true,
 }));
 

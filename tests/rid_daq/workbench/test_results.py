@@ -7,12 +7,18 @@ import re
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from compensation.loops.loop_file import write_loops
+from compensation.loops.velocity_loop import VelocityLoop
+from config.load import load_cell
+from identification.estimation.file import write_estimate
 from rid_daq.service.records import Job, JobState
 from tests.builders.identified_run import arm_in_motion, friction_run, identified_run
 from tests.builders.motion_texts import MULTISINE, PICK
+from tests.builders.warm_model import by_temperature
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import begin_motion, taken, until
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, take_cell
@@ -95,6 +101,39 @@ def test_friction_is_measured_alone_and_shown(
     expect(page.locator("#result .grade.good")).to_have_count(3)
     page.locator("#result summary", has_text="axis1").click()
     pictured(page, screenshots, "friction-measured")
+
+
+@pytest.mark.usefixtures("identified")
+def test_a_model_that_warms_up_is_told_how_warm_joints_are(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    """One field is for all that goes by the model."""
+    cell, folder = load_cell("ir361"), served_pages.folder
+    write_estimate(folder / "warming.json", by_temperature(cell, measured=False))
+    loops = [
+        VelocityLoop(joint, 900.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
+        for joint in cell.robot.joint_names
+    ]
+    write_loops(folder / "known_loops.json", loops, "ir361", "a run")
+    (folder / "turns.yaml").write_text(TURNS)
+    page = open_page(width=820)
+    page.get_by_role("link", name="Compensation", exact=True).click()
+    chosen = {"motion": "turns.yaml", "model": "warming.json", "loop": "known_loops.json"}
+    for field, file in chosen.items():
+        page.locator(f"#{field}").select_option(file)
+    page.locator("#make").click()
+    expect(page.locator("#job")).to_contain_text("depends on warmth that nobody measured")
+    page.get_by_label("Temperature of the joints").fill(" warm ")
+    page.locator("#make").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
+    assert newest(served_pages).request["temperature"] == "warm"
+    page.get_by_text("First time the motion").click()
+    page.locator("#retime").click()
+    expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
+    assert newest(served_pages).request["temperature"] == "warm"
+    page.locator("#refine").click()  # of a run without feedforward
+    expect(page.locator("#job .verdict.end")).to_contain_text("Refine: ")
+    assert newest(served_pages).request["temperature"] == "warm"
 
 
 @pytest.fixture(scope="module")
