@@ -155,7 +155,11 @@ def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, Sen
     n = len(robot.joints)
     if model is not None:
         estimate = estimate_for(model, robot)
-        if estimate.model.parameter_names != terms.parameter_names:
+        own = estimate.model
+        if (own.parameter_names, own.nonlinear_names) != (
+            terms.parameter_names,
+            terms.nonlinear_names,
+        ):
             raise ConfigError(
                 f"{model}: has other terms than robot.yaml states; identify again without options"
                 " that choose terms"

@@ -353,11 +353,12 @@ _OUTPUTS = {
 
 
 def _sentence(estimate: Estimate) -> str:
+    from dynamics.model.memory import presliding  # compiled, and read sections need none of it
+
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
-    remembers = any("presliding" in joint.friction for joint in estimate.robot.joints)
-    pauses = (
-        "; of joints with presliding only the middle of pauses is left out" if remembers else ""
-    )
+    pauses = ""
+    if presliding(estimate.model):
+        pauses = "; of joints with presliding only the middle of pauses is left out"
     way = {
         "ml": "Least squares weighted by noise (maximum likelihood)",
         "ls": "Least squares without weights",
