@@ -22,7 +22,8 @@ from mock_hw.registers.server import RegisterService, RegisterSettings, ServerCe
 
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
 UNITS = (1, 2, 9)
-TIMEOUT_S = 2.0
+PATIENCE_S = 10.0  # of an answer that comes, however busy the computer is
+TIMEOUT_S = 2.0  # where one may not come, and is waited for
 
 
 def registers(unit: int) -> dict[int, int] | None:
@@ -70,7 +71,8 @@ class Workshop:
         link: Any = ModbusTcp(kind="tcp", host="127.0.0.1", port=0, tls=tls)
         if kind == "rtu":
             link = ModbusRtu(kind="rtu", address=str(self._path / "line"), parity="none")
-        config = MonitorConfig(link=link, units=UNITS, timeout_s=TIMEOUT_S)
+        timeout_s = PATIENCE_S if fault is None else TIMEOUT_S
+        config = MonitorConfig(link=link, units=UNITS, timeout_s=timeout_s)
         settings = RegisterSettings(config, PROFILE, self._path / "line", certificates)
         self.drives = SimulatedRegisters(registers, [fault] if fault else [])
         self.service = self._stack.enter_context(

@@ -28,6 +28,7 @@ from drivers.modbus.link import open_modbus
 from mock_hw.registers.server import ServerCertificates
 from tests.builders.register_workshop import (
     PROFILE,
+    TIMEOUT_S,
     UNITS,
     Workshop,
     at_first,
@@ -67,7 +68,8 @@ class TestTheDriverReadsThem:
     def test_a_drive_that_is_not_there_does_not_keep_the_others_away(
         self, workshop: Workshop, kind: str
     ) -> None:
-        reading = monitor(workshop.serve(kind), workshop, units=(1, 77, 9)).read()
+        config = workshop.serve(kind).model_copy(update={"timeout_s": TIMEOUT_S})
+        reading = monitor(config, workshop, units=(1, 77, 9)).read()
         assert reading.temperature_k[[0, 2]].tolist() == pytest.approx([293.15, 373.15])
         (problem,) = reading.problems
         why = "exception 11: it does not answer its gateway" if kind == "tcp" else "no answer"

@@ -56,7 +56,7 @@ def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
                 RegisterService(SimulatedRegisters(registers), settings, realtime=False)
             )
             link = ModbusTcp(kind="tcp", host="127.0.0.1", port=service.port)
-            served = monitor.model_copy(update={"link": link, "timeout_s": 1.0})
+            served = monitor.model_copy(update={"link": link, "timeout_s": 10.0})
             return loaded.config.model_copy(update={"monitor": served})
 
         yield start
