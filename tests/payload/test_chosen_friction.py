@@ -1,0 +1,84 @@
+"""A payload beside a model of the robot whose friction `identify --choose` found."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from acquisition.processing.periods import PeriodAverage
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from identification.estimation.estimators import estimate_periodic
+from identification.estimation.options import EstimationOptions
+from identification.model.options import ModelOptions
+from identification.payload.equations import Procedure
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.procedures import PayloadOptions, identify_payload
+
+OPTIONS = ModelOptions(rotors=False)
+
+
+@pytest.fixture(scope="module")
+def robot(lab: SimpleNamespace) -> RobotDescription:
+    return lab.six_axes()
+
+
+@pytest.fixture(scope="module")
+def unloaded(lab: SimpleNamespace, robot: RobotDescription) -> PeriodAverage:
+    return lab.averaged(robot, lab.motion_of(robot), None, seed=1, friction=1.1)
+
+
+@pytest.fixture(scope="module")
+def loaded(lab: SimpleNamespace, robot: RobotDescription) -> PeriodAverage:
+    return lab.averaged(robot, lab.motion_of(robot), lab.medium, seed=2)
+
+
+@pytest.fixture(scope="module")
+def both(unloaded: PeriodAverage, loaded: PeriodAverage) -> PeriodicRuns:
+    return PeriodicRuns((unloaded, loaded), (False, True), 10.0, 0.02)
+
+
+def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
+    lab: SimpleNamespace,
+    robot: RobotDescription,
+    unloaded: PeriodAverage,
+    loaded: PeriodAverage,
+    both: PeriodicRuns,
+) -> None:
+    """As `identify --choose` makes it: the runs' own robot file knows nothing of the share."""
+    remembering = robot.joints[2].model_copy(
+        update={
+            "friction": (*robot.joints[2].friction, "presliding"),
+            "presliding_distance": 1e-3,
+            "presliding_share": 0.5,
+        }
+    )
+    chosen = robot.model_copy(
+        update={"joints": (*robot.joints[:2], remembering, *robot.joints[3:])}
+    )
+    model = estimate_periodic(chosen, [unloaded], EstimationOptions(model=OPTIONS))
+    assert model.model.nonlinear_names == ("dp_joint3", "sp_joint3")
+    given: dict[Procedure, PeriodicRuns] = {
+        "model": PeriodicRuns((loaded,), (True,), 10.0, 0.02),
+        "together": both,
+        "difference": both,
+    }
+    for procedure, measured in given.items():
+        how = PayloadOptions(procedure, OPTIONS, model)
+        found = identify_payload(robot, measured, how)
+        assert abs(found.reported[0] - lab.medium.mass_kg) < 0.02, procedure
+        off = (found.reported - lab.medium.reported) / found.sigma
+        assert np.max(np.abs(off)) < 3.0, procedure
+
+
+def test_torques_are_not_subtracted_where_gears_lose_more_with_the_payload(
+    robot: RobotDescription, both: PeriodicRuns
+) -> None:
+    joints = tuple(
+        joint.model_copy(update={"friction": (*joint.friction, "load")}) for joint in robot.joints
+    )
+    lossy = robot.model_copy(update={"joints": joints})
+    with pytest.raises(EstimationError, match="use `together` with the friction term load"):
+        identify_payload(lossy, both, PayloadOptions("difference", OPTIONS))
