@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -103,19 +104,28 @@ def test_friction_is_measured_alone_and_shown(
     pictured(page, screenshots, "friction-measured")
 
 
-@pytest.mark.usefixtures("identified")
-def test_a_model_that_warms_up_is_told_how_warm_joints_are(
-    open_page: OpenPage, served_pages: ServedProcess
-) -> None:
-    """One field is for all that goes by the model."""
+@pytest.fixture
+def warming(served_pages: ServedProcess) -> Iterator[None]:
+    """A model whose joints warm up and loops that need no run; the next test has its own."""
     cell, folder = load_cell("ir361"), served_pages.folder
-    write_estimate(folder / "warming.json", by_temperature(cell, measured=False))
+    model, known = folder / "warming.json", folder / "known_loops.json"
+    write_estimate(model, by_temperature(cell, measured=False))
     loops = [
         VelocityLoop(joint, 900.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
         for joint in cell.robot.joint_names
     ]
-    write_loops(folder / "known_loops.json", loops, "ir361", "a run")
-    (folder / "turns.yaml").write_text(TURNS)
+    write_loops(known, loops, "ir361", "a run")
+    yield
+    model.unlink()
+    known.unlink()
+
+
+@pytest.mark.usefixtures("identified", "warming")
+def test_a_model_that_warms_up_is_told_how_warm_joints_are(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    """One field is for all that goes by the model."""
+    (served_pages.folder / "turns.yaml").write_text(TURNS)
     page = open_page(width=820)
     page.get_by_role("link", name="Compensation", exact=True).click()
     chosen = {"motion": "turns.yaml", "model": "warming.json", "loop": "known_loops.json"}
