@@ -191,8 +191,8 @@ def _torque_sigma(
     """Return the largest of the joints' RMS standard deviations of the predicted torque."""
     step = max(1, len(motion[0]) // POSES)
     q, v, a = (part[::step] for part in motion)
-    reference = [joint.reference_temperature_k for joint in estimate.robot.joints]
-    warmth = Conditions(temperature_k=np.tile(reference, (len(q), 1)))
+    reference_k = np.array([joint.reference_temperature_k for joint in estimate.robot.joints])
+    warmth = Conditions(temperature_k=reference_k)
     phi = torque_columns(estimate.model, estimate.base, (q, v, a), warmth)
     variance = np.einsum("snb,bc,snc->n", phi, covariance, phi) / len(phi)
     return float(np.sqrt(variance.max()))

@@ -142,9 +142,8 @@ def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate)
     if model.options.kind == "external":
         return 1.0
     motion = _random_motion(robot, FRICTION_POSES)
-    reference = np.array([joint.reference_temperature_k for joint in model.robot.joints])
-    warmth = Conditions(temperature_k=np.tile(reference, (FRICTION_POSES, 1)))
-    beyond = predict(model, *motion, warmth) - torque(
+    reference_k = np.array([joint.reference_temperature_k for joint in model.robot.joints])
+    beyond = predict(model, *motion, Conditions(temperature_k=reference_k)) - torque(
         planned, *motion, _standard_values(planned, model)
     )
     limit = np.array([joint.limits.torque for joint in robot.joints])

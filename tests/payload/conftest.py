@@ -18,6 +18,7 @@ from config.load import load_robot
 from config.robot.robot import RobotDescription
 from identification.design.two_harmonic import TwoHarmonicOptions, two_harmonic_draws
 from identification.payload.body import PayloadBody
+from identification.payload.periodic_runs import PeriodicRuns
 
 CYCLE_S = 0.01
 FINE = 5
@@ -182,3 +183,29 @@ def lab() -> SimpleNamespace:
         medium=MEDIUM,
         coulomb_nm=COULOMB,
     )
+
+
+@pytest.fixture(scope="session")
+def robot() -> RobotDescription:
+    return six_axes()
+
+
+@pytest.fixture(scope="session")
+def motion(robot: RobotDescription) -> FourierMotion:
+    return motion_of(robot)
+
+
+@pytest.fixture(scope="session")
+def unloaded(robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
+    """Friction is a tenth larger in the run without payload: it must not be carried over."""
+    return averaged(robot, motion, None, seed=1, friction=1.1)
+
+
+@pytest.fixture(scope="session")
+def loaded(robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
+    return averaged(robot, motion, MEDIUM, seed=2)
+
+
+@pytest.fixture(scope="session")
+def both(unloaded: PeriodAverage, loaded: PeriodAverage) -> PeriodicRuns:
+    return PeriodicRuns((unloaded, loaded), (False, True), 10.0, 0.02)

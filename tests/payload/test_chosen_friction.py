@@ -20,26 +20,6 @@ from identification.payload.procedures import PayloadOptions, identify_payload
 OPTIONS = ModelOptions(rotors=False)
 
 
-@pytest.fixture(scope="module")
-def robot(lab: SimpleNamespace) -> RobotDescription:
-    return lab.six_axes()
-
-
-@pytest.fixture(scope="module")
-def unloaded(lab: SimpleNamespace, robot: RobotDescription) -> PeriodAverage:
-    return lab.averaged(robot, lab.motion_of(robot), None, seed=1, friction=1.1)
-
-
-@pytest.fixture(scope="module")
-def loaded(lab: SimpleNamespace, robot: RobotDescription) -> PeriodAverage:
-    return lab.averaged(robot, lab.motion_of(robot), lab.medium, seed=2)
-
-
-@pytest.fixture(scope="module")
-def both(unloaded: PeriodAverage, loaded: PeriodAverage) -> PeriodicRuns:
-    return PeriodicRuns((unloaded, loaded), (False, True), 10.0, 0.02)
-
-
 def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
     lab: SimpleNamespace,
     robot: RobotDescription,

@@ -32,27 +32,6 @@ OPTIONS = ModelOptions(rotors=False)
 
 
 @pytest.fixture(scope="module")
-def robot(lab: SimpleNamespace) -> RobotDescription:
-    return lab.six_axes()
-
-
-@pytest.fixture(scope="module")
-def motion(lab: SimpleNamespace, robot: RobotDescription) -> FourierMotion:
-    return lab.motion_of(robot)
-
-
-@pytest.fixture(scope="module")
-def unloaded(lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
-    # Friction is a tenth larger in the run without payload: it must not be carried over.
-    return lab.averaged(robot, motion, None, seed=1, friction=1.1)
-
-
-@pytest.fixture(scope="module")
-def loaded(lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
-    return lab.averaged(robot, motion, lab.medium, seed=2)
-
-
-@pytest.fixture(scope="module")
 def alone(robot: RobotDescription, unloaded: PeriodAverage) -> Estimate:
     return estimate_periodic(robot, [unloaded], EstimationOptions(model=OPTIONS))
 
@@ -61,11 +40,6 @@ def runs(*averages: tuple[PeriodAverage, bool]) -> PeriodicRuns:
     return PeriodicRuns(
         tuple(average for average, _ in averages), tuple(flag for _, flag in averages), 10.0, 0.02
     )
-
-
-@pytest.fixture(scope="module")
-def both(unloaded: PeriodAverage, loaded: PeriodAverage) -> PeriodicRuns:
-    return runs((unloaded, False), (loaded, True))
 
 
 def sigmas_off(estimate: PayloadEstimate, truth: PayloadBody) -> np.ndarray:
