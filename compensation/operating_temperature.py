@@ -9,12 +9,12 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.plausible import ZERO_CELSIUS_K
 from identification.estimation.at_temperature import at_temperature, by_temperature
 from identification.estimation.estimate import Estimate
 
 COLD: Final = "cold"
 WARM: Final = "warm"
-ICE_K: Final = 273.15
 LOWEST_C, HIGHEST_C = -40.0, 200.0
 
 
@@ -121,4 +121,4 @@ def _at_degrees(estimate: Estimate, asked: str, names: list[str]) -> AtOperation
         )
     each = np.broadcast_to(np.array(degrees), (len(names),))
     said = ", ".join(f"{value:g} °C" for value in degrees)
-    return AtOperation(at_temperature(estimate, each + ICE_K), f"Friction as at {said}.")
+    return AtOperation(at_temperature(estimate, each + ZERO_CELSIUS_K), f"Friction as at {said}.")

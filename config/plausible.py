@@ -21,6 +21,7 @@ from pydantic import BaseModel, RootModel
 from config.model import ConfigModel
 
 ON_PURPOSE: Final = "implausible_on_purpose"
+ZERO_CELSIUS_K: Final = 273.15
 
 _DEGREE: Final = math.pi / 180.0
 _GYRATION: Final = "m (root of moments of inertia over twice the mass)"
@@ -106,8 +107,8 @@ class Plausible:
             for unit, factor in _OTHER_UNITS.get(right, {}).items():
                 if self.holds(size * factor):
                     return f"; {size:.6g} {unit} would be {size * factor:.4g} {right}"
-        if self.unit == "K" and self.holds(size + 273.15):
-            return f"; {size:.6g} °C would be {size + 273.15:.6g} K"
+        if self.unit == "K" and self.holds(size + ZERO_CELSIUS_K):
+            return f"; {size:.6g} °C would be {size + ZERO_CELSIUS_K:.6g} K"
         if not self.unit and self.holds(1.0 / size):
             return f"; its inverse would be {1.0 / size:.4g}"
         return ""

@@ -11,6 +11,7 @@ from acquisition.imports.import_map import ImportJoint, ImportMap
 from acquisition.imports.tables import ImportTable
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
+from config.plausible import ZERO_CELSIUS_K
 from config.robot.robot import Joint, RobotDescription
 
 _POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
@@ -23,7 +24,7 @@ _VELOCITY = {
 }
 _CURRENT = {"A": 1.0, "mA": 1e-3}
 _TORQUE = {"Nm": 1.0, "mNm": 1e-3, "N": 1.0}
-_ZERO_K = {"C": 273.15, "K": 0.0}
+_ZERO_K = {"C": ZERO_CELSIUS_K, "K": 0.0}
 
 
 @dataclass(frozen=True, eq=False)

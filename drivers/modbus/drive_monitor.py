@@ -11,6 +11,7 @@ import numpy as np
 from config.cell.drive_profile import NAMEPLATE, POLLED, DriveProfile, Quantity
 from config.cell.monitor import MonitorConfig
 from config.errors import DeviceTimeoutError, ProtocolError
+from config.plausible import ZERO_CELSIUS_K
 from drivers.interfaces.drive_monitor import DriveMonitor, MonitorReading, MotorData
 from drivers.modbus.codec import decode, plan_reads
 from drivers.modbus.link import ModbusLink, open_modbus
@@ -75,13 +76,13 @@ class ModbusDriveMonitor(DriveMonitor):
             except (DeviceTimeoutError, ProtocolError) as error:
                 problems.append(str(error))
                 continue
-            degrees = values["motor_temperature_k"]
-            if COLDEST_K <= degrees <= HOTTEST_K:
-                temperature[number] = degrees
+            found_k = values["motor_temperature_k"]
+            if COLDEST_K <= found_k <= HOTTEST_K:
+                temperature[number] = found_k
             else:
                 problems.append(
-                    f"{self._link.name}, unit {unit}: a motor of {degrees - 273.15:.1f} °C: check"
-                    " register, type and scale in the profile"
+                    f"{self._link.name}, unit {unit}: a motor of {found_k - ZERO_CELSIUS_K:.1f} °C:"
+                    " check register, type and scale in the profile"
                 )
             operating[number] = values.get("operating_time_s", math.nan)
         return MonitorReading(temperature, operating, tuple(problems))

@@ -7,16 +7,13 @@ than the larger of cold and warm.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from config.arrays import FloatArray
+from config.plausible import ZERO_CELSIUS_K
 from dynamics.terms.conditions import Conditions
 from identification.estimation.at_temperature import by_temperature
 from identification.estimation.estimate import Estimate, predict
-
-ICE_K: Final = 273.15
 
 
 def limit_torque(
@@ -56,7 +53,8 @@ def limit_warmth(estimate: Estimate) -> str:
         return ""
     if estimate.warming is None:
         each = ", ".join(
-            f"{joint.name} {joint.reference_temperature_k - ICE_K:.3g} °C" for joint in joints
+            f"{joint.name} {joint.reference_temperature_k - ZERO_CELSIUS_K:.3g} °C"
+            for joint in joints
         )
         return (
             f"Torque limits are held with friction at reference_temperature_k ({each}); at other"

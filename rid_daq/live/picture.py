@@ -13,10 +13,10 @@ from acquisition.task.joint_values import JointValues, JointWatch
 from acquisition.task.ring import Ring
 from acquisition.task.states import Progress, RecorderState, TaskState
 from config.cell.cell import CellConfig
+from config.plausible import ZERO_CELSIUS_K
 from config.robot.robot import RobotDescription
 from rid_daq.terminal.motion_progress import motion_words
 
-ZERO_CELSIUS_K = 273.15
 RATE_AFTER_S = 2.0
 
 

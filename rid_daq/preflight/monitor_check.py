@@ -9,12 +9,12 @@ from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
 from config.cell.monitor import MonitorConfig
 from config.errors import DriverError
+from config.plausible import ZERO_CELSIUS_K
 from config.robot.robot import RobotDescription
 from drivers.interfaces.drive_monitor import MonitorReading, MotorData
 from drivers.modbus.drive_monitor import open_drive_monitor
 from rid_daq.preflight.bus_check import CheckLine
 
-KELVIN_AT_0_C = 273.15
 CONSTANT_TOLERANCE = 0.01
 
 
@@ -67,8 +67,8 @@ def _temperatures(
             CheckLine(
                 where=f"{axis.joint}, node {axis.node_id}",
                 what="motor temperature [°C]",
-                required=f"≤ {monitor.warmest_k - KELVIN_AT_0_C:.0f}",
-                found=f"{value - KELVIN_AT_0_C:.1f}" if answered else f"unit {unit}: none",
+                required=f"≤ {monitor.warmest_k - ZERO_CELSIUS_K:.0f}",
+                found=f"{value - ZERO_CELSIUS_K:.1f}" if answered else f"unit {unit}: none",
                 verdict="ok" if cool else "red",
                 next_action=""
                 if cool
