@@ -1,45 +1,60 @@
-"""`estimated_friction`: the friction of an identified model, to compare measured friction with."""
+"""`EstimatedFriction`: the friction of an identified model, to compare measured friction with."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.robot.robot import RobotDescription
+from config.plausible import ZERO_CELSIUS_K
 from dynamics.terms.friction import Friction
+from identification.estimation.at_temperature import by_temperature
 from identification.estimation.estimate import Estimate
 from identification.friction.curve import friction_columns
 
 
-def estimated_friction(
-    estimate: Estimate, robot: RobotDescription
-) -> Callable[[int, FloatArray], FloatArray]:
-    """Return what gives the friction that a model has by its estimate.
+@dataclass(frozen=True, eq=False)
+class EstimatedFriction:
+    """The friction that a model has by its estimate, joint by joint.
 
-    Parameters
+    Attributes
     ----------
     estimate : Estimate
-        The model.
-    robot : RobotDescription
-        The robot whose friction was measured; the model must be of it.
-
-    Returns
-    -------
-    callable
-        Joint, from 0, and signed speeds, shape (s,), to torques, shape (s,) [N m or N].
+        The model; it has friction.
 
     Raises
     ------
     ConfigError
-        The model is of another robot, or has no friction.
+        The model has no friction.
     """
-    if estimate.robot.joint_names != robot.joint_names:
-        raise ConfigError(
-            f"the model is of robot {estimate.robot.name!r}, the runs are of {robot.name!r}"
-        )
-    model = estimate.model
-    if not any(isinstance(term, Friction) for term in model.terms):
-        raise ConfigError("the model file has no friction to compare with")
-    values = estimate.standard_values[model.parameter_groups["friction"]]
-    return lambda joint, speed: friction_columns(model, joint, speed) @ values
+
+    estimate: Estimate
+
+    def __post_init__(self) -> None:
+        if not any(isinstance(term, Friction) for term in self.estimate.model.terms):
+            raise ConfigError("the model file has no friction to compare with")
+
+    def torque(self, joint: int, speed: FloatArray) -> FloatArray:
+        """Return the friction of a joint, from 0, at signed speeds, shape (s,) [N m or N].
+
+        Temperatures are the reference's; what load adds is left out.
+        """
+        model = self.estimate.model
+        values = self.estimate.standard_values[model.parameter_groups["friction"]]
+        return friction_columns(model, joint, speed) @ values
+
+    def circumstances(self, joint: int) -> str:
+        """Return in words what `torque` holds for, of a joint, from 0.
+
+        Such as "as after a long rest and without what load adds"; empty where friction depends on
+        speed alone.
+        """
+        estimate = self.estimate
+        taken = []
+        if by_temperature(estimate)[joint]:
+            reference_k = estimate.robot.joints[joint].reference_temperature_k
+            warm = f"at {reference_k - ZERO_CELSIUS_K:.3g} °C"
+            taken.append(warm if estimate.warming is None else "as after a long rest")
+        if any(loss.joint == joint for loss in estimate.model.transmission.losses):
+            taken.append("without what load adds")
+        return " and ".join(taken)

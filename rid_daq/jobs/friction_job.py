@@ -14,7 +14,7 @@ from config.errors import ConfigError
 from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
-from identification.validation.estimated_friction import estimated_friction
+from identification.validation.estimated_friction import EstimatedFriction
 from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report_page.write import write_result
@@ -78,9 +78,7 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasured:
             curves.setdefault(curve.joint, []).append(curve)
     whole = [joined(curves[name]) for name in first.robot.joint_names if name in curves]
     model = request.model
-    compared = (
-        None if model is None else estimated_friction(estimate_for(model, first.robot), first.robot)
-    )
+    compared = None if model is None else EstimatedFriction(estimate_for(model, first.robot))
     fits = [fit_friction(curve, first.robot) for curve in whole]
     section = FrictionSection.of(whole, fits, first.robot, compared)
     report = write_result(first.folder, result_of(first, notes).updated(friction=section))

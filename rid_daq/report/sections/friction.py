@@ -17,6 +17,7 @@ from rid_daq.terminal.console import Console
 if TYPE_CHECKING:
     from identification.friction.curve import FrictionCurve
     from identification.friction.fits import FrictionFit
+    from identification.validation.estimated_friction import EstimatedFriction
 
 LINE_POINTS = 120
 
@@ -195,7 +196,7 @@ class FrictionSection(Section):
         curves: Sequence[FrictionCurve],
         fits: Sequence[tuple[FrictionFit, ...]],
         robot: RobotDescription,
-        model: Callable[[int, FloatArray], FloatArray] | None = None,
+        model: EstimatedFriction | None = None,
     ) -> FrictionSection:
         """Return what was measured and fitted.
 
@@ -205,8 +206,8 @@ class FrictionSection(Section):
             The measured friction, and the models fitted to it, the best first.
         robot : RobotDescription
             The robot.
-        model : callable, optional
-            Returns the friction of a joint [N m or N] at speeds, of a model to compare with.
+        model : EstimatedFriction, optional
+            The friction of a model to compare with.
         """
         from identification.friction.fits import CLEARLY_BETTER
 
@@ -236,7 +237,7 @@ def _joint(
     curve: FrictionCurve,
     fits: tuple[FrictionFit, ...],
     robot: RobotDescription,
-    model: Callable[[int, FloatArray], FloatArray] | None,
+    model: EstimatedFriction | None,
     clearly_better: float,
 ) -> JointFriction:
     j = robot.joint_names.index(curve.joint)
@@ -250,11 +251,14 @@ def _joint(
     graded = _graded(curve, fits)
     sentence = _sentence(curve, fits, graded, clearly_better)
     if model is not None:
-        torque["the model file"] = tuple(_odd(lambda v: model(j, v), speed).tolist())
-        error = curve.odd - _odd(lambda v: model(j, v), curve.speed)
+        torque["the model file"] = tuple(_odd(lambda v: model.torque(j, v), speed).tolist())
+        error = curve.odd - _odd(lambda v: model.torque(j, v), curve.speed)
+        rms = np.sqrt(np.mean(error**2))
+        taken = model.circumstances(j)
+        sentence += f" The model file, {taken}, is" if taken else " The model file is"
         sentence += (
-            f" The model file is off by {np.sqrt(np.mean(error**2)):.3g} {torque_unit} (rms),"
-            f" {100.0 * np.sqrt(np.mean(error**2) / np.mean(curve.odd**2)):.2g} %."
+            f" off by {rms:.3g} {torque_unit} (rms),"
+            f" {100.0 * rms / np.sqrt(np.mean(curve.odd**2)):.2g} %."
         )
     return JointFriction(
         joint=curve.joint,

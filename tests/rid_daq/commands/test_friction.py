@@ -133,7 +133,7 @@ def test_a_model_file_is_compared(runs: Path, capsys: pytest.CaptureFixture[str]
     model = runs / "model.json"
     assert run(["identify", "reversed", "--runs", str(runs), "-o", str(model)]) == 0
     joints = friction_of(runs, capsys, "steady", "--model", str(model))
-    assert "The model file is off by" in joints["axis1"]["sentence"]
+    assert " The model file is off by " in joints["axis1"]["sentence"]
     lines = joints["axis1"]["lines"]
     at = np.searchsorted(lines["speed"], 1.0)
     assert lines["torque"]["the model file"][at] == pytest.approx(47.0, rel=0.1)

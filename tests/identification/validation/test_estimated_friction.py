@@ -1,0 +1,61 @@
+"""What the friction of a model is, and for which circumstances it is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError
+from config.load import load_cell
+from identification.estimation.estimate import Estimate
+from identification.model.options import ModelOptions
+from identification.validation.estimated_friction import EstimatedFriction
+from tests.builders.known_model import known
+from tests.builders.warm_model import by_temperature
+
+CELL = load_cell("ir361")
+SPEED = np.array([-1.0, 0.3, 2.0])
+
+
+def loaded(estimate: Estimate, joint: int) -> Estimate:
+    """Return a model whose gear of one joint loses with the load too."""
+    joints = list(estimate.robot.joints)
+    joints[joint] = joints[joint].model_copy(update={"friction": (*joints[joint].friction, "load")})
+    return replace(estimate, robot=estimate.robot.model_copy(update={"joints": tuple(joints)}))
+
+
+def test_friction_is_that_of_the_model() -> None:
+    estimate = known(CELL, {})
+    values = dict(zip(estimate.base.names, estimate.values, strict=True))
+    found = EstimatedFriction(estimate).torque(1, SPEED)
+    np.testing.assert_allclose(
+        found, values["fc_axis2"] * np.sign(SPEED) + values["fv_axis2"] * SPEED
+    )
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_warmth_adds_nothing_and_is_told(measured: bool) -> None:
+    plain = EstimatedFriction(known(CELL, {}))
+    warm = EstimatedFriction(by_temperature(CELL, measured=measured))
+    np.testing.assert_allclose(warm.torque(0, SPEED), plain.torque(0, SPEED))
+    assert plain.circumstances(0) == ""
+    assert warm.circumstances(0) == ("at 25 °C" if measured else "as after a long rest")
+    assert warm.circumstances(2) == ""
+
+
+def test_what_load_adds_is_left_out_and_told() -> None:
+    estimate = known(CELL, {})
+    friction = EstimatedFriction(loaded(estimate, 1))
+    np.testing.assert_allclose(
+        friction.torque(1, SPEED), EstimatedFriction(estimate).torque(1, SPEED)
+    )
+    assert [friction.circumstances(j) for j in range(3)] == ["", "without what load adds", ""]
+    both = EstimatedFriction(loaded(by_temperature(CELL, measured=True), 1))
+    assert both.circumstances(1) == "at 25 °C and without what load adds"
+
+
+def test_a_model_without_friction_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no friction to compare with"):
+        EstimatedFriction(replace(known(CELL, {}), options=ModelOptions(friction=False)))
