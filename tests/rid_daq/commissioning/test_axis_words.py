@@ -48,6 +48,34 @@ def test_what_has_moved_is_told_in_the_same_words() -> None:
     )
 
 
+def test_up_is_where_gravity_comes_from() -> None:
+    """Bases whose z points down, those on a wall and those that lean have their own."""
+    turn = np.deg2rad(2.0)
+    hung = ARM.model_copy(update={"gravity_m_s2": (0.0, 0.0, 9.81)})
+    assert "2° clockwise, seen from above" in direction_words(hung, POSE, 0, turn)
+    assert "2° counter-clockwise, seen from above" in direction_words(hung, POSE, 0, -turn)
+    assert "35 mm up (the base's -z)" in direction_words(hung, POSE, 1, turn)
+    on_a_wall = ARM.model_copy(update={"gravity_m_s2": (0.0, 9.81, 0.0)})
+    assert direction_words(on_a_wall, POSE, 2, 0.005).endswith("5 mm down (the base's +y)")
+    assert direction_words(on_a_wall, POSE, 0, turn) == (
+        "turn will turn by 2° counter-clockwise, seen from the side of the base's +z; the tool"
+        " point goes 35 mm down (the base's +y)"
+    )
+    assert "2° clockwise, seen from above" in direction_words(on_a_wall, POSE, 1, turn)
+    leaning = ARM.model_copy(update={"gravity_m_s2": (0.0, 6.94, -6.94)})
+    assert "seen from the side of the base's +z" in direction_words(leaning, POSE, 0, turn)
+
+
+def test_an_upright_axis_in_a_base_whose_z_points_down() -> None:
+    """Axis 1 of the arm points up, against z of its base."""
+    robot = load_cell("ir361").robot
+    words = direction_words(robot, POSE, 0, np.deg2rad(2.0))
+    assert words == (
+        "axis1 will turn by 2° counter-clockwise, seen from above; the tool point goes 27 mm"
+        " towards the base's -y"
+    )
+
+
 def test_a_level_axis_is_seen_from_its_side() -> None:
     words = direction_words(ARM, POSE, 1, np.deg2rad(2.0))
     assert "from the side of the base's +y" in words
