@@ -71,7 +71,8 @@ class DriveSafety(ConfigModel):
     this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
     without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
     withholds this computer's heartbeat until each has stopped by itself; without it, it does so
-    without power and sees their emergency message.
+    without power and sees their emergency message. A drive that lacks an object of its reactions,
+    or is watched by life guarding, is switched on for that in any case, in a cell that is clear.
 
     Numbers with which an axis would not stop in time, or not within its range, are refused by what
     the drive reads back: see the preflight's lines on a stop and on rest after a fault.

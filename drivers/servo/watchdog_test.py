@@ -53,8 +53,8 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
 
     With `drive_safety.trip_watchdog_with_power`, or where a drive's reactions are left to this
     trial, the drives are switched on for the second part, at velocity 0, so that their quick stop
-    is seen; otherwise it is their emergency message. A fault that a drive is in by this trial is
-    reset.
+    is seen: nobody may be in the cell. Otherwise it is their emergency message. A fault that a
+    drive is in by this trial is reset.
 
     Raises
     ------
@@ -63,13 +63,18 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
     """
     noticed = _silent_drives(axes, clock, cell)
     axes.bring_up()
-    powered = cell.drive_safety.trip_watchdog_with_power or bool(axes.left_to_trial)
+    powered = takes_power(axes, cell)
     acted = _silent_computer(axes, clock, cell, powered=powered)
     axes.bring_up()
     return tuple(
         WatchTrial(axis.joint, axis.node_id, noticed[axis.joint], *acted[axis.joint], powered)
         for axis in cell.axes
     )
+
+
+def takes_power(axes: CanServoAxes, cell: CellConfig) -> bool:
+    """Return whether `try_watches` switches the drives on."""
+    return cell.drive_safety.trip_watchdog_with_power or bool(axes.left_to_trial)
 
 
 def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:

@@ -6,12 +6,15 @@ from dataclasses import asdict
 
 from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
+from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
 from rid_daq.preflight.check_words import say_all, say_devices
 from rid_daq.preflight.preflight import CheckRequest, lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell
 from rid_daq.session.drive_writes import new_write_log
-from rid_daq.terminal.clearance import require_cleared
+from rid_daq.terminal.clearance import clear
 from rid_daq.terminal.console import Console, as_command
+
+POWER = "The drives will be switched on, at rest, and their brakes open."
 
 
 def perform(request: CheckRequest, console: Console) -> None:
@@ -23,23 +26,31 @@ def perform(request: CheckRequest, console: Console) -> None:
         The cell is not ready.
     """
     loaded = load_cell(request.cell)
-    if loaded.config.drive_safety.trip_watchdog_with_power:
-        require_cleared(loaded.config, request.cleared, console)
-    told = lines_before_bus(loaded, request.runs)
-    say_devices(console, told)
+    cleared = request.cleared or loaded.config.simulated
+    if loaded.config.drive_safety.trip_watchdog_with_power and not cleared:
+        cleared = clear(loaded.config.name, cleared, console, POWER)
+    before = lines_before_bus(loaded, request.runs)
+    say_devices(console, before)
     with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
         write_log = (
             new_write_log(request.runs) if simulated is None else None
         )  # these drives outlive it
-        lines, problem = preflight(
-            loaded,
-            reachable,
-            request.runs,
-            request.seconds,
-            write_log,
-            tell=lambda found: say_devices(console, found),
-            told=told,
-        )
+
+        def look(*, cleared: bool) -> tuple[list[CheckLine], RidDaqError | None]:
+            return preflight(
+                loaded,
+                reachable,
+                before,
+                request.seconds,
+                cleared=cleared,
+                write_log=write_log,
+                tell=lambda found: say_devices(console, found),
+            )
+
+        lines, problem = look(cleared=cleared)
+        if console.can_ask and any(line.what == TRIAL_WAITS for line in lines):
+            clear(loaded.config.name, cleared, console, POWER)
+            lines, problem = look(cleared=True)
     red = [line for line in lines if line.verdict == "red"]
     passed = not red and problem is None
     console.document(

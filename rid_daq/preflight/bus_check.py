@@ -12,7 +12,7 @@ from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
 from drivers.ports.socketcan_port import transmit_queue_frames
 from drivers.servo.bring_up import bus_load
-from drivers.servo.watchdog_test import WatchTrial, acts_within_s, try_watches
+from drivers.servo.watchdog_test import WatchTrial, acts_within_s, takes_power, try_watches
 
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
@@ -20,6 +20,7 @@ _DRIVE = (
     "this drive went on without this computer: it must not be moved; see its manual on 1016h,"
     " or 100Ch and 100Dh, and 6007h, or name its node in drive_safety.allow_drive_without_watchdog"
 )
+TRIAL_WAITS = "how it acts without this computer"
 _COMPUTER = "this drive fell silent and was not missed: check 1017h in the drive, or 100Ch"
 
 Verdict = Literal["ok", "red", "allowed", "shown"]
@@ -112,14 +113,30 @@ def load_line(cell: CellConfig) -> CheckLine:
     )
 
 
-def watch_lines(opened: Cell) -> list[CheckLine]:
+def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     """Let both watches run out once on drives at rest.
+
+    Where that takes power and nobody has cleared the cell, nothing is tried, and the line
+    `TRIAL_WAITS` says so.
 
     Raises
     ------
     DriverError, PreflightError
         As of `drivers.servo.watchdog_test.try_watches`.
     """
+    if takes_power(opened.axes, opened.config) and not cleared:
+        return [
+            CheckLine(
+                where=", ".join(opened.axes.left_to_trial or opened.axes.joint_names),
+                what=TRIAL_WAITS,
+                required="tried with power, at rest",
+                found="not tried: nobody said that the cell is clear",
+                verdict="red",
+                next_action="clear the cell, then give --i-have-cleared-the-cell: the drives are"
+                " switched on, at rest",
+                of_drive=True,
+            )
+        ]
     trials = try_watches(opened.axes, opened.clock, opened.config)
     safety = opened.config.drive_safety
     cycle_s = opened.config.cycle_time_s

@@ -25,9 +25,16 @@ class DriveTrouble(Exception):  # noqa: N818
 
 
 def check_drives(
-    cell: CellConfig, robot: RobotDescription, seconds: float, write_log: WriteLog | None
+    cell: CellConfig,
+    robot: RobotDescription,
+    seconds: float,
+    write_log: WriteLog | None,
+    *,
+    cleared: bool,
 ) -> tuple[list[CheckLine], list[float]]:
-    """Bring every drive up, read it back, and count its answers; no power.
+    """Bring every drive up, read it back, count its answers, and let the watches run out.
+
+    The drives are switched on for the last only, where that is needed and the cell is clear.
 
     What is written to the drives is kept in the write log, where there is one. Return the lines,
     and where the joints stand [rad or m].
@@ -48,7 +55,7 @@ def check_drives(
             lines += _answers(opened, seconds)
             position = opened.axes.answers.position.tolist()
             if not any(line.verdict == "red" for line in lines):
-                lines += watch_lines(opened)
+                lines += watch_lines(opened, cleared=cleared)
     except (DriverError, PreflightError) as error:
         raise DriveTrouble(lines, error) from error
     return lines, position

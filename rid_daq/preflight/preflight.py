@@ -58,24 +58,24 @@ def lines_before_bus(
 def preflight(
     loaded: LoadedCell,
     reachable: CellConfig,
-    runs: Path,
+    before: Sequence[CheckLine],
     seconds: float,
+    *,
+    cleared: bool,
     write_log: WriteLog | None = None,
-    axis_test: AxisTestRule = AxisTestRule.REQUIRED,
     tell: Callable[[Sequence[CheckLine]], None] = _untold,
-    told: Sequence[CheckLine] | None = None,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early.
 
-    What is written to the drives is kept in the write log, where there is one. `tell` is given the
-    lines of some devices as soon as all of theirs are there; `told` are those of
-    `lines_before_bus`, where they have been told already.
+    `before` are those of `lines_before_bus`, and come first. The drives are switched on only where
+    a trial of their watches takes that and a person has cleared the cell. What is written to the
+    drives is kept in the write log, where there is one. `tell` is given the other lines of some
+    devices as soon as all of theirs are there.
     """
     eds_files = eds_lines(loaded)
-    before = lines_before_bus(loaded, runs, axis_test) if told is None else list(told)
-    after = [*bus_lines(reachable), *time_lines()]
-    tell([*(before if told is None else ()), *after])
-    lines = [*before, *after]
+    computer = [*bus_lines(reachable), *time_lines()]
+    tell(computer)
+    lines = [*before, *computer]
     plate = PlateCheck(reachable, loaded.amplifier_profile)
     problem = _attempt(plate.before)
     drives = [*eds_files, *monitor_lines(reachable, loaded.robot, loaded.drive_profile)]
@@ -83,7 +83,9 @@ def preflight(
     fit = all(line.verdict != "red" for line in eds_files)
     try:
         if fit:
-            found, position = check_drives(reachable, loaded.robot, seconds, write_log)
+            found, position = check_drives(
+                reachable, loaded.robot, seconds, write_log, cleared=cleared
+            )
             drives += found
     except DriveTrouble as trouble:
         drives += trouble.lines

@@ -14,7 +14,7 @@ from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
-from rid_daq.preflight.preflight import preflight
+from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import (
     EMPTY_FLANGE,
@@ -141,9 +141,8 @@ class PayloadGuide:
 
     def _preflight(self) -> None:
         request, session = self.request, self.session
-        lines, problem = preflight(
-            session.loaded, session.cell, request.runs, PREFLIGHT_S, axis_test=request.axis_test
-        )
+        before = lines_before_bus(session.loaded, request.runs, request.axis_test)
+        lines, problem = preflight(session.loaded, session.cell, before, PREFLIGHT_S, cleared=True)
         red = [line for line in lines if line.verdict == "red"]
         for line in red:
             self.console.say(f"RED {line.where}, {line.what}: {line.next_action}")

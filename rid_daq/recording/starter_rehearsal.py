@@ -20,7 +20,7 @@ from identification.design.criteria import DOptimal
 from identification.design.search import refine
 from identification.design.task import excitation_problem
 from rid_daq.jobs.starter.urdf_starter import slower_robot, starting_files
-from rid_daq.preflight.preflight import preflight
+from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell
 from rid_daq.terminal.exit_codes import exit_code_of_stop
 
@@ -97,7 +97,9 @@ def _run(loaded: LoadedCell, folder: Path) -> RecordOutcome:
     motion = found.motion.model_copy(update={"transient_periods": 0})
     samples = motion.plan(robot, cell.cycle_time_s)
     with mountable_cell(loaded) as (reachable, _):
-        lines, failure = preflight(loaded, reachable, folder, CHECK_S)
+        lines, failure = preflight(
+            loaded, reachable, lines_before_bus(loaded, folder), CHECK_S, cleared=True
+        )
         if failure is not None:
             raise failure
         for line in lines:

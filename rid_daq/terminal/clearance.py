@@ -36,7 +36,7 @@ def require_cleared(
         clear(cell.name, cleared, console)
 
 
-def clear(cell: str, cleared: bool, console: Console) -> bool:
+def clear(cell: str, cleared: bool, console: Console, danger: str = "The robot will move.") -> bool:
     """Ask whether a cell is clear, question by question, unless that was said; return True.
 
     Raises
@@ -49,7 +49,7 @@ def clear(cell: str, cleared: bool, console: Console) -> bool:
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
     if not console.can_ask:
         raise PreflightError(f"nobody can be asked whether cell {cell} is clear: {advice}")
-    console.say("The robot will move.")
+    console.say(danger)
     answer = console.ask(f"Is nobody in cell {cell}? Type the cell's name", str)
     if answer != cell:
         raise PreflightError(f"nothing was moved: {answer!r} is not {cell!r}; {advice}")

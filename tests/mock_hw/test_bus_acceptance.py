@@ -35,7 +35,7 @@ from config.load import LoadedCell, load_cell
 from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
-from rid_daq.preflight.preflight import preflight
+from rid_daq.preflight.preflight import lines_before_bus, preflight
 from tests.builders.stalls import where_time_runs
 
 pytestmark = pytest.mark.alone
@@ -216,7 +216,13 @@ def test_drives_are_brought_up_moved_and_disabled(served: Served) -> None:
 
 @on(*SESSIONS)
 def test_the_preflight_is_green_and_moves_nothing(served: Served) -> None:
-    lines, problem = preflight(served.loaded, served.cell, served.folder, 1.0)
+    lines, problem = preflight(
+        served.loaded,
+        served.cell,
+        lines_before_bus(served.loaded, served.folder),
+        1.0,
+        cleared=True,
+    )
     assert problem is None
     assert [line for line in lines if line.verdict == "red"] == []
     assert not served.simulated.axes().enabled.any()

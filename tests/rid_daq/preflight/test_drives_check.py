@@ -91,8 +91,10 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
 
         monkeypatch.setattr(drives_check, "open_cell", open_cell)
         monkeypatch.setattr(drives_check, "sender_lines", lambda *_: [])
-        monkeypatch.setattr(drives_check, "watch_lines", lambda _: [WATCHED])
-        lines, position = check_drives(LOADED.config, LOADED.robot, CYCLES * CYCLE_S, None)
+        monkeypatch.setattr(drives_check, "watch_lines", lambda _, cleared: [WATCHED])
+        lines, position = check_drives(
+            LOADED.config, LOADED.robot, CYCLES * CYCLE_S, None, cleared=False
+        )
         assert position == [0.0] * N
         return lines
 

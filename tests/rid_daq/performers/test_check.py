@@ -1,0 +1,101 @@
+"""What `rid-daq check` asks a person before drives are switched on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from config.errors import PreflightError
+from config.load import LoadedCell, load_cell
+from rid_daq.performers import check
+from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
+from rid_daq.preflight.preflight import CheckRequest
+from rid_daq.terminal.console import Console
+
+FINE = CheckLine("drives", "seen to stop", "", "", "ok")
+WAITS = CheckLine("axis1", TRIAL_WAITS, "", "", "red", "clear the cell")
+Looked = Callable[..., None]
+
+
+def real_cell(*, with_power: bool) -> LoadedCell:
+    """Return a cell of real drives."""
+    loaded = load_cell("ir361")
+    config = loaded.config
+    safety = config.drive_safety.model_copy(update={"trip_watchdog_with_power": with_power})
+    real = config.model_copy(update={"simulated": False, "drive_safety": safety})
+    return replace(loaded, config=real)
+
+
+@pytest.fixture
+def looks() -> list[bool]:
+    """Whether the cell was said to be clear, of each look at the drives."""
+    return []
+
+
+@pytest.fixture
+def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, looks: list[bool]) -> Looked:
+    """Return what checks a cell whose drives tell by trial only how they react."""
+
+    def look(typed: str = "", *, cleared: bool = False, with_power: bool = False) -> None:
+        loaded = real_cell(with_power=with_power)
+
+        def preflight(*_: object, cleared: bool, **__: object) -> tuple[list[CheckLine], None]:
+            looks.append(cleared)
+            return [FINE if cleared else WAITS], None
+
+        @contextmanager
+        def mounted(*_: object, **__: object) -> Iterator[tuple[object, None]]:
+            yield loaded.config, None
+
+        monkeypatch.setattr(check, "load_cell", lambda _: loaded)
+        monkeypatch.setattr(check, "preflight", preflight)
+        monkeypatch.setattr(check, "mountable_cell", mounted)
+        monkeypatch.setattr(Console, "can_ask", property(lambda _: bool(typed)))
+        monkeypatch.setattr(Console, "ask", lambda *_: typed)
+        monkeypatch.setattr(Console, "confirm", lambda *_: True)
+        check.perform(CheckRequest("real", tmp_path, cleared=cleared), Console(False))
+
+    return look
+
+
+def test_a_trial_with_power_waits_until_a_person_has_cleared_the_cell(
+    looked: Looked, looks: list[bool]
+) -> None:
+    looked(typed="ir361")
+    assert looks == [False, True]
+
+
+def test_where_that_was_said_nobody_is_asked(looked: Looked, looks: list[bool]) -> None:
+    looked(cleared=True)
+    assert looks == [True]
+
+
+def test_where_the_cell_file_wants_power_it_is_asked_first(
+    looked: Looked, looks: list[bool]
+) -> None:
+    looked(typed="ir361", with_power=True)
+    assert looks == [True]
+    with pytest.raises(PreflightError, match="nobody can be asked whether cell ir361 is clear"):
+        looked(with_power=True)
+    assert looks == [True]
+
+
+def test_where_nobody_can_be_asked_it_stays_red(looked: Looked, looks: list[bool]) -> None:
+    with pytest.raises(PreflightError, match="cell ir361: red lines in the preflight: 1"):
+        looked()
+    assert looks == [False]
+
+
+def test_who_does_not_type_the_name_of_the_cell_gets_no_power(
+    looked: Looked, looks: list[bool], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(PreflightError, match="nothing was moved: 'yes' is not 'ir361'"):
+        looked(typed="yes")
+    assert looks == [False]
+    assert "The drives will be switched on, at rest, and their brakes open." in (
+        capsys.readouterr().out
+    )
