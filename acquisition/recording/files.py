@@ -120,6 +120,6 @@ def _mdf4(table: RecordingTable) -> bytes:
 
 def _missing(what: str, extra: str) -> ConfigError:
     return ConfigError(
-        f"{what} needs a library that is not installed: install rid-daq with it"
-        f" (`uv sync --extra {extra}`, or `pip install 'rid-daq[{extra}]'`)"
+        f"{what} needs a library that is not installed: install rid-daq with the extra {extra}, as"
+        " `rid-daq docs install` says"
     )

@@ -31,12 +31,12 @@ def check(
     for some seconds and every answer is counted and timed. Then the heartbeats are withheld once,
     each side's, to see that the other acts. The drives are switched on for that, at rest, where the
     cell file says trip_watchdog_with_power and where a drive lacks 6007h, 605Ah or 605Eh or is
-    watched by life guarding: its reaction shows in no other way. A person is asked first. A force plate's amplifier is set
-    as the cell file says and read back; it is not zeroed. Where the cell has a drive monitor, every
-    motor's temperature and torque constant are read too. Where axes name data sheets (EDS), those
-    are looked at first: no drive is asked anything where one lacks an object by its EDS, and
-    nothing is written to a drive that is another than its EDS says. Exit code 3 where a line is
-    red.
+    watched by life guarding: its reaction shows in no other way. A person is asked first. A force
+    plate's amplifier is set as the cell file says and read back; it is not zeroed. Where the cell
+    has a drive monitor, every motor's temperature and torque constant are read too. Where axes name
+    EDS files, those are looked at first: no drive is asked anything where one lacks an object by
+    its EDS, and nothing is written to a drive that is another than its EDS says. Exit code 3 where
+    a line is red.
     """
     from rid_daq.performers.check import perform
     from rid_daq.preflight.preflight import CheckRequest

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import Pace
+from rid_daq.terminal.options import PACE_HELP
 
 if TYPE_CHECKING:
     from rid_daq.jobs.mock_job import MockRequest, ServedCell
@@ -33,7 +33,12 @@ def mock(
             help="Simulated time that the commanding program moves on, not the clock (rid_sim).",
         ),
     ] = False,
-    pace: Pace = None,
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, max=100.0, metavar="TIMES", help=f"{PACE_HELP} Real time if not given."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     payload: Annotated[
         str | None, typer.Option(help="What the robot carries, by its name in the plant file.")

@@ -22,14 +22,17 @@ Realtime = Annotated[
 ]
 """An option of the commands that move a cell."""
 
+PACE_HELP = (
+    "A simulated cell at so many times the clock's pace, and never late: time waits for whoever is."
+)
+
 Pace = Annotated[
     float | None,
     typer.Option(
         min=0.1,
         max=100.0,
         metavar="TIMES",
-        help="A simulated cell at so many times the clock's pace, and never late: time waits for"
-        " whoever is. As fast as it can if not given.",
+        help=f"{PACE_HELP} As fast as it can if not given.",
     ),
 ]
 """An option of the commands that move a cell."""

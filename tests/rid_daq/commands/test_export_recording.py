@@ -183,7 +183,9 @@ def test_a_library_that_is_missing_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     table = recording_table(data.recording, data.robot)
-    with pytest.raises(ConfigError, match="uv sync --extra parquet"):
+    with pytest.raises(
+        ConfigError, match="install rid-daq with the extra parquet, as `rid-daq docs install`"
+    ):
         recording_bytes(table, RecordingFormat.PARQUET)
 
 
