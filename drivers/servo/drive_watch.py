@@ -225,25 +225,31 @@ class DriveWatch:
     def _unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
         self.unexpected_frames += 1
-        if cob_id in self._seen or len(self._seen) >= MOST_EVENTS:
+        full = foreign is None and len(self._seen) >= MOST_EVENTS  # a master's are few
+        if full or cob_id in self._seen:
             return
-        self._seen.add(cob_id)
         if foreign is not None:
+            kind = EventKind.FOREIGN_MASTER
             text = f"another master is active on this bus: it sends {foreign}"
-            self._append(DriveEvent(EventKind.FOREIGN_MASTER, "", now_s, text, cob_id))
         else:
+            kind = EventKind.UNEXPECTED_FRAME
             text = f"a frame came with identifier {cob_id:03X}h, which nobody in the cell has"
-            self._append(DriveEvent(EventKind.UNEXPECTED_FRAME, "", now_s, text, cob_id))
+        kept = self._append(DriveEvent(kind, "", now_s, text, cob_id))
+        if kept or foreign is None:  # another master must be told, if not now then the next time
+            self._seen.add(cob_id)
 
     def _note(self, kind: EventKind, axis: int, now_s: float, text: str, code: int = 0) -> None:
         joint = self._joint_names[axis]
         self._append(DriveEvent(kind, joint, now_s, f"{joint}: the drive {text}", code))
 
-    def _append(self, event: DriveEvent) -> None:
-        if len(self._events) < MOST_EVENTS:
+    def _append(self, event: DriveEvent) -> bool:
+        """Keep an event where there is room; return whether there was."""
+        room = len(self._events) < MOST_EVENTS
+        if room:
             self._events.append(event)
         else:
             self.dropped_events += 1
+        return room
 
 
 def other_senders(
