@@ -150,49 +150,82 @@ def _silent_computer(
 ) -> dict[str, tuple[float, str]]:
     """Withhold this computer's heartbeat; return when each drive acted [s], and how.
 
-    A drive that has left Operation Enabled is told to stay without power. None is told to stop:
-    another's act would be taken for its own.
+    With power that is when it stopped, without when it sent its emergency message.
     """
-    acted: dict[str, tuple[float, str]]
-    acted = dict.fromkeys(axes.joint_names, (math.nan, "nothing"))
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()
     since_s = axes.last_heartbeat_s
-    patience_s = 3e-3 * cell.drive_safety.master_heartbeat_timeout_ms
-    while clock.now_s() < since_s + patience_s and any(math.isnan(s) for s, _ in acted.values()):
+    until_s = since_s + 3e-3 * cell.drive_safety.master_heartbeat_timeout_ms
+    if not powered:
+        told_s = _hear_emergencies(axes, clock, cell, due_s, until_s)
+        return {
+            joint: (time_s - since_s, "nothing" if math.isnan(time_s) else "emergency 8130h")
+            for joint, time_s in told_s.items()
+        }
+    left_s = _see_stops(axes, clock, cell, due_s, until_s)
+    states = dict(zip(axes.joint_names, axes.service.power_states(), strict=True))
+    axes.disable()
+    if any(state.faulty for state in states.values()):
+        axes.service.reset_faults()
+    return {
+        joint: (
+            math.nan if state is PowerState.OPERATION_ENABLED else left_s[joint] - since_s,
+            state.words,
+        )
+        for joint, state in states.items()
+    }
+
+
+def _hear_emergencies(
+    axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
+) -> dict[str, float]:
+    """Run cycles until every drive has sent 8130h, `until_s` at most; return when [s], or NaN."""
+    told_s = dict.fromkeys(axes.joint_names, math.nan)
+    while clock.now_s() < until_s and any(map(math.isnan, told_s.values())):
         due_s = _cycle(axes, clock, cell, due_s)
         for event in axes.take_events():
-            if powered and event.joint in acted:
-                _note(acted, event.joint, event.time_s - since_s, "")
-            elif event.kind is EventKind.EMERGENCY and event.code == HEARTBEAT_LOST:
-                _note(acted, event.joint, event.time_s - since_s, "emergency 8130h")
-        if not powered:
-            axes.quick_stop()
-            continue
+            lost = event.kind is EventKind.EMERGENCY and event.code == HEARTBEAT_LOST
+            if lost and math.isnan(told_s[event.joint]):
+                told_s[event.joint] = event.time_s
+        axes.quick_stop()
+    return told_s
+
+
+def _see_stops(
+    axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
+) -> dict[str, float]:
+    """Run cycles until no drive follows any more, `until_s` at most; return when [s], or NaN.
+
+    A report is no stop: its time counts only where the next answer shows that the drive has left
+    Operation Enabled, or where none comes any more. Only a drive whose answer shows it is told to
+    stay without power, and none to stop: what this computer or another drive did would be taken
+    for its own act.
+    """
+    left_s = dict.fromkeys(axes.joint_names, math.nan)
+    words = dict.fromkeys(axes.joint_names, ControlWord.ENABLE_OPERATION)
+    follow = True
+    while follow and clock.now_s() < until_s:
+        due_s = _cycle(axes, clock, cell, due_s)
+        for event in axes.take_events():
+            if event.joint and math.isnan(left_s[event.joint]):
+                left_s[event.joint] = event.time_s
+        follow = False
         answers = zip(axes.joint_names, axes.answers.received, axes.answers.enabled, strict=True)
         for joint, received, enabled in answers:
-            if received and not enabled:
-                _note(acted, joint, due_s - since_s, "")
-        axes.cyclic.send_words(
-            [
-                ControlWord.ENABLE_OPERATION if math.isnan(s) else ControlWord.DISABLE_VOLTAGE
-                for s, _ in acted.values()
-            ]
-        )
-    if powered:
-        states = axes.service.power_states()
-        for joint, state in zip(axes.joint_names, states, strict=True):
-            still = state is PowerState.OPERATION_ENABLED
-            acted[joint] = (math.nan if still else acted[joint][0], state.words)
-        axes.disable()
-        if any(state.faulty for state in states):
-            axes.service.reset_faults()
-    return acted
-
-
-def _note(acted: dict[str, tuple[float, str]], joint: str, after_s: float, how: str) -> None:
-    if math.isnan(acted[joint][0]):
-        acted[joint] = (after_s, how)
+            reported = left_s[joint] < due_s
+            if received and enabled:
+                follow = True
+                if reported:
+                    left_s[joint] = math.nan
+                continue
+            if math.isnan(left_s[joint]):
+                left_s[joint] = due_s
+            if received:
+                words[joint] = ControlWord.DISABLE_VOLTAGE
+            else:
+                follow |= not reported
+        axes.cyclic.send_words(list(words.values()))
+    return left_s
 
 
 def _cycle(axes: CanServoAxes, clock: Clock, cell: CellConfig, before_s: float) -> float:

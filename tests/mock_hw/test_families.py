@@ -28,6 +28,7 @@ from drivers.servo.sdo_port import SdoPort
 from drivers.servo.watchdog_test import WatchTrial, prove_watches, try_watches
 from drivers.settings.write_log import WriteLog, read_write_log
 from mock_hw.drive import objects as od
+from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from tests.builders.obedient_cell import ObedientCell
@@ -99,6 +100,13 @@ def moves(cell: CellConfig) -> None:
         assert axes.disable() == ()
 
 
+def only_reports(drive: SimulatedDrive) -> None:
+    """Let a drive send 8130h when this computer falls silent, and go on as before."""
+    drive.objects[od.ABORT_CONNECTION] = 0
+    drive.objects[od.COMMUNICATION_ERROR] = 1
+    drive.objects.store()
+
+
 WITHOUT_REACTIONS = ServoProfile(lacks=("6007h", "605Ah", "605Eh", "1029h"))
 
 
@@ -140,6 +148,52 @@ def test_one_that_does_not_stop_without_this_computer_is_never_moved() -> None:
         trial = try_watches(open_cell.axes, open_cell.clock, cell)[1]
         assert (trial.joint, trial.how) == ("elbow", "operation enabled")
         assert math.isnan(trial.acted_s)
+
+
+@pytest.mark.parametrize("rate", [0.98, 1.0, 1.02, 1.1])
+@pytest.mark.parametrize("commands", ["at_sync", "on_arrival"])
+def test_one_that_only_reports_that_this_computer_is_silent_is_never_moved(
+    commands: str, rate: float
+) -> None:
+    """It stays in the exchange; its report may come in an earlier cycle than the others' stop."""
+    cell = cell_of(ServoProfile(), WITHOUT_REACTIONS.model_copy(update={"commands": commands}))
+    with opened(cell) as (open_cell, bus):
+        only_reports(bus.drives[1])
+        bus.drives[1].clock.rate = rate
+        open_cell.axes.bring_up()
+        with pytest.raises(PreflightError, match=r"does not stop in time: elbow \(node 2\): op"):
+            prove_watches(open_cell.axes, open_cell.clock, cell)
+        base, elbow = try_watches(open_cell.axes, open_cell.clock, cell)
+        assert (elbow.how, math.isnan(elbow.acted_s)) == ("operation enabled", True)
+        assert base.acted_s <= 0.088
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.06])
+def test_when_it_acted_is_when_it_stopped_not_when_it_reported(
+    late_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = cell_of(ServoProfile(), WITHOUT_REACTIONS)
+    with opened(cell) as (open_cell, bus):
+        drive, axes, reports_s = bus.drives[1], open_cell.axes, list[float]()
+        only_reports(drive)
+        lose_master, exchange = drive._lose_master, axes.exchange
+
+        def reported(code: int) -> None:
+            if drive.power.following:
+                reports_s.append(bus.now_s)
+            lose_master(code)
+
+        def exchanged() -> float:
+            if reports_s and bus.now_s >= reports_s[0] + late_s:
+                drive._fault(0x8130)
+            return exchange()
+
+        monkeypatch.setattr(drive, "_lose_master", reported)
+        monkeypatch.setattr(axes, "exchange", exchanged)
+        trial = try_watches(axes, open_cell.clock, cell)[1]
+        assert trial.how == "fault"
+        assert trial.acted_s - 0.08 - late_s <= 2 * cell.cycle_time_s
+        assert trial.acted_s >= 0.08 + late_s
 
 
 GUARDED = ServoProfile(
