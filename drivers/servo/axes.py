@@ -21,7 +21,13 @@ from drivers.canopen.heartbeat import HeartbeatProducer, guard_request, heartbea
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
 from drivers.interfaces.servo_axes import DriveEvent, DriveSetting
 from drivers.ports.can_link import CanLink
-from drivers.servo.bring_up import axes_in_joint_order, check_bus_load, refuse_red, wait_for_boot_up
+from drivers.servo.bring_up import (
+    axes_in_joint_order,
+    check_bus_load,
+    refuse_red,
+    refuse_restarted,
+    wait_for_boot_up,
+)
 from drivers.servo.cia402 import ControlWord
 from drivers.servo.cyclic_exchange import CyclicExchange
 from drivers.servo.drive_watch import DriveWatch
@@ -129,6 +135,8 @@ class CanServoAxes:
             Another master is active on the bus.
         DeviceTimeoutError
             A drive does not boot or does not answer.
+        DeviceFaultError
+            A drive restarted meanwhile.
         PreflightError
             Something was read back that is not as required; `settings` has all of it.
         TransportError
@@ -141,11 +149,14 @@ class CanServoAxes:
         self.service.claim_bus()
         self.service.note_before_reset()
         wait_for_boot_up(self._link, self._axes, self.watch)
-        for axis, joint in zip(self._axes, self._robot.joints, strict=True):
+        pairs = zip(self._axes, self._robot.joints, strict=True)
+        for number, (axis, joint) in enumerate(pairs):
+            self.watch.expect_no_boot_up(number)
             setup = DriveSetup(
                 self._link, axis, joint, self._cell, self.watch.handle, self._write_log
             )
             self._setups = (*self._setups, setup.run())
+        refuse_restarted(self._axes, self.watch)
         refuse_red(self.settings())
         self.cyclic.use_units(setup.units for setup in self._setups if setup.units is not None)
         self._phase = _Phase.CONFIGURED
@@ -220,9 +231,10 @@ class CanServoAxes:
         DeviceTimeoutError
             A drive does not become operational or does not answer SYNC.
         DeviceFaultError
-            A drive reports a fault meanwhile.
+            A drive has restarted since its setup, or reports a fault meanwhile.
         """
         self._expect(_Phase.CONFIGURED, "start", "bring_up")
+        refuse_restarted(self._axes, self.watch)
         self._phase = _Phase.STARTED
         now_s = self._clock.now_s()
         self.watch.arm(now_s)

@@ -7,7 +7,13 @@ from collections.abc import Iterable, Sequence
 
 from config.cell.cell import CellConfig, DriveAxis
 from config.cell.servo_profile import ServoProfile
-from config.errors import ConfigError, DeviceTimeoutError, PreflightError, ProtocolError
+from config.errors import (
+    ConfigError,
+    DeviceFaultError,
+    DeviceTimeoutError,
+    PreflightError,
+    ProtocolError,
+)
 from config.robot.robot import RobotDescription
 from drivers.canopen.bus_load import LOAD_LIMIT, cyclic_load, typical_bits
 from drivers.canopen.nmt import NmtCommand, nmt_frame
@@ -115,6 +121,16 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
         raise ProtocolError(
             f"more than one boot-up message came from {twice}; two devices may share the node id,"
             " or the drive resets itself"
+        )
+
+
+def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
+    """Raise `DeviceFaultError` where a drive has booted again since its setup began."""
+    restarted = _who(axes, map(bool, watch.boot_ups))
+    if restarted:
+        raise DeviceFaultError(
+            "a drive has booted again since its setup began, and lost its configuration:"
+            f" {restarted}; look at its supply, then run the command again"
         )
 
 

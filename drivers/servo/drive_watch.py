@@ -52,7 +52,7 @@ class DriveWatch:
     Attributes
     ----------
     boot_ups
-        How many boot-up messages each axis has sent since `forget`.
+        How many boot-up messages each axis has sent since `forget` or `expect_no_boot_up`.
     heartbeats
         One `HeartbeatConsumer` an axis.
     unexpected_frames
@@ -100,6 +100,10 @@ class DriveWatch:
         self._seen.clear()
         self._armed = self._operational = False
         self.boot_ups = [0] * len(self.boot_ups)
+
+    def expect_no_boot_up(self, axis: int) -> None:
+        """Count an axis's boot-ups from here on: each takes away what it is told from now on."""
+        self.boot_ups[axis] = 0
 
     def arm(self, now_s: float) -> None:
         """From now [s] on, every heartbeat is due and no boot-up is expected."""
