@@ -14,9 +14,10 @@ from acquisition.task.task_words import TaskWords
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from drivers.interfaces.servo_axes import ServoAxes
 from drivers.ports.clock import Clock
-from drivers.servo.stop_ramp import LONGEST_STOP_S
+from drivers.servo.stop_ramp import longest_ramp_s, quick_stop_decelerations
 
 STOP_MARGIN_S = 0.5
 REST_VELOCITY = 0.01
@@ -31,7 +32,9 @@ class StopSequence:
     """How a motion ends. A bus that fails meanwhile is noted, not raised.
 
     Its patience is what the ramp takes from top speed, as the preflight has allowed it
-    (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), and `STOP_MARGIN_S`.
+    (`drivers.servo.stop_ramp.LONGEST_STOP_S` at most), and `STOP_MARGIN_S`. With a coupled wrist
+    rest and limits are the joints', and each motor is judged by its own ramp: while all of them
+    slow down, a joint may speed up.
 
     Parameters
     ----------
@@ -40,7 +43,7 @@ class StopSequence:
     clock : Clock
         The clock of their bus.
     cell, robot : CellConfig, RobotDescription
-        Cycle time, deceleration of a quick stop, largest velocities, limits.
+        Cycle time, decelerations of a quick stop, limits, coupling of the wrist.
     words : TaskWords
         Takes the time to rest and the notes.
     """
@@ -57,9 +60,9 @@ class StopSequence:
         self._clock = clock
         self._words = words
         self._period_s = cell.cycle_time_s
-        self._deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
-        ramp_s = max(joint.limits.velocity for joint in robot.joints) / self._deceleration
-        self._patience_s = min(ramp_s, LONGEST_STOP_S) + STOP_MARGIN_S
+        self._decelerations = quick_stop_decelerations(cell, robot)
+        self._patience_s = longest_ramp_s(cell, robot) + STOP_MARGIN_S
+        self._coupling = WristCoupling.of_robot(robot)
         self._low, self._high = position_bounds(cell, robot)
 
     def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
@@ -74,7 +77,7 @@ class StopSequence:
         axes = self._axes
         before = axes.answers.position.tolist()
         began_s = time_s = self._clock.now_s()
-        slowing = SlowingDown(self._deceleration, self._period_s, before, began_s)
+        slowing = SlowingDown(self._decelerations, self._period_s, self._motors(), began_s)
         resting = 0
         try:
             axes.quick_stop()
@@ -92,7 +95,8 @@ class StopSequence:
                     return
                 beyond = self._beyond(before, position, most)
                 before = position
-                if why := self._why_at_once(beyond, slowing.too_slow(time_s, position, received)):
+                too_slow = slowing.too_slow(time_s, self._motors(), received)
+                if why := self._why_at_once(beyond, too_slow):
                     self._words.add_note(f"{why}: the power was taken away at once")
                     return
         except (DriverError, SafetyStop) as error:
@@ -101,6 +105,12 @@ class StopSequence:
         self._words.add_note(
             f"standstill was not seen within {self._patience_s:.2g} s: the power was taken away"
         )
+
+    def _motors(self) -> list[float]:
+        """Return where the motors are, over their gear ratios [rad or m]."""
+        position = self._axes.answers.position
+        of_motors = position if self._coupling is None else self._coupling.to_motors(position)
+        return list(of_motors.tolist())
 
     def _beyond(self, before: list[float], position: list[float], most: float) -> list[int]:
         """Return the axes that are outside their limits and still on their way out, by number."""
@@ -142,20 +152,24 @@ class SlowingDown:
 
     Parameters
     ----------
-    deceleration : float
-        What the drives were told [rad/s² or m/s²].
+    decelerations : sequence of float, length axes
+        What each drive's quick stop has [rad/s² or m/s²].
     period_s : float
         The cycle time [s].
-    position : sequence of float, length joints
-        Where the axes are [rad or m].
+    position : sequence of float, length axes
+        Where the axes are, with a coupled wrist the motors [rad or m].
     began_s : float
         When that was so [s].
     """
 
     def __init__(
-        self, deceleration: float, period_s: float, position: Sequence[float], began_s: float
+        self,
+        decelerations: Sequence[float],
+        period_s: float,
+        position: Sequence[float],
+        began_s: float,
     ) -> None:
-        self._least = LEAST_SHARE * deceleration
+        self._least = [LEAST_SHARE * each for each in decelerations]
         self._cycles = math.ceil(LOOK_S / period_s)
         self._count = 0
         self._at = [(began_s, value) for value in position]
@@ -179,7 +193,7 @@ class SlowingDown:
             if first is None:
                 self._first[i] = (time_s, speed)
             elif time_s - first[0] >= OBEY_S:
-                allowed = first[1] - self._least * (time_s - first[0])
+                allowed = first[1] - self._least[i] * (time_s - first[0])
                 if speed > max(allowed, SLACK):
                     found.append(i)
         return found

@@ -23,7 +23,7 @@ from drivers.servo.cia402 import (
 )
 from drivers.servo.cyclic_exchange import CyclicExchange
 from drivers.servo.drive_watch import DriveWatch, other_senders
-from drivers.servo.stop_ramp import LONGEST_STOP_S
+from drivers.servo.stop_ramp import longest_ramp_s
 
 START_TIMEOUT_S = 2.0
 ENABLE_TIMEOUT_S = 4.0
@@ -64,7 +64,7 @@ class PowerSequence:
     axes : sequence of DriveAxis
         The drives, base to flange.
     cell, robot : CellConfig, RobotDescription
-        Cycle time, deceleration of a quick stop, largest velocities.
+        Cycle time, decelerations of a quick stop, largest velocities.
     clock : Clock
         The clock of the bus.
     exchange : CyclicExchange
@@ -93,9 +93,7 @@ class PowerSequence:
         self._period_s = cell.cycle_time_s
         modes = [cell.servo_of(axis).mode for axis in axes]
         self._follows = [FOLLOWS_COMMAND * mode.startswith("cyclic") for mode in modes]
-        fastest = max(joint.limits.velocity for joint in robot.joints)
-        ramp_s = fastest / cell.drive_safety.quick_stop_deceleration_rad_s2
-        self._halt_s = min(ramp_s, LONGEST_STOP_S) + HALT_MARGIN_S
+        self._halt_s = longest_ramp_s(cell, robot) + HALT_MARGIN_S
 
     def wait_until_operational(self) -> None:
         """Wait until every drive answers SYNC and says that it is operational.
@@ -151,7 +149,7 @@ class PowerSequence:
     def rest(self) -> bool:
         """Quick stop until no drive is powered or none moves; return whether that was seen.
 
-        The wait ends after the time that the fastest axis needs to stop, `LONGEST_STOP_S` at most,
+        The wait ends after the time that the slowest ramp takes, `LONGEST_STOP_S` at most,
         and `HALT_MARGIN_S`.
         """
         until_s = self._clock.now_s() + self._halt_s

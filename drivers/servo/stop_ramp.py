@@ -14,7 +14,7 @@ from typing import NamedTuple
 from config.cell.cell import CellConfig, DriveAxis
 from config.cell.fixed_pdo import object_address
 from config.errors import ConfigError
-from config.robot.robot import Joint
+from config.robot.robot import Joint, RobotDescription
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.servo.cia402 import AxisUnits, MotorRatings
 
@@ -66,6 +66,27 @@ class StopRamp:
     def distance(self) -> float:
         """How far the axis gets on it [rad or m]."""
         return 0.5 * self.velocity * self.time_s
+
+
+def quick_stop_decelerations(cell: CellConfig, robot: RobotDescription) -> list[float]:
+    """Return how fast a quick stop slows each axis down, base to flange [rad/s² or m/s²].
+
+    It is what the cell file states of a drive without a 6085h that could be set, and for all others
+    what they are told.
+    """
+    stated = {axis.joint: cell.servo_of(axis).deceleration_rad_s2 for axis in cell.axes}
+    told = cell.drive_safety.quick_stop_deceleration_rad_s2
+    return [stated[name] or told for name in robot.joint_names]
+
+
+def longest_ramp_s(cell: CellConfig, robot: RobotDescription) -> float:
+    """Return what the longest quick stop takes [s]: from top speed, `LONGEST_STOP_S` at most."""
+    decelerations = quick_stop_decelerations(cell, robot)
+    ramps = (
+        StopRamp(joint.limits.velocity, deceleration)
+        for joint, deceleration in zip(robot.joints, decelerations, strict=True)
+    )
+    return min(max(ramp.time_s for ramp in ramps), LONGEST_STOP_S)
 
 
 def uses_profile_deceleration(cell: CellConfig) -> bool:

@@ -1,0 +1,89 @@
+"""A stop on simulated drives that obey their quick stop: no axis is found that slows down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import ExtraSetting, ServoProfile
+from config.robot.robot import RobotDescription
+from drivers.cell import Cell
+from drivers.ports.can_link import CanLink
+from drivers.servo.power_sequence import HALT_MARGIN_S
+from tests.builders.obedient_cell import ObedientCell, Outcome, one_axis, rows_until
+
+Make = Callable[[], tuple[CellConfig, RobotDescription]]
+
+INCREMENTS = 65536
+GEAR = 100.0
+STATED = 2.0
+"""Deceleration of drives without a settable 6085h [rad/s²]; the cell's others have 12."""
+
+
+def stating_cell() -> tuple[CellConfig, RobotDescription]:
+    """Return a cell whose one drive has a deceleration of its own, and its robot."""
+    cell, robot = one_axis(deceleration=12.0, velocity=2.0, acceleration=6.0, limit=3.0)
+    ramp = round(STATED * INCREMENTS * GEAR / (2.0 * math.pi))
+    profile = ServoProfile(
+        deceleration_rad_s2=STATED,
+        settings=(ExtraSetting(object="6085h:00", bits=32, value=ramp, written=False),),
+    )
+    return cell.model_copy(update={"servo": profile}), robot
+
+
+def wrist() -> tuple[CellConfig, RobotDescription]:
+    """Return a cell whose joint 2 hangs on both motors: q2 = alpha1 + alpha2.
+
+    At top speed motor 1 turns with 2 rad/s, motor 2 with -0.5 rad/s; while both slow down, joint 2
+    goes on with 1.5 rad/s until motor 2 stands.
+    """
+    cell, robot = one_axis(deceleration=4.0, velocity=2.0, acceleration=6.0, limit=3.0)
+    (one,) = robot.joints
+    slower = one.limits.model_copy(update={"velocity": 1.5, "acceleration": 4.5})
+    joints = tuple(
+        one.model_copy(update={"name": f"joint{i}", "limits": limits})
+        for i, limits in enumerate((one.limits, slower), start=1)
+    )
+    axes = tuple(DriveAxis(joint=joint.name, node_id=i) for i, joint in enumerate(joints, start=1))
+    rows = robot.kinematics.rows * 2
+    return cell.model_copy(update={"axes": axes}), robot.model_copy(
+        update={
+            "joints": joints,
+            "coupling": ((1.0, 0.0), (1.0, 1.0)),
+            "kinematics": robot.kinematics.model_copy(update={"rows": rows}),
+        }
+    )
+
+
+@pytest.mark.parametrize("make", [wrist, stating_cell])
+def test_axes_that_obey_their_quick_stop_keep_their_power_until_they_rest(make: Make) -> None:
+    cell, robot = make()
+    outcome = Outcome(cell, robot, INCREMENTS, rows_until(cell, robot, 1.0), 1)
+    assert outcome.error is None
+    assert outcome.reason is not None
+    assert outcome.reason.code is StopCode.INTERRUPTED
+    assert outcome.notes == ()
+    for i in range(len(robot.joints)):
+        with_power = [speeds[i] for _, _, speeds, powered in outcome.bus.trace if powered[i]]
+        assert with_power[-1] < 0.02
+
+
+def test_drives_are_waited_for_as_long_as_their_own_ramp_takes() -> None:
+    cell, robot = stating_cell()
+    bus = ObedientCell(cell, robot, INCREMENTS)
+    with Cell(cell, robot, CanLink(bus)) as opened:
+        opened.axes.bring_up()
+        opened.axes.start()
+        opened.axes.enable()
+        bus.drives.clear()  # silent: the wait lasts to its end
+        bus.axes.clear()
+        bus.units.clear()
+        began_s = bus.now_s
+        assert not opened.axes.halt()
+        waited_s = bus.now_s - began_s
+        opened.axes.disable()
+    assert waited_s == pytest.approx(2.0 / STATED + HALT_MARGIN_S, abs=2.0 * cell.cycle_time_s)
