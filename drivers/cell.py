@@ -35,9 +35,11 @@ class Cell:
         robot: RobotDescription,
         link: CanLink,
         write_log: WriteLog | None = None,
+        *,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         self.config = config
-        self.axes = CanServoAxes(link, config, robot, write_log)
+        self.axes = CanServoAxes(link, config, robot, write_log, stopped=stopped)
         self.clock: Clock = link.clock
         self.link = link
 
@@ -78,7 +80,13 @@ class Cell:
             )
 
 
-def open_cell(cell: CellConfig, robot: RobotDescription, write_log: WriteLog | None = None) -> Cell:
+def open_cell(
+    cell: CellConfig,
+    robot: RobotDescription,
+    write_log: WriteLog | None = None,
+    *,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Cell:
     """Open the devices of a cell; nothing is sent to them yet (`CanServoAxes.bring_up`).
 
     Parameters
@@ -87,6 +95,8 @@ def open_cell(cell: CellConfig, robot: RobotDescription, write_log: WriteLog | N
         The cell and its robot.
     write_log : WriteLog, optional
         Where what is written to the drives is kept, with what was there.
+    stopped : callable
+        Whether a stop was ordered; see `CanServoAxes`.
 
     Raises
     ------
@@ -97,7 +107,7 @@ def open_cell(cell: CellConfig, robot: RobotDescription, write_log: WriteLog | N
     """
     link = open_can(cell.can)
     try:
-        return Cell(cell, robot, link, write_log)
+        return Cell(cell, robot, link, write_log, stopped=stopped)
     except BaseException:
         link.close()
         raise

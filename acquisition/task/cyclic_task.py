@@ -28,7 +28,8 @@ from acquisition.task.lockstep import Lockstep
 from acquisition.task.position_loop import PositionLoop
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource
-from acquisition.task.states import Pace, RecorderState, TaskState
+from acquisition.task.states import Pace, TaskState
+from acquisition.task.stop_orders import StopOrders
 from acquisition.task.stop_sequence import StopSequence
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
@@ -40,16 +41,6 @@ from dynamics.geometry.clearances import Clearances
 
 HOLD_S = 0.2
 RING_LIMIT = 0.8
-
-_TEXT_OF_ORDER = {
-    StopCode.INTERRUPTED: "stopped by the operator",
-    StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
-    StopCode.STOP_BUTTON: "stopped by the page's stop button",
-    StopCode.CLIENT_LOST: "stopped because its client is out of reach",
-    StopCode.RECORDER: "the recorder process has died; what it had written is kept",
-    StopCode.PLATE_LINE: "the force plate's rows have ended",
-    StopCode.PLATE_OVERLOAD: "the force plate was overloaded in more periods than can be left out",
-}
 
 
 class CyclicTask:
@@ -92,7 +83,7 @@ class CyclicTask:
         self._robot = robot
         self._ring = ring
         self._control = control
-        self._orphaned = orphaned
+        self._orders = StopOrders(control, orphaned)
         self._period_s = cell.cycle_time_s
         self._loop = PositionLoop.of_cell(cell, robot)
         self._lateness = Lateness(cell)
@@ -130,6 +121,8 @@ class CyclicTask:
             The robot stands outside its limits, or the way to the motion is blocked.
         DriverError
             The drives cannot be enabled.
+        SafetyStop
+            A stop was ordered while they were being enabled.
         """
         control, axes = self._control, self._axes
         refuse_pose(self._robot, axes.answers.position.tolist())
@@ -137,10 +130,12 @@ class CyclicTask:
         start = source.begin(self._lockstep is not None, axes.answers.position)
         approach(start, start, self._robot, self._period_s)
         reason = self._order_to_stop()
+        if reason is None:
+            self._refuse_collision(start)
+            reason = self._order_to_stop()
         if reason is not None:
             control.task.report_stop(reason)
             return reason
-        self._refuse_collision(start)
         control.task.state = TaskState.ENABLING
         synced_s = axes.enable()
         refuse_pose(self._robot, axes.answers.position.tolist())
@@ -228,12 +223,8 @@ class CyclicTask:
         return lateness_s, 1 + skipped
 
     def _order_to_stop(self) -> StopReason | None:
-        control = self._control
-        if control.program.stop_code:
-            code = StopCode(control.program.stop_code)
-            return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
-        if control.recorder.state in (RecorderState.FAILED, RecorderState.ENDING):
-            return StopReason(StopCode.RECORDER, str(control.recorder.error))
+        if (reason := self._orders.reason()) is not None:
+            return reason
         if self._lockstep is None and (fill := self._ring.fill) > RING_LIMIT:
             return StopReason(
                 StopCode.RECORDER,
@@ -241,8 +232,6 @@ class CyclicTask:
                 value=fill,
                 limit=RING_LIMIT,
             )
-        if self._orphaned():
-            return StopReason(StopCode.PROGRAM_GONE, "the program that started the motion is gone")
         return None
 
     def _move(self, target: SetPoint, lateness_s: float, periods: int) -> StopReason | None:

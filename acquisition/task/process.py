@@ -14,8 +14,9 @@ from acquisition.task.realtime import become_realtime, freeze_garbage
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import SetPointSource
 from acquisition.task.states import RecorderState, TaskState
+from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CellConfig
-from config.errors import RecordingError
+from config.errors import RecordingError, SafetyStop
 from config.process.own_process import ProcessName, set_process_name
 from config.process.shortage import as_named
 from config.process.termination import leave_terminal
@@ -38,7 +39,7 @@ def run_cyclic_task(
     """Run the cyclic task; the main function of its process.
 
     Signals are ignored: the program asks for a stop through `control`. When the program is
-    gone the motion is stopped all the same.
+    gone the motion is stopped all the same; before the drives have power they get none any more.
 
     Parameters
     ----------
@@ -60,10 +61,12 @@ def run_cyclic_task(
     def orphaned() -> bool:
         return os.getppid() != parent
 
+    orders = StopOrders(control, orphaned)
     try:
         _await_recorder(control, orphaned)
         source.prepare()
-        with open_cell(cell, robot, WriteLog(drive_writes, durable=not cell.simulated)) as opened:
+        log = WriteLog(drive_writes, durable=not cell.simulated)
+        with open_cell(cell, robot, log, stopped=orders.given) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
             opened.axes.bring_up()
             prove_watches(opened.axes, opened.clock, cell)
@@ -83,7 +86,13 @@ def run_cyclic_task(
                 orphaned=orphaned,
             ).run(source)
     except Exception as error:
-        control.task.fail(as_named(error))
+        reason = orders.reason() if isinstance(error, SafetyStop) else None
+        if reason is None:
+            control.task.fail(as_named(error))
+        else:
+            control.task.report_stop(reason)
+            for note in getattr(error, "__notes__", ()):
+                control.task.add_note(note)
     finally:
         control.task.state = TaskState.FINISHED
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -62,6 +62,8 @@ class CanServoAxes:
         Addresses and limits; the axes are put into the robot's order.
     write_log : WriteLog, optional
         Where what is written to the drives is kept, with what was there.
+    stopped : callable
+        Whether a stop was ordered: then `start` and `enable` go no further.
 
     Attributes
     ----------
@@ -89,6 +91,8 @@ class CanServoAxes:
         cell: CellConfig,
         robot: RobotDescription,
         write_log: WriteLog | None = None,
+        *,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         self._link = link
         self._clock = link.clock
@@ -117,7 +121,7 @@ class CanServoAxes:
         self.service = DriveService(link, cell, self._axes, self.watch, write_log)
         self.answers_within_s = ANSWERS_FRACTION * cell.cycle_time_s
         self._power = PowerSequence(
-            self._axes, cell, robot, link.clock, self.cyclic, self.watch, self._run_cycle
+            self._axes, cell, robot, link.clock, self.cyclic, self.watch, self._run_cycle, stopped
         )
         self._setups: tuple[SetupResult, ...] = ()
         self._phase = _Phase.CLOSED
@@ -232,6 +236,8 @@ class CanServoAxes:
             A drive does not become operational or does not answer SYNC.
         DeviceFaultError
             A drive has restarted since its setup, or reports a fault meanwhile.
+        SafetyStop
+            A stop was ordered.
         """
         self._expect(_Phase.CONFIGURED, "start", "bring_up")
         refuse_restarted(self._axes, self.watch)
@@ -257,6 +263,8 @@ class CanServoAxes:
             A drive does not get there, or does not follow its command (6041h bit 12).
         DeviceFaultError
             A drive is in fault or reports one; a fault is never reset here.
+        SafetyStop
+            A stop was ordered: no drive is led on.
         """
         self._expect(_Phase.STARTED, "enable", "start")
         self._power.enable()

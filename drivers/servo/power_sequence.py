@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from config.cell.cell import CellConfig, DriveAxis
-from config.errors import DeviceFaultError, DeviceTimeoutError
+from config.errors import DeviceFaultError, DeviceTimeoutError, SafetyStop
 from config.robot.robot import RobotDescription
 from drivers.canopen.nmt import NmtState
 from drivers.ports.clock import Clock
@@ -73,6 +73,8 @@ class PowerSequence:
         What the drives say by themselves.
     run_cycle : callable
         Runs the next cycle: SYNC, answers, then the controlwords that it is given, with velocity 0.
+    stopped : callable
+        Whether a stop was ordered: then no drive is led on to power.
     """
 
     def __init__(
@@ -84,12 +86,14 @@ class PowerSequence:
         exchange: CyclicExchange,
         watch: DriveWatch,
         run_cycle: Callable[[Sequence[int]], None],
+        stopped: Callable[[], bool],
     ) -> None:
         self._axes = axes
         self._clock = clock
         self._exchange = exchange
         self._watch = watch
         self._run_cycle = run_cycle
+        self._stopped = stopped
         self._period_s = cell.cycle_time_s
         modes = [cell.servo_of(axis).mode for axis in axes]
         self._follows = [FOLLOWS_COMMAND * mode.startswith("cyclic") for mode in modes]
@@ -104,6 +108,8 @@ class PowerSequence:
             A drive does not, in `START_TIMEOUT_S`.
         DeviceFaultError
             A drive reports a fault meanwhile.
+        SafetyStop
+            A stop was ordered.
         """
         until_s = self._clock.now_s() + START_TIMEOUT_S
         waiting = [axis.joint for axis in self._axes]
@@ -125,6 +131,8 @@ class PowerSequence:
             bit 12).
         DeviceFaultError
             A drive is in fault or reports one, or has left Operation Enabled.
+        SafetyStop
+            A stop was ordered.
         """
         until_s = self._clock.now_s() + ENABLE_TIMEOUT_S
         words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
@@ -198,7 +206,9 @@ class PowerSequence:
     def _step(
         self, words: Sequence[int], until_s: float, verb: str, waiting: Sequence[str]
     ) -> None:
-        """Run a cycle; refuse faults, and waiting beyond `until_s` [s]."""
+        """Run a cycle; refuse faults, orders to stop, and waiting beyond `until_s` [s]."""
+        if self._stopped():
+            raise SafetyStop(f"a stop was ordered before the drives could {verb}")
         if self._clock.now_s() > until_s:
             states = "; ".join(str(a) for a in self._answers() if a.joint in waiting)
             raise DeviceTimeoutError(

@@ -246,6 +246,19 @@ def test_nothing_is_enabled_after_an_order_to_stop(bench: Bench, motion: MotionS
     assert bench.axes.calls == []
 
 
+def test_nothing_is_enabled_after_an_order_that_comes_while_the_way_is_measured(
+    bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def asked_meanwhile(*_: object, **__: object) -> None:
+        bench.control.program.request_stop(StopCode.STOP_BUTTON)
+
+    monkeypatch.setattr("acquisition.task.cyclic_task.refuse_collision", asked_meanwhile)
+    reason = bench.run(motion)
+    assert reason is not None
+    assert bench.control.task.stop_reason == reason
+    assert bench.axes.calls == []
+
+
 def test_an_overrun_is_skipped_and_counted_and_the_motion_keeps_its_time(
     bench: Bench, motion: MotionSamples
 ) -> None:

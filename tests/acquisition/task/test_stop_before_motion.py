@@ -1,0 +1,127 @@
+"""A stop that is ordered before the motion: no drive is powered that was not, and none for long."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task import process
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import RecorderState, TaskState
+from config.cell.cell import CellConfig
+from config.cell.servo_profile import ServoProfile
+from config.robot.robot import RobotDescription
+from drivers.cell import Cell
+from drivers.ports.can_link import CanLink
+from drivers.servo.axes import CanServoAxes
+from drivers.settings.write_log import WriteLog
+from tests.builders.obedient_cell import RING, ObedientCell, SpeedUp, one_axis
+
+LEFT_TO_TRIAL = ServoProfile(lacks=("6007h", "605Ah", "605Eh", "1029h"))
+TOLD_TO_SWITCH_ON = b"\x07\x00"
+
+
+class Started:
+    """The main function of the task's process, on simulated drives, in the test's own process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+        cell, self.robot = one_axis(deceleration=8.0, velocity=1.0, acceleration=4.0, limit=2.0)
+        self.cell = cell.model_copy(update={"simulated": True, "servo": LEFT_TO_TRIAL})
+        self.control = ControlBlock.create()
+        self.control.recorder.state = RecorderState.RECORDING
+        self.parent = os.getppid()
+        self.folder = folder
+        self.bus = ObedientCell(self.cell, self.robot, 4096)
+        for name in ("leave_terminal", "set_process_name", "freeze_garbage"):
+            monkeypatch.setattr(process, name, lambda *_: None)
+        monkeypatch.setattr(process, "open_cell", self.open_cell)
+
+    def open_cell(
+        self,
+        cell: CellConfig,
+        robot: RobotDescription,
+        write_log: WriteLog,
+        *,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> Cell:
+        return Cell(cell, robot, CanLink(self.bus), write_log, stopped=stopped)
+
+    def run(self) -> None:
+        source = SpeedUp(self.cell, self.robot, 10, 1, self.control)
+        writes = self.folder / "writes.jsonl"
+        process.run_cyclic_task(
+            self.cell, self.robot, source, RING[1], self.control, self.parent, writes
+        )
+        RING[1].read(8192)
+
+    def assert_stopped_by(self, code: StopCode) -> None:
+        task = self.control.task
+        assert task.error is None
+        assert task.stop_reason is not None
+        assert task.stop_reason.code is code
+        assert task.state is TaskState.FINISHED
+        assert task.cycles == 0
+        assert task.notes == ()
+        assert not any(axis.powered for axis in self.bus.axes)
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Started:
+    return Started(monkeypatch, tmp_path)
+
+
+def test_without_an_order_the_drives_are_tried_and_moved(started: Started) -> None:
+    started.run()
+    assert started.control.task.error is None
+    assert started.control.task.cycles > 0
+    assert any(any(powered) for *_, powered in started.bus.trace)
+
+
+@pytest.mark.parametrize("code", [StopCode.STOP_COMMAND, StopCode.PROGRAM_GONE])
+def test_a_stop_while_the_drives_are_configured_powers_none(
+    started: Started, monkeypatch: pytest.MonkeyPatch, code: StopCode
+) -> None:
+    bring_up = CanServoAxes.bring_up
+
+    def stopped_meanwhile(axes: CanServoAxes) -> None:
+        bring_up(axes)
+        if code is StopCode.STOP_COMMAND:
+            started.control.program.request_stop(code)
+        else:
+            monkeypatch.setattr("os.getppid", lambda: started.parent + 1)
+
+    monkeypatch.setattr(CanServoAxes, "bring_up", stopped_meanwhile)
+    started.run()
+    started.assert_stopped_by(code)
+    assert started.bus.trace == []
+
+
+@pytest.mark.parametrize("trial", [True, False])
+def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
+    started: Started, monkeypatch: pytest.MonkeyPatch, trial: bool
+) -> None:
+    if not trial:
+        started.cell = started.cell.model_copy(update={"servo": ServoProfile()})
+        started.bus = ObedientCell(started.cell, started.robot, 4096)
+    send = started.bus.send
+    after: list[bytes] = []
+
+    def seen(message: can.Message, timeout: float | None = None) -> None:
+        send(message, timeout)
+        if message.arbitration_id == 0x201:
+            word = bytes(message.data[:2])
+            if started.control.program.stop_code:
+                after.append(word)
+            elif word == TOLD_TO_SWITCH_ON:
+                started.control.program.request_stop(StopCode.STOP_BUTTON)
+
+    monkeypatch.setattr(started.bus, "send", seen)
+    started.run()
+    started.assert_stopped_by(StopCode.STOP_BUTTON)
+    assert after[0] == b"\x02\x00"
+    assert b"\x0f\x00" not in after
