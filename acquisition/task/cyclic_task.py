@@ -166,7 +166,7 @@ class CyclicTask:
             way.position,
             self._period_s,
             "the way to the motion's start",
-            meanwhile=lambda: self._axes.send_heartbeat(self._clock.now_s()),
+            meanwhile=lambda: self._axes.keep_alive(self._clock.now_s()),
         )
 
     def _stream(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:

@@ -163,7 +163,8 @@ class ServoAxes(Protocol):
     """All axes of a robot, commanded together by velocity.
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `exchange`, `command`,
-    `send_heartbeat`; at the end `quick_stop` and `disable`.
+    `send_heartbeat`; at the end `quick_stop` and `disable`. What takes long between `start` and
+    `enable` calls `keep_alive`.
 
     Attributes
     ----------
@@ -190,6 +191,16 @@ class ServoAxes(Protocol):
     @abstractmethod
     def start(self) -> None:
         """Begin the cyclic exchange, still without power."""
+
+    @abstractmethod
+    def keep_alive(self, now_s: float) -> None:
+        """Between `start` and `enable`, let no drive miss this computer, during what takes long.
+
+        Parameters
+        ----------
+        now_s : float
+            The time [s].
+        """
 
     @abstractmethod
     def enable(self) -> float:

@@ -249,6 +249,16 @@ class CanServoAxes:
         self._power.wait_until_operational()
         self.watch.expect_operational()
 
+    def keep_alive(self, now_s: float) -> None:
+        """Send this computer's heartbeat when due at `now_s` [s], and Disable Voltage with it.
+
+        Drives wait for commands too, as long as for the heartbeat (1400h:05).
+        """
+        self._expect(_Phase.STARTED, "be kept waiting", "start")
+        self.send_heartbeat(now_s)
+        if self.last_heartbeat_s == now_s:
+            self.cyclic.send_words([ControlWord.DISABLE_VOLTAGE] * len(self._axes))
+
     def enable(self) -> float:
         """Lead every drive to Operation Enabled, one checked step a cycle, at velocity 0.
 

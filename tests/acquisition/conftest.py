@@ -72,6 +72,9 @@ class FakeAxes:
     def start(self) -> None:
         self.calls.append("start")
 
+    def keep_alive(self, now_s: float) -> None:
+        pass
+
     def enable(self) -> float:
         self.calls.append("enable")
         self.answers.enabled[:] = True

@@ -1,4 +1,4 @@
-"""A stop that is ordered before the motion: no drive is powered that was not, and none for long."""
+"""Before the motion: an order to stop keeps drives from power, and none misses this computer."""
 
 from __future__ import annotations
 
@@ -31,15 +31,20 @@ class Started:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         cell, self.robot = one_axis(deceleration=8.0, velocity=1.0, acceleration=4.0, limit=2.0)
-        self.cell = cell.model_copy(update={"simulated": True, "servo": LEFT_TO_TRIAL})
+        self.cell = cell.model_copy(update={"simulated": True})
         self.control = ControlBlock.create()
         self.control.recorder.state = RecorderState.RECORDING
         self.parent = os.getppid()
         self.folder = folder
-        self.bus = ObedientCell(self.cell, self.robot, 4096)
+        self.use(LEFT_TO_TRIAL)
         for name in ("leave_terminal", "set_process_name", "freeze_garbage"):
             monkeypatch.setattr(process, name, lambda *_: None)
         monkeypatch.setattr(process, "open_cell", self.open_cell)
+
+    def use(self, profile: ServoProfile) -> None:
+        """Put drives of a family on the bus."""
+        self.cell = self.cell.model_copy(update={"servo": profile})
+        self.bus = ObedientCell(self.cell, self.robot, 4096)
 
     def open_cell(
         self,
@@ -82,6 +87,25 @@ def test_without_an_order_the_drives_are_tried_and_moved(started: Started) -> No
     assert any(any(powered) for *_, powered in started.bus.trace)
 
 
+def test_no_drive_misses_this_computer_while_a_long_way_is_measured(
+    started: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither its heartbeat (1016h) nor its commands (1400h:05): for both it waits 80 ms."""
+    started.use(ServoProfile())
+    bus = started.bus
+
+    def measured_for_long(*_way: object, meanwhile: Callable[[], None]) -> None:
+        assert bus.drives[0].objects[0x1400, 5] == 80
+        for _ in range(60):
+            meanwhile()
+            bus.run_until(bus.now_s + 0.005)
+
+    monkeypatch.setattr("acquisition.task.cyclic_task.refuse_collision", measured_for_long)
+    started.run()
+    assert started.control.task.error is None
+    assert started.control.task.cycles > 0
+
+
 @pytest.mark.parametrize("code", [StopCode.STOP_COMMAND, StopCode.PROGRAM_GONE])
 def test_a_stop_while_the_drives_are_configured_powers_none(
     started: Started, monkeypatch: pytest.MonkeyPatch, code: StopCode
@@ -106,8 +130,7 @@ def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
     started: Started, monkeypatch: pytest.MonkeyPatch, trial: bool
 ) -> None:
     if not trial:
-        started.cell = started.cell.model_copy(update={"servo": ServoProfile()})
-        started.bus = ObedientCell(started.cell, started.robot, 4096)
+        started.use(ServoProfile())
     send = started.bus.send
     after: list[bytes] = []
 
