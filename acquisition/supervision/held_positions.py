@@ -33,6 +33,9 @@ class HeldPositions:
         Between the last two plausible positions [rad/s or m/s].
     missed, implausible : list of int, length joints
         For how many cycles in a row no answer came, and no plausible one.
+    unknown : list of int, length joints
+        In how many cycles since the last plausible position a motor that moves the joint was
+        silent; motors may be so in turn.
     jump, jump_limit : list of float, length joints
         How far the last answer is from the last plausible one, and how far it may be [rad or m].
     """
@@ -41,12 +44,9 @@ class HeldPositions:
         self._period_s = cell.cycle_time_s
         velocities = [joint.limits.velocity for joint in robot.joints]
         self._step = [PLAUSIBLE_FACTOR * velocity * self._period_s for velocity in velocities]
-        self._partners: list[tuple[int, ...]] = [()] * len(velocities)
         coupling = WristCoupling.of_robot(robot)
-        if coupling is not None:
-            self._partners = [
-                tuple(j for j in motors if j != i) for i, motors in enumerate(coupling.motors_of)
-            ]
+        own = tuple((i,) for i in range(len(velocities)))
+        self._motors = own if coupling is None else coupling.motors_of
         self.begin([0.0] * len(velocities))
 
     def begin(self, position: Sequence[float]) -> None:
@@ -56,6 +56,7 @@ class HeldPositions:
         self.velocity = [0.0] * n
         self.missed = [0] * n
         self.implausible = [0] * n
+        self.unknown = [0] * n
         self.jump = [0.0] * n
         self.jump_limit = [0.0] * n
         self._plausible = list(position)  # the last ones
@@ -69,18 +70,16 @@ class HeldPositions:
         for i, actual in enumerate(measured):
             since = self._since[i] = self._since[i] + cycle.periods
             self.position[i] += target[i] - self._target[i]
-            if not received[i]:
-                self.missed[i] += 1
-                continue
-            self.missed[i] = 0
-            if not all(received[j] for j in self._partners[i]):
+            self.missed[i] = 0 if received[i] else self.missed[i] + 1
+            if not all(received[j] for j in self._motors[i]):
+                self.unknown[i] += 1
                 continue
             jump, limit = actual - self._plausible[i], self._step[i] * since
             if not -limit <= jump <= limit:
                 self.implausible[i] += 1
                 self.jump[i], self.jump_limit[i] = jump, limit
                 continue
-            self.implausible[i] = 0
+            self.implausible[i] = self.unknown[i] = 0
             valid[i] = 1
             self._since[i] = 0
             self.position[i] = self._plausible[i] = actual

@@ -36,8 +36,8 @@ class Supervisor:
 
     Limits on measured values are the robot's with the cell's margins; see `Supervision`. With a
     coupled wrist, position, its plausibility and following error are judged joint by joint, torque
-    and standstill motor by motor, velocity on both sides. Call `begin` once the drives are enabled,
-    then `judge` in every cycle.
+    and standstill motor by motor, velocity on both sides; a joint may be unknown for as many cycles
+    as a drive may be silent. Call `begin` once the drives are enabled, then `judge` in every cycle.
 
     Parameters
     ----------
@@ -186,6 +186,9 @@ class Supervisor:
     def _check_motors(self, coupling: WristCoupling, cycle: Cycle) -> StopReason | None:
         """Check the motors' speeds and that they turn at all, where every joint's is known."""
         if not all(cycle.valid):
+            for i in self._joints:
+                if self._positions.unknown[i] >= self._rules.missed_frames_limit:
+                    return self._unknown(i, coupling.motors_of[i])
             return None
         velocities = coupling.to_motors(self._positions.velocity).tolist()
         commands = coupling.to_motors(self._wanted).tolist()
@@ -217,6 +220,22 @@ class Supervisor:
             StopCode.MISSED_FRAMES,
             f"joint {self._names[i]}: its drive did not answer in {count} cycles in a row."
             " Check its cable, its supply and the bus termination",
+            joint=self._names[i],
+            value=float(count),
+            limit=float(self._rules.missed_frames_limit),
+        )
+
+    def _unknown(self, i: int, motors: Sequence[int]) -> StopReason:
+        for motor in motors:
+            if reason := self._second_answers.explain(motor):
+                return reason
+        count = self._positions.unknown[i]
+        drives = ", ".join(self._names[j] for j in motors)
+        return StopReason(
+            StopCode.MISSED_FRAMES,
+            f"joint {self._names[i]}: its position is unknown, since in {count} cycles one of the"
+            f" drives that move it ({drives}) did not answer. Check their cables, their supply and"
+            " the bus termination",
             joint=self._names[i],
             value=float(count),
             limit=float(self._rules.missed_frames_limit),

@@ -47,6 +47,44 @@ def test_silence_is_counted_for_the_drive_that_is_silent(watch: Watch) -> None:
     assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint2")
 
 
+def test_a_joint_is_not_left_unknown_where_its_motors_are_silent_in_turn(
+    cell: CellConfig, robot: RobotDescription
+) -> None:
+    """No drive misses two cycles in a row, and joint 3 is never known."""
+    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 1.0))
+    watch = at_speed(cell, robot.model_copy(update={"coupling": coupling}))
+
+    def fault(cycle: Cycle) -> None:
+        if cycle.number >= 10:
+            cycle.received[cycle.number % 2] = False
+
+    number, reason = watch.run(fault)
+    assert number == 12
+    assert reason is not None
+    assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint3")
+    assert "joint1, joint2, joint3" in reason.text
+    assert (reason.value, reason.limit) == (3.0, 3.0)
+
+
+def test_a_position_that_is_known_in_between_begins_the_count_anew(watch: Watch) -> None:
+    assert watch.run(set_at("received", lambda n: n % 3 != 0, 1, False)) == (None, None)
+
+
+def test_a_jump_in_between_does_not(watch: Watch) -> None:
+    """What came was no position either."""
+
+    def fault(cycle: Cycle) -> None:
+        if cycle.number in (10, 12, 13):
+            cycle.received[1] = False
+        elif cycle.number == 11:
+            cycle.position[2] += 1.0
+
+    number, reason = watch.run(fault)
+    assert number == 13
+    assert reason is not None
+    assert (reason.code, reason.joint) == (StopCode.MISSED_FRAMES, "joint3")
+
+
 def test_a_motor_that_stands_is_seen_although_its_joint_is_moved_by_another(
     watch: Watch,
 ) -> None:
