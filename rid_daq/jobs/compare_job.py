@@ -12,6 +12,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import relative_of_both, validate
+from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, report_lacks
 from rid_daq.terminal.choices import MODEL
 from rid_daq.terminal.console import Console
@@ -100,6 +101,7 @@ def compare_models(request: CompareRequest, console: Console) -> Compared:
         folder = find_run(request.runs, request.on)
         judged = [RunData.load(folder, unfinished=request.unfinished)]
     notes = report_lacks(console, judged)
+    require_torques(judged)
     predictions = [_prediction(one, other, data) for data in judged]
     return Compared((first, second), difference, predictions, notes)
 

@@ -39,6 +39,7 @@ from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
+from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.choices import MODEL
 from rid_daq.terminal.console import Console
@@ -154,6 +155,8 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
         raise ConfigError(
             "--load-mass is the mass of the payload: name the runs with it (--loaded)"
         )
+    if how.options.model.kind != "external":
+        require_torques(data)
     first = data[0]
     comparison = _chosen(data, how, console) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)

@@ -30,6 +30,7 @@ from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
+from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, report_lacks, result_of
 from rid_daq.terminal.console import Console, as_command
 
@@ -139,6 +140,8 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
             " says nothing of other motions. Validate on a run that it has not seen"
         )
     notes = report_lacks(console, [data])
+    if not external:
+        require_torques([data])
     validation = validate(
         estimate,
         data.recording,

@@ -27,6 +27,7 @@ from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
+from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
 from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.console import Console
@@ -122,6 +123,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
     folders = find_runs(request.runs, names)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
     notes = report_lacks(console, data)
+    require_torques(data)
     flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
     robot = None if request.model is None else estimate_for(request.model, data[0].robot)
     procedure = request.procedure or ("together" if robot is None else "model")

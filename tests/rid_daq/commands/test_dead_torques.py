@@ -1,0 +1,87 @@
+"""A joint that moves while its torque column always says the same: nothing is learnt of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.imports.read import import_csv
+from acquisition.processing.dead_torque import dead_torques
+from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.load import to_yaml
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.file import write_estimate
+from identification.estimation.options import EstimationOptions
+from identification.model.options import ModelOptions
+from rid_daq.app import run
+from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
+
+ROBOT, MAP = two_joint_robot(), two_joint_map(robot="robot.yaml")
+SOUND = sound_table(1200)
+
+
+def recorded(folder: Path, table: np.ndarray) -> Recording:
+    """Return a table as it is imported, and leave its files in a folder."""
+    (folder / "rec.csv").write_text("\n".join(as_lines(table)))
+    (folder / "robot.yaml").write_text(to_yaml(ROBOT))
+    (folder / "map.yaml").write_text(to_yaml(MAP))
+    return import_csv(folder / "rec.csv", MAP, ROBOT)[0]
+
+
+def with_dead(column: int, value: float = 0.0) -> np.ndarray:
+    table = SOUND.copy()
+    table[:, column] = value
+    return table
+
+
+@pytest.mark.parametrize(("column", "dead"), [(5, {"a": 6.0}), (6, {"b": 3.0})])
+def test_a_torque_that_is_the_same_in_every_row_is_none(
+    column: int, dead: dict[str, float], tmp_path: Path
+) -> None:
+    assert dead_torques(recorded(tmp_path, with_dead(column, 3.0))) == dead
+
+
+def test_one_of_a_joint_at_rest_may_be(tmp_path: Path) -> None:
+    table = with_dead(6)
+    table[:, [2, 4]] = 0.5, 0.0
+    assert dead_torques(recorded(tmp_path, table)) == {}
+    assert dead_torques(recorded(tmp_path, SOUND)) == {}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run of a dead torque, and a model that was identified elsewhere."""
+    folder = tmp_path_factory.mktemp("dead")
+    sound = recorded(folder, SOUND)
+    options = EstimationOptions(ModelOptions(friction_terms=("viscous",)))
+    estimate = estimate_smoothed(ROBOT, [smooth_nonperiodic(sound, 5.0)], options)
+    write_estimate(folder / "model.json", estimate)
+    recorded(folder, with_dead(6))
+    words = [str(folder / "rec.csv"), "--map", str(folder / "map.yaml"), "--label", "dead"]
+    assert run(["import", *words, "--runs", str(folder / "runs")]) == 0
+    return folder
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["identify", "dead"],
+        ["identify", "dead", "--choose"],
+        ["validate", "MODEL", "dead"],
+        ["compare", "MODEL", "MODEL", "--on", "dead"],
+        ["payload", "identify", "--loaded", "dead", "--model", "MODEL"],
+    ],
+    ids=lambda command: " ".join(command[:2]),
+)
+def test_no_command_learns_or_judges_by_it(
+    folder: Path, command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [str(folder / "model.json") if word == "MODEL" else word for word in command]
+    capsys.readouterr()
+    assert run([*words, "--runs", str(folder / "runs")]) == 6
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no torque was measured of joints that move: b (always 0)." in said
+    assert said.endswith("Look at the torque column in its map")
