@@ -11,9 +11,9 @@ from config.errors import ConfigError, DataQualityError
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import followed
-from rid_daq.runs.motion_runs import MotionRun, read_motion_run
+from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
 from rid_daq.runs.run_data import report_lacks, result_of
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.console import Console, as_command
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ def track_runs(request: TrackingRequest, console: Console) -> Tracked:
     Raises
     ------
     ConfigError
-        The runs are of several robots, or one of `against` is of another motion.
+        The runs are of several robots, or one of `against` is of another motion; or before and
+        after are the same run, or were taken for each other.
     DataQualityError
         Two of `against` are of one motion, or a run does not say where the robot should have been.
     """
@@ -91,11 +92,33 @@ def track_runs(request: TrackingRequest, console: Console) -> Tracked:
                 f"--against {other.run_id}: is of none of the motions given; compare runs of the"
                 " same motion"
             )
+    for one, before in pairs:
+        _require_order(one, before)
     section = TrackingSection.of([followed(*pair) for pair in pairs], robot)
     result = result_of(first.data, notes).updated(
         title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
     )
     return Tracked(pairs, section, notes, write_result(first.data.folder, result))
+
+
+def _require_order(after: MotionRun, before: MotionRun | None) -> None:
+    """Refuse a run that is compared with itself, or a plain one with a compensated one.
+
+    Raises
+    ------
+    ConfigError
+        It is so.
+    """
+    if before is None:
+        return
+    if before.run_id == after.run_id:
+        raise ConfigError(f"--against {before.run_id}: is the run itself; give another run")
+    if after.use == PLAIN and before.use != PLAIN:
+        turned = as_command("tracking", before.run_id, "--against", after.run_id)
+        raise ConfigError(
+            f"--against {before.run_id}: is the compensated one, and run {after.run_id} was driven"
+            f" without compensation: turn them round: {turned}"
+        )
 
 
 def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:

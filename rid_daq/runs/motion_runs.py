@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.motion.samples import MotionSamples
@@ -14,6 +15,8 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, system_errors
 from config.formats.bounded_file import read_file
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_MODEL, RunData
+
+PLAIN: Final = "plain"
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class MotionRun:
         if self.streamed:
             return "streamed"
         if self.file is None:
-            return "plain"
+            return PLAIN
         origin = self.file.origin
         if origin.refinements:
             times = len(origin.refinements)

@@ -205,16 +205,20 @@ class TrackingSection(Section):
     def verdict(self) -> Verdict:
         """What the report says first; nothing is judged."""
         after = [motion.after.mean_m for motion in self.motions]
-        ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio]
+        ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio is not None]
         mean = f"Mean distance from the path {number(1e3 * max(after), 3)} mm"
         mean += " at most" if len(after) > 1 else ""
         if not ratios:
             return Verdict.of([], mean, "No run without compensation was given to compare with.")
-        reduced = f"{mean}: error reduced {number(min(ratios), 3)} times"
+        least = min(ratios)
+        if least < 1.0:
+            changed = f"error grew {number(1.0 / max(least, 1e-12), 3)} times"
+            changed += " at most" if len(ratios) > 1 else ""
+        else:
+            changed = f"error reduced {number(least, 3)} times"
+            changed += " at least" if len(ratios) > 1 else ""
         return Verdict.of(
-            [],
-            reduced + (" at least" if len(ratios) > 1 else ""),
-            "Before is velocity feedforward alone, after is with pre-compensation.",
+            [], f"{mean}: {changed}", "Before and after are two runs of the same motion."
         )
 
 

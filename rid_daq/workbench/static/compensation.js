@@ -82,13 +82,18 @@ press("compare", panel, "tracking", () => {
   return panel.begin("tracking", { run: [after], against: [before] });
 });
 
+function reduced(ratio) {
+  if (!ratio) return "–";
+  return ratio < 1 ? `error grew ${number(1 / ratio, 3)} times` : `error reduced ${number(ratio, 3)} times`;
+}
+
 async function showPaths(run) {
   const place = find("path-result");
   const { tracking, notes } = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
   const mm = (metres) => `${number(1e3 * metres, 3)} mm`;
   const rows = tracking.motions.map((each) => [
     each.sentence, each.before ? mm(each.before.mean_m) : "–", mm(each.after.mean_m),
-    each.mean_ratio ? `error reduced ${number(each.mean_ratio, 3)} times` : "–",
+    reduced(each.mean_ratio),
     each.before ? mm(each.before.max_m) : "–", mm(each.after.max_m),
   ]);
   const columns = ["motion", "mean before", "mean after", "", "largest before", "largest after"];

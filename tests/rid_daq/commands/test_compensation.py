@@ -106,6 +106,10 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert "deviation drawn 10 times as large" in page
     assert ": error reduced " in page
     assert "tuned on it" in page
+    assert run(["tracking", "circle", "--against", "compensated", *runs]) == 2
+    assert "was driven without compensation: turn them round: " in capsys.readouterr().err
+    assert run(["tracking", "circle", "--against", "circle", *runs]) == 2
+    assert "is the run itself; give another run" in capsys.readouterr().err
 
 
 def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
