@@ -6,10 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from compensation.loops.multisine_motion import MultisineOptions, limit_use, multisine_motion
 from config.arrays import FloatArray
+from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from identification.design.task import chosen_criterion, excitation_problem
@@ -97,10 +101,12 @@ def design_motion(request: DesignRequest, console: Console) -> Designed:
     Raises
     ------
     ConfigError
-        No such motion holds the limits, or a model is of another robot.
+        No such motion holds the limits, or a model is of another robot; or a motion of this kind
+        has no so many periods.
     RecordingError
         The file cannot be written.
     """
+    _require_periods(request)
     cell = load_cell(request.cell)
     robot, config = cell.robot, cell.config
     match request.kind:
@@ -120,6 +126,22 @@ def design_motion(request: DesignRequest, console: Console) -> Designed:
         f" {config.cycle_time_ms} ms.\nCondition number {condition:.4g}; {origin}"
     )
     return Designed(cell, motion, _written(request, cell, motion, comment), condition, found)
+
+
+def _require_periods(request: DesignRequest) -> None:
+    """Refuse more periods than a motion file of this kind may have."""
+    multisine = request.kind is Kind.MULTISINE
+    periods = (request.multisine if multisine else request.excitation).periods
+    kinds: dict[Kind, type[Motion]] = {
+        Kind.MULTISINE: MultisineMotion,
+        Kind.REVERSED: ReversedMotion,
+    }
+    limits = kinds.get(request.kind, FourierMotion).model_fields["periods"].metadata
+    most = next(int(limit.le) for limit in limits if hasattr(limit, "le"))
+    if periods > most:
+        raise ConfigError(
+            f"--periods {periods}: a motion of kind {request.kind.value} has at most {most} periods"
+        )
 
 
 def _excitation(

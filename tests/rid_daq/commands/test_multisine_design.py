@@ -29,6 +29,20 @@ from rid_daq.terminal.console import Console
 DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "most"), [("multisine", 1000), ("reversed", 5000), ("excitation", 10000)]
+)
+def test_more_periods_than_a_file_may_have_are_refused_before_anything_is_searched(
+    kind: str, most: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "motion.yaml"
+    words = ["--kind", kind, "--periods", str(most + 1), "-o", str(file)]
+    assert run(["design", "ir361", *words]) == 2
+    said = capsys.readouterr().err
+    assert f"--periods {most + 1}: a motion of kind {kind} has at most {most} periods" in said
+    assert not file.exists()
+
+
 def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
