@@ -16,6 +16,14 @@ from acquisition.task.states import TaskState
 from config.errors import RecordingError
 from config.process.termination import Interruption
 
+_LATE = {
+    StopCode.INTERRUPTED: "by the operator",
+    StopCode.STOP_COMMAND: "by `rid-daq stop`",
+    StopCode.STOP_BUTTON: "by the page's stop button",
+    StopCode.CLIENT_LOST: "because its client is out of reach",
+}
+"""Who asks for a stop from outside: such a one counts also once the motion is over."""
+
 
 @dataclass(frozen=True)
 class RecordOutcome:
@@ -35,6 +43,9 @@ class RecordOutcome:
         Timing and frames.
     notes : tuple of str
         What else a person should know, one sentence each.
+    late_stop : StopReason or None
+        Why no other motion may follow this one, which came to its end: a stop was asked for too
+        late for it.
     """
 
     path: Path
@@ -43,6 +54,7 @@ class RecordOutcome:
     rows: int
     statistics: CycleStatistics
     notes: tuple[str, ...]
+    late_stop: StopReason | None = None
 
     @property
     def complete(self) -> bool:
@@ -116,6 +128,20 @@ def outcome_of(
         rows=statistics.cycles,
         statistics=statistics,
         notes=tuple(notes),
+        late_stop=_late_stop(control, interruption) if stop is None else None,
+    )
+
+
+def _late_stop(control: ControlBlock, interruption: Interruption) -> StopReason | None:
+    """Return the stop that was asked for after the task's last look, None where none was."""
+    code = control.program.stop_code
+    if code not in _LATE and interruption.signal is not None:
+        code = StopCode.INTERRUPTED
+    if code not in _LATE:
+        return None
+    late = StopCode(code)
+    return StopReason(
+        late, f"stopped {_LATE[late]} once the motion was over; no other one is begun"
     )
 
 

@@ -178,7 +178,7 @@ class AxisBench:
         while True:
             eyes = simulated_eyes(self._session)
             before = None if eyes is None else eyes()
-            self.last = self._move(number)
+            self.last = self._move(number).as_step()
             if self.last.outcome.stop is not None or self._gave_up:
                 return None
             line, rows = self._line, self._rows()

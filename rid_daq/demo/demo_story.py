@@ -233,7 +233,8 @@ class _Recorder:
         samples = planned or motion.plan(session.loaded.robot, session.cell.cycle_time_s)
         self.told.motion_s = samples.duration_s
         both = {MOTION: to_yaml(motion).encode(), **(files or {})}
-        run = session.record(RunRequest(role, motion.describe(), samples, role=role, files=both))
+        asked = RunRequest(role, motion.describe(), samples, role=role, files=both)
+        run = session.record(asked).as_step()
         if run.outcome.stop is not None:
             why = "; ".join((run.outcome.stop.text, *run.outcome.notes))
             raise SafetyStop(f"the demo's {role} was stopped: {why}")

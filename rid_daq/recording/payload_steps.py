@@ -46,7 +46,7 @@ class Step:
 
 @dataclass(frozen=True)
 class StepFailed:
-    """A step that was stopped, or lost too much; the session can be resumed."""
+    """A step that was stopped, or after it, or lost too much; the session can be resumed."""
 
     name: str
     run: RecordedRun
@@ -100,7 +100,14 @@ class PayloadGuide:
             if run.outcome.stop is not None or (measurement and run.exit_code):
                 return StepFailed(step.name, run, self.state.folder.run_id)
             self.state.note_step(step.name, run.folder.run_id)
+            if run.outcome.late_stop is not None and self._is_left:
+                return StepFailed(step.name, run.as_step(), self.state.folder.run_id)
         return None
+
+    @property
+    def _is_left(self) -> bool:
+        """Whether a motion is still to come."""
+        return any(name not in self.state.done for name in self.request.wanted)
 
     @property
     def _asks(self) -> bool:

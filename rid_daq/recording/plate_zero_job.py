@@ -136,7 +136,7 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=request.axis_test
     ) as session:
-        approach = _approach(session, turn, console)
+        approach = _approach(session, turn, console).as_step()
         if approach.outcome.stop is not None:
             return PlateZeroed(approach, approach_only=True)
         console.say("2 of 4: the amplifier is reset and operates")

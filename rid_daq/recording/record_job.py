@@ -159,7 +159,7 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         loaded, request.runs, console, simulation, request.live, request.axis_test
     ) as session:
         if request.rehearse:
-            run = session.record(_rehearsal(name, samples))
+            run = session.record(_rehearsal(name, samples)).as_step()
             if run.outcome.stop is not None:
                 return MotionRecorded(run, motion, accuracy, rehearsal_only=True)
             console.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {run.folder.path}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pydantic import JsonValue
@@ -125,6 +125,11 @@ class RecordedRun:
     def timing_sentence(self) -> str:
         """How well the loop kept its time."""
         return loop_sentence(self.outcome.statistics)
+
+    def as_step(self) -> RecordedRun:
+        """Return it as one of several motions: what stopped it too late stops the next ones."""
+        late = self.outcome.late_stop
+        return self if late is None else replace(self, outcome=replace(self.outcome, stop=late))
 
     def verdict(self, goals: Sequence[str]) -> Verdict:
         """Return how the motion ended, how far its goals are, and what is lost."""

@@ -1,0 +1,101 @@
+"""A stop that comes once a motion is over stops what would follow; it is not lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from acquisition.journal.cycles import JournalWriter
+from acquisition.journal.header import JournalHeader
+from acquisition.session.helper_process import HelperProcess
+from acquisition.session.outcome import RecordOutcome, outcome_of
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.ring import Ring
+from acquisition.task.states import TaskState
+from config.process.termination import Interruption, signals_handled
+
+HEADER = JournalHeader(joint_names=("a", "b"), sample_period_s=0.008)
+
+Outcome = Callable[..., RecordOutcome]
+
+
+@pytest.fixture
+def control() -> ControlBlock:
+    """The words of a motion that came to its end."""
+    control = ControlBlock.create()
+    control.task.state = TaskState.FINISHED
+    return control
+
+
+@pytest.fixture
+def outcome(control: ControlBlock, tmp_path: Path) -> Outcome:
+    def of(interruption: Interruption | None = None) -> RecordOutcome:
+        path = tmp_path / "recording.mcap"
+        ring = Ring.create(2, 8)
+        assert ring.write((0.0, 0.0, 0.0, *range(10), 1, 2, 0, -1, *(0,) * 4, 1, 1, 3))
+        with JournalWriter(path, HEADER) as journal:
+            journal.append(ring.read())
+        task = HelperProcess("cyclic task", os.abort, (), patience_s=0.0)
+        task.exit_code = 0
+        return outcome_of(path, HEADER, task, control, interruption or Interruption(), [])
+
+    return of
+
+
+def test_a_motion_that_nobody_stopped_is_followed_by_the_next(outcome: Outcome) -> None:
+    ended = outcome()
+    assert ended.complete
+    assert ended.late_stop is None
+
+
+@pytest.mark.parametrize(
+    ("code", "who"),
+    [
+        (StopCode.INTERRUPTED, "the operator"),
+        (StopCode.STOP_COMMAND, "`rid-daq stop`"),
+        (StopCode.STOP_BUTTON, "the page's stop button"),
+        (StopCode.CLIENT_LOST, "because its client is out of reach"),
+    ],
+)
+def test_a_word_that_the_task_read_no_more_stops_what_would_follow(
+    outcome: Outcome, control: ControlBlock, code: StopCode, who: str
+) -> None:
+    control.program.request_stop(code)
+    ended = outcome()
+    assert ended.complete
+    assert ended.late_stop is not None
+    assert ended.late_stop.code is code
+    assert who in ended.late_stop.text
+    assert "the motion was over" in ended.late_stop.text
+
+
+def test_a_signal_after_the_tasks_last_word_does_too_whatever_else_was_asked_before(
+    outcome: Outcome, control: ControlBlock
+) -> None:
+    control.program.request_stop(StopCode.RECORDER)  # which ends as soon as the task says its last
+    with signals_handled(lambda: control.program.request_stop(StopCode.INTERRUPTED)) as came:
+        signal.raise_signal(signal.SIGTERM)
+    ended = outcome(came)
+    assert ended.late_stop is not None
+    assert ended.late_stop.code is StopCode.INTERRUPTED
+    assert ended.interrupted_by is signal.SIGTERM
+
+
+def test_a_recorder_that_ends_before_the_task_is_nobodys_stop(
+    outcome: Outcome, control: ControlBlock
+) -> None:
+    control.program.request_stop(StopCode.RECORDER)
+    assert outcome().late_stop is None
+
+
+def test_a_stop_in_time_is_no_late_one(outcome: Outcome, control: ControlBlock) -> None:
+    control.program.request_stop(StopCode.STOP_BUTTON)
+    control.task.report_stop(StopReason(StopCode.STOP_BUTTON, "stopped"))
+    ended = outcome()
+    assert not ended.complete
+    assert ended.late_stop is None

@@ -1,0 +1,171 @@
+"""A stop between two motions of a job: the first is kept, the next is not begun."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from acquisition.motion.motion_file import load_motion
+from acquisition.runs.catalogue import list_runs
+from acquisition.runs.folder import RunFolder
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from acquisition.task.states import Progress, TaskState
+from config.load import load_cell
+from rid_daq.app import run
+from rid_daq.commissioning import axis_test_job
+from rid_daq.commissioning.axis_test_job import AxisBench
+from rid_daq.jobs.payload.payload_job import PayloadRequest
+from rid_daq.recording import payload_steps, plate_zero_job, record_job, run_session
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
+from rid_daq.recording.payload_state import SessionState
+from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
+from rid_daq.recording.plate_zero_job import PlateZeroRequest, zero_plate
+from rid_daq.recording.record_job import RecordRequest, record_motion_file
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.recording.run_session import RunRequest, RunSession
+from rid_daq.report.result import Result
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.motion_progress import progress_shown
+from tests.rid_daq.recording.test_recorded_run import outcome
+
+LATE = StopReason(StopCode.STOP_BUTTON, "stopped once the motion was over; no other one is begun")
+
+
+@pytest.fixture
+def driven(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
+    """What is driven: every motion comes to its end, and is stopped a moment too late."""
+    roles: list[str] = []
+
+    @contextlib.contextmanager
+    def recording(session: RunSession, request: RunRequest) -> Iterator[RecordedRun]:
+        roles.append(request.role)
+        ended = replace(outcome(), late_stop=LATE)
+        result = Result.new("Recording", "arm")
+        yield RecordedRun(RunFolder.create(tmp_path, "a run"), ended, None, None, result)
+
+    @contextlib.contextmanager
+    def opened(loaded: Any, runs: Path, console: Console, *_: Any, **__: Any) -> Iterator[Any]:
+        yield RunSession(loaded, loaded.config, runs, console)
+
+    monkeypatch.setattr(RunSession, "recording", recording)
+    monkeypatch.setattr(payload_steps, "preflight", lambda *_, **__: ([], None))
+    for module in (record_job, plate_zero_job):
+        monkeypatch.setattr(module, "open_session", opened)
+    return roles
+
+
+def require_stopped(ended: RecordedRun) -> None:
+    assert ended.outcome.stop is LATE
+    assert ended.exit_code is ExitCode.STOPPED
+    assert ended.stop_sentence.startswith("Stopped once the motion was over; no other one is begun")
+
+
+def test_a_rehearsal_is_not_followed_by_the_motion(
+    driven: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
+) -> None:
+    request = RecordRequest("kr15", six_axis_motion(2), tmp_path, rehearse=True)
+    recorded = record_motion_file(request, Console())
+    assert recorded.rehearsal_only
+    assert driven == ["rehearsal"]
+    require_stopped(recorded.run)
+
+
+def test_a_motion_that_nothing_follows_is_recorded_all_the_same(
+    driven: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
+) -> None:
+    request = RecordRequest("kr15", six_axis_motion(2), tmp_path)
+    recorded = record_motion_file(request, Console())
+    assert driven == ["recording"]
+    assert recorded.run.exit_code is ExitCode.DONE
+
+
+def test_the_plate_is_not_turned_after_the_way_to_its_first_pose(
+    driven: list[str], tmp_path: Path
+) -> None:
+    zeroed = zero_plate(PlateZeroRequest("ir361", tmp_path), Console())
+    assert zeroed.approach_only
+    assert driven == ["approach"]
+    require_stopped(zeroed.run)
+
+
+def test_a_payload_session_keeps_the_step_and_begins_no_other(
+    driven: list[str],
+    six_axis_motion: Callable[[int], Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(PayloadGuide, "_averages", lambda _guide: None)  # nothing was measured
+    loaded = load_cell("kr15")
+    state = SessionState(RunFolder.create(tmp_path, "payload", kind="payload session"), "kr15")
+    simulated = SimpleNamespace(attach=lambda payload: None)
+    guide = PayloadGuide(
+        PayloadSessionRequest("kr15", tmp_path, warm_up_percent=0.0, repeats=1),
+        RunSession(loaded, loaded.config, tmp_path, Console(), cast("Any", simulated)),
+        state,
+        cast("Any", load_motion(six_axis_motion(2))),
+        PayloadRequest(),
+        Console(),
+    )
+    for step in ("rehearsal", "unloaded"):  # each time it is resumed
+        failed = guide.lead()
+        assert isinstance(failed, StepFailed)
+        assert failed.name == step
+        require_stopped(failed.run)
+    assert guide.lead() is None  # nothing is driven after the last one
+    assert driven == list(state.done) == ["rehearsal", "unloaded", "loaded 1"]
+
+
+def test_no_other_axis_is_tested(
+    driven: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    loaded = load_cell("ir361")
+    session = RunSession(loaded, loaded.config, tmp_path, Console())
+    monkeypatch.setattr(
+        axis_test_job,
+        "record_held",
+        lambda session, console, held: session.record(RunRequest("", "", None, role=held.role)),
+    )
+    monkeypatch.setattr(axis_test_job, "simulated_eyes", lambda _session: None)
+    bench = AxisBench(session, Console(), unattended=True)
+    assert bench.test(0) is None
+    assert driven == ["axis test"]
+    require_stopped(bench.last)
+
+
+@pytest.mark.slow
+def test_a_signal_while_a_rehearsal_winds_up_ends_the_command(
+    workshop: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def interrupting(*arguments: Any) -> Callable[[Progress], None]:
+        shown = progress_shown(*arguments)
+
+        def look(progress: Progress) -> None:
+            if progress.state is TaskState.FINISHED:
+                signal.raise_signal(signal.SIGTERM)
+            shown(progress)
+
+        return look
+
+    monkeypatch.setattr(run_session, "progress_shown", interrupting)
+    before = signal.getsignal(signal.SIGTERM)
+    files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
+    try:
+        assert run(["record", *files, "--runs", str(tmp_path), "--rehearse", "--json"]) == 143
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    told = json.loads(capsys.readouterr().out)
+    assert told["stop"]["code"] == "INTERRUPTED"
+    ((_, manifest),) = list_runs(tmp_path)
+    assert manifest.status == "complete"
