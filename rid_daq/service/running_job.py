@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,7 @@ class RunningJob:
         self.run: str | None = None
         self.last_bad = ""
         self._tail = EventTail(events)
+        self._stop_code: StopCode | None = None
         self._motion: MotionBegun | None = None
         self._control: ControlBlock | None = None
         self._picture: MotionPicture | None = None
@@ -131,12 +133,18 @@ class RunningJob:
     def stop(self, why: str, code: StopCode) -> None:
         """Have it end: a motion by the word in shared memory, anything else by SIGTERM."""
         self.stopping = self.stopping or why
+        self._stop_code = self._stop_code or code
         control = self._find_control()
         if control is not None:
             control.program.request_stop(code)
-        else:
+        if control is None or control.task_gone:  # which may read that word no more
             with contextlib.suppress(ProcessLookupError):
                 self.process.terminate()
+
+    def insist(self) -> None:
+        """Tell a motion that it began although it was told to stop; nothing where none is."""
+        if self._stop_code is not None and (control := self._find_control()) is not None:
+            control.program.request_stop(self._stop_code)
 
     def order(self, **order: Any) -> None:
         """Tell its worker something; nothing where it has ended."""
@@ -177,6 +185,26 @@ class RunningJob:
             except OSError:  # it has just ended
                 return None
         return self._control
+
+
+@dataclass
+class StartingJob:
+    """A job whose worker is on its way.
+
+    Attributes
+    ----------
+    job : Job
+        As it is journalled.
+    stopping : str
+        Why it is not to begin; empty where it is.
+    """
+
+    job: Job
+    stopping: str = ""
+
+    def stop(self, why: str, _code: StopCode) -> None:
+        """Have it not begin."""
+        self.stopping = self.stopping or why
 
 
 class WarmWorker:

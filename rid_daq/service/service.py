@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from acquisition.runs.run_id import new_run_id
-from acquisition.supervision.stop_reason import StopCode
 from config.errors import ConfigError, LockedError, PreflightError
 from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
@@ -217,12 +216,11 @@ class CellService:
 
     def stop(self, cell: str, who: str) -> bool:
         """Stop what moves in a cell; return whether something was told to stop."""
-        running = self.workshop.of_cell(cell)
-        if running is None:
+        job = self.workshop.stop(cell, f"stopped by {who}")
+        if job is None:
             return False
-        running.stop(f"stopped by {who}", StopCode.STOP_BUTTON)
         self.stops += 1
-        self.audit.note(who, "stopped", cell, f"job {running.job.id}")
+        self.audit.note(who, "stopped", cell, f"job {job.id}")
         return True
 
     def cancel(self, job: Job, who: Identity) -> None:

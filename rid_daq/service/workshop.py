@@ -18,7 +18,7 @@ from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.records import Job, JobState
-from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
+from rid_daq.service.running_job import EventTail, RunningJob, StartingJob, WarmWorker
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
@@ -76,8 +76,7 @@ class Workshop:
         self._feed = feed
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
-        self._computing = False
-        self._reserved: set[str] = set()
+        self._starting: dict[str, StartingJob] = {}
         self._warm = WarmWorker(state / "workers.log")
         self._interrupt_leftovers()
 
@@ -95,7 +94,7 @@ class Workshop:
 
     def is_busy(self, cell: str) -> bool:
         """Whether a job has a cell's bus open, or is just being started."""
-        return cell in self._reserved or self.of_cell(cell) is not None
+        return self._starting_on(cell) is not None or self.of_cell(cell) is not None
 
     def events(self, job_id: str) -> Path:
         """Return the file of a job's events."""
@@ -119,11 +118,15 @@ class Workshop:
             self._queue.append((job, cell))
             await self._begin_next()
             return self._jobs.get(job.id) or job
-        self._reserved.add(cell.name)
-        try:
-            return await self._start(job, cell, cleared=cleared)
-        finally:
-            self._reserved.discard(cell.name)
+        return await self._start(job, cell, cleared=cleared)
+
+    def stop(self, cell: str, why: str) -> Job | None:
+        """Stop the job that has a cell's bus open, or is just being started; return it."""
+        begun = self.of_cell(cell) or self._starting_on(cell)
+        if begun is None:
+            return None
+        begun.stop(why, StopCode.STOP_BUTTON)
+        return begun.job
 
     def cancel(self, job: Job, who: str) -> None:
         """End a job: one that waits does not begin, one that runs is stopped."""
@@ -131,8 +134,8 @@ class Workshop:
         if waiting is not None:
             self._queue.remove(waiting)
             self._change(job, JobState.STOPPED, f"cancelled by {who} before it began")
-        elif job.id in self._running:
-            self._running[job.id].stop(f"cancelled by {who}", StopCode.STOP_BUTTON)
+        elif begun := self._running.get(job.id) or self._starting.get(job.id):
+            begun.stop(f"cancelled by {who}", StopCode.STOP_BUTTON)
 
     async def prepare(self) -> None:
         """Have a worker ready before there is a job."""
@@ -143,6 +146,7 @@ class Workshop:
         for running in self:
             self._pass_on(running)
             self._watch_lease(running)
+            running.insist()
             if running.is_over:
                 self._pass_on(running)
                 self._settle(running)
@@ -218,27 +222,28 @@ class Workshop:
 
     async def _begin_next(self) -> None:
         """Begin the next job that only computes, where none does."""
-        computing = any(not each.job.kind.opens_cell for each in self)
-        if computing or self._computing or not self._queue:
-            return
-        self._computing = True
-        try:
+        begun = (*self, *self._starting.values())
+        if self._queue and all(each.job.kind.opens_cell for each in begun):
             await self._start(*self._queue.popleft(), cleared=False)
-        finally:
-            self._computing = False
+
+    def _starting_on(self, cell: str) -> StartingJob | None:
+        """Return the job that will have a cell's bus open, None where none is being started."""
+        of_cell = (each for each in self._starting.values() if each.job.cell == cell)
+        return next((each for each in of_cell if each.job.kind.opens_cell), None)
 
     async def _start(self, job: Job, cell: ServedCell, *, cleared: bool) -> Job:
+        starting = self._starting[job.id] = StartingJob(job)
         try:
             process = await self._warm.take()
         except OSError as error:
-            job = self._jobs.change(
-                job,
-                state=JobState.FAILED,
-                ended_s=time.time(),
-                reason=f"its process cannot be started: {error.strerror}",
-            )
-            self._publish(job)
-            return job
+            reason = f"its process cannot be started: {error.strerror}"
+            return self._change(job, JobState.FAILED, reason)
+        finally:
+            del self._starting[job.id]
+        if starting.stopping:
+            process.kill()
+            await process.wait()
+            return self._change(job, JobState.STOPPED, f"{starting.stopping} before it began")
         job = self._jobs.change(job, state=JobState.RUNNING, began_s=time.time(), pid=process.pid)
         running = RunningJob(job, cell, process, self.events(job.id))
         self._running[job.id] = running
@@ -274,8 +279,10 @@ class Workshop:
             job = job.model_copy(update={"run": run or job.run})
             self._change(job, JobState.INTERRUPTED, reason)
 
-    def _change(self, job: Job, state: JobState, reason: str) -> None:
-        self._publish(self._jobs.change(job, state=state, ended_s=time.time(), reason=reason))
+    def _change(self, job: Job, state: JobState, reason: str) -> Job:
+        job = self._jobs.change(job, state=state, ended_s=time.time(), reason=reason)
+        self._publish(job)
+        return job
 
     def _publish(self, job: Job) -> None:
         told = {"type": "job", "job": job.model_dump(mode="json")}

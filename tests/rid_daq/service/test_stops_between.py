@@ -1,0 +1,142 @@
+"""A stop that finds no motion: of a job between two motions, or whose worker is on its way."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import Identity, Job, JobState, Role
+from rid_daq.service.running_job import RunningJob, WarmWorker
+from rid_daq.service.service import CellService
+
+WHO = Identity(name="anna", role=Role.OPERATOR, person=True, token="")
+
+
+class Worker:
+    """The process of a worker, which is this one: its motions are made by the test."""
+
+    pid = os.getpid()
+    returncode: int | None = None
+    stdin = None
+    terminated = 0
+
+    def terminate(self) -> None:
+        self.terminated += 1
+
+    def kill(self) -> None:
+        self.returncode = -9
+
+    async def wait(self) -> int | None:
+        return self.returncode
+
+
+@pytest.fixture
+def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
+    """The next worker, which is there once somebody asks for it a second time."""
+    worker = Worker()
+
+    async def take(_warm: WarmWorker) -> Any:
+        await asyncio.sleep(0)
+        return worker
+
+    async def prepare(_warm: WarmWorker) -> None:
+        pass
+
+    monkeypatch.setattr(WarmWorker, "take", take)
+    monkeypatch.setattr(WarmWorker, "prepare", prepare)
+    return worker
+
+
+def job(kind: JobKind = JobKind.PAYLOAD) -> Job:
+    return Job(
+        id=f"job-{kind}",
+        cell="ir361",
+        kind=kind,
+        state=JobState.ACCEPTED,
+        owner="anna",
+        request={},
+        on_lost_client="finish",
+        created_s=0.0,
+    )
+
+
+def test_a_job_that_was_stopped_between_two_motions_is_told_in_the_next(
+    service: CellService, worker: Worker
+) -> None:
+    async def stopped() -> None:
+        await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        first = ControlBlock.create()
+        assert service.stop("ir361", "anna")
+        assert first.program.stop_code == StopCode.STOP_BUTTON
+        first.program.declare_task_gone()
+        second = ControlBlock.create()
+        await service.workshop.look()
+        assert second.program.stop_code == StopCode.STOP_BUTTON
+        second.program.declare_task_gone()
+
+    asyncio.run(stopped())
+    assert worker.terminated == 0  # what it has recorded it may write down
+
+
+def test_a_motion_that_nobody_stopped_is_told_nothing(service: CellService, worker: Worker) -> None:
+    async def looked_at() -> None:
+        await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        motion = ControlBlock.create()
+        await service.workshop.look()
+        assert not motion.program.stop_code
+        motion.program.declare_task_gone()
+
+    asyncio.run(looked_at())
+
+
+def test_a_word_that_came_too_late_to_be_read_is_followed_by_a_signal(
+    service: CellService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker = Worker()
+    running = RunningJob(job(), service.cell("ir361"), cast("Any", worker), tmp_path / "events")
+    over = SimpleNamespace(program=SimpleNamespace(request_stop=lambda _code: None), task_gone=True)
+    monkeypatch.setattr(running, "_find_control", lambda: over)
+    running.stop("stopped by anna", StopCode.STOP_BUTTON)
+    assert worker.terminated == 1
+
+
+def test_a_job_that_is_stopped_while_its_worker_is_on_its_way_does_not_begin(
+    service: CellService, worker: Worker
+) -> None:
+    async def stopped() -> Job:
+        begun = asyncio.create_task(
+            service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        )
+        await asyncio.sleep(0)
+        assert service.workshop.is_busy("ir361")
+        assert service.stop("ir361", "anna")
+        return await begun
+
+    over = asyncio.run(stopped())
+    assert (over.state, over.reason) == (JobState.STOPPED, "stopped by anna before it began")
+    assert list(service.workshop) == []
+    assert not service.workshop.is_busy("ir361")
+    assert worker.returncode is not None
+
+
+def test_one_that_computes_is_cancelled_there_too(service: CellService, worker: Worker) -> None:
+    async def cancelled() -> Job | None:
+        begun = asyncio.create_task(
+            service.workshop.begin(job(JobKind.IDENTIFY), service.cell("ir361"), cleared=False)
+        )
+        await asyncio.sleep(0)
+        service.cancel(job(JobKind.IDENTIFY), WHO)
+        return await begun
+
+    over = asyncio.run(cancelled())
+    assert over is not None
+    assert (over.state, over.reason) == (JobState.STOPPED, "cancelled by anna before it began")
+    assert list(service.workshop) == []
