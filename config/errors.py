@@ -11,7 +11,11 @@ from contextlib import contextmanager
 
 
 class RidDaqError(Exception):
-    """Root of every error that a user may see."""
+    """Root of every error that a user may see; what was noted about it is part of its text."""
+
+    def __str__(self) -> str:
+        """Return its text and its notes."""
+        return with_notes(super().__str__(), self)
 
 
 class ConfigError(RidDaqError):
@@ -72,6 +76,11 @@ class DataQualityError(RidDaqError):
 
 class EstimationError(RidDaqError):
     """An estimate cannot be computed from what was given."""
+
+
+def with_notes(text: str, error: BaseException) -> str:
+    """Return a text about an error, and what was noted about the error on its way."""
+    return "; ".join(filter(None, (text, *getattr(error, "__notes__", ()))))
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from config.errors import RecordingError, RidDaqError
+from config.errors import RecordingError, RidDaqError, with_notes
 from config.process.shortage import as_named, require_memory
 from config.process.termination import TERMINATION, ending_signals, signals_deferred
 from rid_daq.terminal.console import Console, documents_written, output_error, printable
@@ -223,7 +223,8 @@ def ending_of(command: Callable[[], object]) -> Ending:
         return Ending(int(exit_code_of(error)), type(error).__name__, str(error), said=True)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(ExitCode.DONE)
-        return Ending(code, *_ending(code), said=isinstance(end, _Interrupted))
+        kind, message = _ending(code)
+        return Ending(code, kind, with_notes(message, end), said=isinstance(end, _Interrupted))
     return Ending(ExitCode.DONE)
 
 

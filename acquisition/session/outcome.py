@@ -102,10 +102,13 @@ def outcome_of(
             " heartbeat ends",
         )
     elif stop is None and task_exit != 0:
+        left = "left the cell without power"
+        if not control.task.power_off:
+            left = "ended without confirmation that power is off: make sure of it"
         stop = StopReason(
             StopCode.TASK_DIED,
-            f"the cyclic task failed (exit code {task_exit}) and left the cell disabled; its"
-            " traceback is on the error output: please report it",
+            f"the cyclic task failed (exit code {task_exit}) and {left}; its traceback is on the"
+            " error output: please report it",
         )
     elif stop is None and interruption.signal is not None and error is not None:
         stop = StopReason(StopCode.INTERRUPTED, f"stopped before the motion: {error}")

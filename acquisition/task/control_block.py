@@ -31,7 +31,7 @@ class ControlBlock(SharedBlock):
         What each of them says.
     """
 
-    LABEL = "rid-daq-control-2"
+    LABEL = "rid-daq-control-3"
     WORDS = _Words
 
     def __init__(self, memory: SharedMemory) -> None:

@@ -23,6 +23,7 @@ from config.process.termination import leave_terminal
 from config.robot.robot import RobotDescription
 from drivers.cell import open_cell
 from drivers.ports.clock import MonotonicClock
+from drivers.servo.axes import CanServoAxes
 from drivers.servo.watchdog_test import prove_watches
 from drivers.settings.write_log import WriteLog
 
@@ -57,6 +58,7 @@ def run_cyclic_task(
     leave_terminal()
     set_process_name(ProcessName.TASK)
     control.task.state = TaskState.BRING_UP
+    axes: CanServoAxes | None = None
 
     def orphaned() -> bool:
         return os.getppid() != parent
@@ -68,7 +70,8 @@ def run_cyclic_task(
         log = WriteLog(drive_writes, durable=not cell.simulated)
         with open_cell(cell, robot, log, stopped=orders.given) as opened:
             lockstep = not isinstance(opened.clock, MonotonicClock)
-            opened.axes.bring_up()
+            axes = opened.axes
+            axes.bring_up()
             prove_watches(opened.axes, opened.clock, cell)
             freeze_garbage()
             if not lockstep:
@@ -94,6 +97,7 @@ def run_cyclic_task(
             for note in getattr(error, "__notes__", ()):
                 control.task.add_note(note)
     finally:
+        control.task.power_off = axes is not None and axes.without_power
         control.task.state = TaskState.FINISHED
 
 

@@ -37,6 +37,7 @@ class TaskWords(ctypes.Structure):
         ("_pace", ctypes.c_int64),
         ("_rounds_asked", ctypes.c_int64),
         ("_round_asked_s", ctypes.c_double),
+        ("_power_off", ctypes.c_int64),
     )
 
     @property
@@ -141,6 +142,15 @@ class TaskWords(ctypes.Structure):
     def error(self) -> RidDaqError | None:
         """The error that ended the task; None where none did."""
         return self._error.get()
+
+    @property
+    def power_off(self) -> bool:
+        """Whether the drives were seen without power at the end; nobody knows as long as not."""
+        return bool(self._power_off)
+
+    @power_off.setter
+    def power_off(self, seen: bool) -> None:
+        self._power_off = int(seen)
 
     def ask_round(self, time_s: float) -> int:
         """Ask the monitor for a round that counts for a simulated time [s]; return its number."""

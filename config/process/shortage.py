@@ -13,7 +13,7 @@ import resource
 from collections.abc import Iterator
 from typing import Final
 
-from config.errors import RidDaqError, ShortageError
+from config.errors import RidDaqError, ShortageError, with_notes
 
 _MEMORY: Final = "not enough memory: end other programs, or raise the limit (`ulimit -v`)"
 _PROCESSES: Final = "no more processes or threads can be started: end some (limit: `ulimit -u`)"
@@ -75,7 +75,7 @@ def as_named(error: Exception) -> RidDaqError:
     lacking = as_shortage(error)
     if lacking is None:
         raise error
-    return lacking
+    return type(lacking)(with_notes(str(lacking), error))
 
 
 def require_memory(needed_bytes: int) -> None:

@@ -77,6 +77,8 @@ class CanServoAxes:
         What the drives and others send besides.
     last_heartbeat_s : float
         When this computer's heartbeat was last sent, on the link's clock [s].
+    without_power : bool
+        Whether `disable` was called last of all, and every drive confirmed it that had power.
 
     Raises
     ------
@@ -84,6 +86,8 @@ class CanServoAxes:
         Cell and robot do not name the same joints, or the cyclic exchange would take more than 80 %
         of the bus.
     """
+
+    without_power = False
 
     def __init__(
         self,
@@ -322,11 +326,13 @@ class CanServoAxes:
             return ()
         running = self._phase >= _Phase.STARTED
         self._phase = _Phase.CLOSED
+        self.without_power = False
         try:
             unconfirmed = self._power.take_power_away() if running else []
         finally:
             self._order(NmtCommand.ENTER_PRE_OPERATIONAL)
-        if not unconfirmed:
+        self.without_power = not unconfirmed
+        if self.without_power:
             self._order(NmtCommand.RESET_COMMUNICATION)
         return tuple(unconfirmed)
 

@@ -126,12 +126,23 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
             now.isoformat(timespec="milliseconds"),
         )
     if is_over() and control.task.state is TaskState.FINISHED:
+        if not control.task.power_off:
+            return Stopped(False, _power_words(control))
         if reason is None:
             return Stopped(True, "ended by itself meanwhile; the drives are off")
         if not control.progress.cycles:
             return Stopped(True, "stopped before the motion; the axes did not move")
         return Stopped(False, "stopped, but the axes were not seen to come to rest")
     return Stopped(False, "did not come to its end: nobody knows what its axes do")
+
+
+def _power_words(control: ControlBlock) -> str:
+    """Say that nobody saw the drives without power, and what the task has said of its end."""
+    said = [*([control.task.error] if control.task.error else []), *control.task.notes]
+    return (
+        "ended without confirmation that power is off: make sure of it before entering the cell"
+        + (f" ({'; '.join(map(str, said))})" if said else "")
+    )
 
 
 def _wait(condition: Callable[[], bool], patience_s: float) -> bool:

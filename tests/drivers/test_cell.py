@@ -100,7 +100,39 @@ def test_a_lost_bus_is_closed_and_its_error_is_not_hidden(
     with pytest.raises(TransportError, match="failed") as caught:
         unplug()
     assert bench.bus.closed
-    assert any("while leaving the cell" in note for note in caught.value.__notes__)
+    assert "while leaving the cell" in str(caught.value)
+
+
+def test_power_that_nobody_saw_go_is_told_with_the_error_that_was_first(
+    bench: Bench, opened: Callable[[], Cell]
+) -> None:
+    def go_silent() -> None:
+        with opened():
+            bench.enabled()
+            bench.drives[2].answers_sync = False
+            raise PreflightError("the robot stands outside its limits")
+
+    with pytest.raises(PreflightError, match=r"limits; .*confirmation that power is off: elbow"):
+        go_silent()
+    assert not bench.axes.without_power
+
+
+def test_what_was_seen_without_power_counts_for_the_last_time_that_it_was_asked(
+    bench: Bench, opened: Callable[[], Cell]
+) -> None:
+    seen: list[bool] = []
+    with opened() as cell:
+        seen.append(cell.axes.without_power)
+        bench.enabled()
+        cell.axes.disable()
+        seen.append(cell.axes.without_power)
+        bench.enabled()
+        bench.bus.broken = True
+        with pytest.raises(TransportError):
+            cell.axes.disable()
+        seen.append(cell.axes.without_power)
+        bench.bus.broken = False
+    assert seen == [False, True, False]
 
 
 def test_a_trouble_of_leaving_alone_is_told(bench: Bench, opened: Callable[[], Cell]) -> None:

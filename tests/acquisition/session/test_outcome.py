@@ -1,4 +1,4 @@
-"""A stop that comes once a motion is over stops what would follow; it is not lost."""
+"""How a motion ended: what comes once it is over is kept, what nobody saw is not claimed."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def control() -> ControlBlock:
 
 @pytest.fixture
 def outcome(control: ControlBlock, tmp_path: Path) -> Outcome:
-    def of(interruption: Interruption | None = None) -> RecordOutcome:
+    def of(interruption: Interruption | None = None, exit_code: int = 0) -> RecordOutcome:
         path = tmp_path / "recording.mcap"
         ring = Ring.create(2, 8)
         assert ring.write((0.0, 0.0, 0.0, *range(10), 1, 2, 0, -1, *(0,) * 4, 1, 1, 3))
         with JournalWriter(path, HEADER) as journal:
             journal.append(ring.read())
         task = HelperProcess("cyclic task", os.abort, (), patience_s=0.0)
-        task.exit_code = 0
+        task.exit_code = exit_code
         return outcome_of(path, HEADER, task, control, interruption or Interruption(), [])
 
     return of
@@ -99,3 +99,17 @@ def test_a_stop_in_time_is_no_late_one(outcome: Outcome, control: ControlBlock) 
     ended = outcome()
     assert not ended.complete
     assert ended.late_stop is None
+
+
+@pytest.mark.parametrize(
+    ("power_off", "said"),
+    [(True, "left the cell without power"), (False, "confirmation that power is off")],
+)
+def test_a_task_that_failed_says_of_the_power_what_was_seen(
+    outcome: Outcome, control: ControlBlock, power_off: bool, said: str
+) -> None:
+    control.task.power_off = power_off
+    ended = outcome(exit_code=1)
+    assert ended.stop is not None
+    assert ended.stop.code is StopCode.TASK_DIED
+    assert said in ended.stop.text

@@ -31,6 +31,7 @@ from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
 from acquisition.session.repair import repair_journal
 from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import Progress, TaskState
 from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
@@ -152,6 +153,17 @@ def test_a_motion_is_recorded_whole(
     assert np.abs(recording.target_position - recording.position).max() < 0.02
     assert {progress.state for progress in seen} >= {TaskState.MOVING, TaskState.FINISHED}
     assert_at_rest(simulated)
+
+
+def test_its_end_says_whether_the_drives_were_seen_without_power(
+    record: Record, short: MotionSamples
+) -> None:
+    def look(progress: Progress) -> None:
+        off[progress.state] = next(ControlBlock.all_of_process(os.getpid())).task.power_off
+
+    off: dict[TaskState, bool] = {}
+    record(short, look)
+    assert (off[TaskState.MOVING], off[TaskState.FINISHED]) == (False, True)
 
 
 @pytest.mark.fault(19)

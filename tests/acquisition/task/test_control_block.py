@@ -45,6 +45,19 @@ def test_an_error_arrives_as_what_it_was(control: ControlBlock, error: RidDaqErr
     assert str(received) == str(error)
 
 
+def test_an_error_arrives_with_what_was_noted_about_it(control: ControlBlock) -> None:
+    error = TransportError("axis3 is silent")
+    error.add_note("while leaving the cell: without confirmation that power is off: axis3")
+    control.task.fail(error)
+    assert "without confirmation that power is off: axis3" in str(control.task.error)
+
+
+def test_nobody_says_that_power_is_off_who_has_not_seen_it(control: ControlBlock) -> None:
+    assert not control.task.power_off
+    control.task.power_off = True
+    assert control.task.power_off
+
+
 def test_texts_of_any_length_fit(control: ControlBlock) -> None:
     control.task.report_stop(StopReason(StopCode.BUS, "ü" * 5000, "j" * 500))
     control.task.fail(DriverError("é\0" * 9000))

@@ -10,6 +10,7 @@ import pytest
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskState
+from config.errors import DeviceTimeoutError
 from rid_daq.session import stopping
 from rid_daq.session.stopping import Stopped, stop_sessions
 
@@ -69,11 +70,13 @@ def moving(
     rest_s: float | None = None,
     state: TaskState = TaskState.MOVING,
     cycles: int = 100,
+    power_off: bool = True,
 ) -> ControlBlock:
     """Return the words of a motion as they stand once it was told."""
     control = ControlBlock.create()
     control.task.state = state
     control.task.set_progress(10, 3, cycles)
+    control.task.power_off = power_off
     if reason is not None:
         control.task.report_stop(reason)
     if rest_s is not None:
@@ -135,6 +138,24 @@ def test_a_motion_told_before_it_began_did_not_move(
 def test_a_motion_that_ended_by_itself_is_over(stopped: Callable[..., list[Stopped]]) -> None:
     (result,) = stopped(Told(moving(state=TaskState.FINISHED)))
     assert result == Stopped(True, "ended by itself meanwhile; the drives are off")
+
+
+@pytest.mark.parametrize("reason", [None, COMMAND])
+def test_drives_that_were_not_seen_without_power_are_never_called_off(
+    stopped: Callable[..., list[Stopped]], reason: StopReason | None
+) -> None:
+    ended = moving(reason=reason, state=TaskState.FINISHED, cycles=0, power_off=False)
+    ended.task.add_note("the drives of axis3 did not confirm being disabled")
+    error = DeviceTimeoutError("the drives could not be enabled in time")
+    error.add_note("while leaving the cell: axis3 is silent")
+    ended.task.fail(error)
+    (result,) = stopped(Told(ended))
+    assert result == Stopped(
+        False,
+        "ended without confirmation that power is off: make sure of it before entering the cell"
+        " (the drives could not be enabled in time; while leaving the cell: axis3 is silent; the"
+        " drives of axis3 did not confirm being disabled)",
+    )
 
 
 def test_a_session_without_a_motion_is_ended(stopped: Callable[..., list[Stopped]]) -> None:
