@@ -7,6 +7,7 @@ from dataclasses import asdict
 import typer
 
 from rid_daq.commissioning.axis_test_job import AxesTested, AxisTestRequest, check_axes
+from rid_daq.recording.recorded_run import stop_document
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -29,6 +30,7 @@ def perform(request: AxisTestRequest, console: Console) -> None:
 
 
 def _document(tested: AxesTested) -> dict[str, object]:
+    stopped = tested.stopped
     return {
         "cell": tested.cell,
         "passed": tested.passed,
@@ -41,6 +43,7 @@ def _document(tested: AxesTested) -> dict[str, object]:
             }
             for each in tested.verdicts
         ],
-        "stopped": None if tested.stopped is None else tested.stopped.document(),
+        "stopped": None if stopped is None else stopped.document(),
+        **({} if stopped is None else stop_document(stopped.outcome)),
         "signed": None if tested.signed is None else str(tested.signed),
     }

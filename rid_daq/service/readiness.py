@@ -91,6 +91,10 @@ class Readiness:
         if isinstance(stop, dict) and stop.get("code") not in _NO_FAULT:
             self._store.note_fault(cell.name, str(stop.get("text", "the motion was stopped.")))
 
+    def note_death(self, cell: str, why: str) -> None:
+        """Keep that a motion's process died: nobody saw how it came to rest."""
+        self._store.note_fault(cell, f"{why}.")
+
     def note_reset(self, cell: ServedCell) -> None:
         """Forget the fault that a person has reset."""
         self._store.note_fault(cell.name, "")

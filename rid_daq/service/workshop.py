@@ -216,6 +216,8 @@ class Workshop:
             self._readiness.note_reset(cell)
         elif job.kind.moves:
             self._readiness.note_end(cell, document)
+            if ended is None and running.run is not None:
+                self._readiness.note_death(cell.name, reason)
         level = logging.INFO if state is JobState.DONE else logging.WARNING
         LOG.log(level, "job over: %s", reason or state.value, extra={"job": job})
         self._publish(job)
@@ -276,6 +278,8 @@ class Workshop:
                 reason = "the service was killed; the drives have stopped by their own watch"
             if begun and ended is not None:
                 reason = "the service was killed; the job's own process has ended its motion"
+            elif job.kind.moves and run is not None:
+                self._readiness.note_death(job.cell, reason)
             job = job.model_copy(update={"run": run or job.run})
             self._change(job, JobState.INTERRUPTED, reason)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import os
@@ -11,12 +12,16 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.service.client import ServiceClient
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import Job, JobState
+from rid_daq.service.running_job import WarmWorker
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.service.sockets import socket_of
@@ -48,6 +53,54 @@ def periodic(periods: int) -> str:
 def service(tmp_path: Path) -> CellService:
     """A service of one simulated cell, whose workers nobody starts."""
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
+
+
+def job(kind: JobKind = JobKind.PAYLOAD) -> Job:
+    return Job(
+        id=f"job-{kind}",
+        cell="ir361",
+        kind=kind,
+        state=JobState.ACCEPTED,
+        owner="anna",
+        request={},
+        on_lost_client="finish",
+        created_s=0.0,
+    )
+
+
+class Worker:
+    """The process of a worker, which is this one: its motions are made by the test."""
+
+    pid = os.getpid()
+    returncode: int | None = None
+    stdin = None
+    terminated = 0
+
+    def terminate(self) -> None:
+        self.terminated += 1
+
+    def kill(self) -> None:
+        self.returncode = -9
+
+    async def wait(self) -> int | None:
+        return self.returncode
+
+
+@pytest.fixture
+def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
+    """The next worker, which is there once somebody asks for it a second time."""
+    worker = Worker()
+
+    async def take(_warm: WarmWorker) -> Any:
+        await asyncio.sleep(0)
+        return worker
+
+    async def prepare(_warm: WarmWorker) -> None:
+        pass
+
+    monkeypatch.setattr(WarmWorker, "take", take)
+    monkeypatch.setattr(WarmWorker, "prepare", prepare)
+    return worker
 
 
 @dataclass

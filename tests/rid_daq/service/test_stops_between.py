@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -14,58 +13,11 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Job, JobState, Role
-from rid_daq.service.running_job import RunningJob, WarmWorker
+from rid_daq.service.running_job import RunningJob
 from rid_daq.service.service import CellService
+from tests.rid_daq.service.conftest import Worker, job
 
 WHO = Identity(name="anna", role=Role.OPERATOR, person=True, token="")
-
-
-class Worker:
-    """The process of a worker, which is this one: its motions are made by the test."""
-
-    pid = os.getpid()
-    returncode: int | None = None
-    stdin = None
-    terminated = 0
-
-    def terminate(self) -> None:
-        self.terminated += 1
-
-    def kill(self) -> None:
-        self.returncode = -9
-
-    async def wait(self) -> int | None:
-        return self.returncode
-
-
-@pytest.fixture
-def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
-    """The next worker, which is there once somebody asks for it a second time."""
-    worker = Worker()
-
-    async def take(_warm: WarmWorker) -> Any:
-        await asyncio.sleep(0)
-        return worker
-
-    async def prepare(_warm: WarmWorker) -> None:
-        pass
-
-    monkeypatch.setattr(WarmWorker, "take", take)
-    monkeypatch.setattr(WarmWorker, "prepare", prepare)
-    return worker
-
-
-def job(kind: JobKind = JobKind.PAYLOAD) -> Job:
-    return Job(
-        id=f"job-{kind}",
-        cell="ir361",
-        kind=kind,
-        state=JobState.ACCEPTED,
-        owner="anna",
-        request={},
-        on_lost_client="finish",
-        created_s=0.0,
-    )
 
 
 def test_a_job_that_was_stopped_between_two_motions_is_told_in_the_next(

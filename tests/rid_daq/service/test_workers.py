@@ -106,7 +106,9 @@ def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
                 assert "out of reach" in over.job.reason
 
 
-def test_a_killed_worker_is_an_interrupted_job(shared: ServedProcess, long_motion: str) -> None:
+def test_a_killed_worker_is_an_interrupted_job_and_its_cell_must_be_reset(
+    shared: ServedProcess, long_motion: str
+) -> None:
     with taken(shared, long_motion) as key:
         job = begin_motion(shared, key)
         with shared.client as client:
@@ -114,8 +116,11 @@ def test_a_killed_worker_is_an_interrupted_job(shared: ServedProcess, long_motio
             assert pid is not None
             os.kill(pid, signal.SIGKILL)
             over = client.follow(job)
-        assert over.job.state is JobState.INTERRUPTED
-        assert "its process died" in over.job.reason
+            assert over.job.state is JobState.INTERRUPTED
+            assert "its process died" in over.job.reason
+            assert client.cell("ir361").state is CellState.FAULT
+            client.run("ir361", "reset", {}, lease=key).require_done()
+            assert client.cell("ir361").state is CellState.READY
 
 
 def test_jobs_that_compute_wait_for_one_another(shared: ServedProcess) -> None:

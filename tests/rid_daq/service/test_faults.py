@@ -1,0 +1,98 @@
+"""What ends a motion and must be looked at by a person: a fault in it, and a process that died."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import typer
+
+from acquisition.runs.folder import RunFolder
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from rid_daq.commissioning.axis_test_job import AxesTested, AxisTestRequest
+from rid_daq.performers import axes
+from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.report.result import Result
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import CellState, JobState
+from rid_daq.service.service import CellService
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.job_events import MotionBegun
+from rid_daq.worker.job_console import EventFile
+from tests.rid_daq.recording.test_recorded_run import outcome
+from tests.rid_daq.service.conftest import Worker, job
+
+MOTION = MotionBegun(at_s=0.0, run="run-1", title="Axis test.", rows=0, rows_per_period=None)
+RUNAWAY = StopReason(StopCode.FOLLOWING_ERROR, "axis1 follows by 0.3 rad, 0.1 rad is allowed.")
+
+
+@pytest.fixture
+def ready(service: CellService) -> CellService:
+    """A service whose cell is ready to move."""
+    cell = service.cell("ir361")
+    service.readiness.note_check(cell, {"passed": True, "problem": None, "lines": []})
+    assert service.status(cell).state is CellState.READY
+    return service
+
+
+def test_a_fault_that_stops_the_axis_test_is_one_of_its_cell(
+    ready: CellService,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = RunFolder.create(tmp_path, "axis test axis1")
+    ended = replace(outcome(RUNAWAY), notes=("the power was taken away at once",))
+    stopped = RecordedRun(folder, ended, None, None, Result.new("Recording", "arm"), held=True)
+    tested = AxesTested("ir361", (), stopped, None)
+    monkeypatch.setattr(axes, "check_axes", lambda _request, _console: tested)
+    with pytest.raises(typer.Exit):
+        axes.perform(AxisTestRequest("ir361", tmp_path), Console(as_json=True))
+    told = json.loads(capsys.readouterr().out)
+    assert told["stop"] == {"code": "FOLLOWING_ERROR", "text": RUNAWAY.text}
+    assert told["notes"] == ["the power was taken away at once"]
+    cell = ready.cell("ir361")
+    ready.readiness.note_end(cell, told)
+    status = ready.status(cell)
+    assert status.state is CellState.FAULT
+    assert RUNAWAY.text in status.fault
+
+
+async def begun_and_died(service: CellService, kind: JobKind, worker: Worker, moved: bool) -> None:
+    begun = await service.workshop.begin(job(kind), service.cell("ir361"), cleared=False)
+    if moved:
+        with EventFile(service.workshop.events(begun.id)) as events:
+            events.write(MOTION)
+    worker.returncode = -9
+    await service.workshop.look()
+
+
+def test_a_worker_that_dies_in_a_motion_is_a_fault(ready: CellService, worker: Worker) -> None:
+    asyncio.run(begun_and_died(ready, JobKind.RECORD, worker, moved=True))
+    status = ready.status(ready.cell("ir361"))
+    assert status.state is CellState.FAULT
+    assert "its process died (exit code -9)" in status.fault
+
+
+@pytest.mark.parametrize(("kind", "moved"), [(JobKind.RECORD, False), (JobKind.CHECK, False)])
+def test_one_that_dies_before_anything_moves_is_none(
+    ready: CellService, worker: Worker, kind: JobKind, moved: bool
+) -> None:
+    asyncio.run(begun_and_died(ready, kind, worker, moved))
+    assert ready.status(ready.cell("ir361")).state is CellState.READY
+
+
+def test_a_motion_that_a_killed_service_left_without_a_last_word_is_a_fault(
+    ready: CellService,
+) -> None:
+    left = ready.jobs.change(job(JobKind.RECORD), state=JobState.RUNNING)
+    ready.jobs.add(left)
+    with EventFile(ready.workshop.events(left.id)) as events:
+        events.write(MOTION)
+    again = CellService(ready.folder, list(ready.cells.values()))
+    status = again.status(again.cell("ir361"))
+    assert status.state is CellState.FAULT
+    assert "the service was killed" in status.fault
