@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -38,7 +39,8 @@ _MANIFEST_BYTES = 4 << 20
 class LoadedCell:
     """A cell file with the files that it names, and their bytes as used.
 
-    `path` is the cell file; None for one that is bundled. `eds_files` are the drives' electronic
+    `path` is the cell file; None for one that is bundled. `paths` are all the files that were read,
+    as they lie on the disk; bundled ones are not among them. `eds_files` are the drives' electronic
     data sheets, one an axis, None where it names none; what they say of 1018h is in the axes'
     `identity`.
     """
@@ -51,6 +53,15 @@ class LoadedCell:
     drive_profile: DriveProfile | None = None
     eds_files: tuple[ElectronicDataSheet | None, ...] = ()
     path: Path | None = None
+    paths: tuple[Path, ...] = ()
+
+    @property
+    def files_hash(self) -> str:
+        """A hash of all the files, by which two loads of a cell are told apart."""
+        digest = hashlib.sha256()
+        for name, content in sorted(self.files.items()):
+            digest.update(f"{name}\0{len(content)}\0".encode() + content)
+        return digest.hexdigest()
 
 
 def load_cell(reference: str) -> LoadedCell:
@@ -73,9 +84,12 @@ def load_cell(reference: str) -> LoadedCell:
     cell = validate(cell_tree, CellConfig)
     kept = folder if folder is not None and _is_run_folder(folder) else None
     files = {"cell.yaml": text}
+    paths = [] if folder is None else [Path(name)]
 
     def read(reference: str, kind: str, file: str, model: type[T]) -> tuple[YamlTree, T]:
-        files[file], shown, _ = read_named(reference, kind, folder, kept, file)
+        files[file], shown, beside = read_named(reference, kind, folder, kept, file)
+        if beside is not None:
+            paths.append(Path(shown))
         tree = parse_yaml(files[file], shown)
         return tree, validate(tree, model)
 
@@ -115,7 +129,7 @@ def load_cell(reference: str) -> LoadedCell:
         for axis in cell.axes
     )
     cell = cell.model_copy(update={"servo": general, "axes": axes})
-    eds_files, eds_bytes = read_eds_files(cell_tree, cell, folder, kept)
+    eds_files, eds_bytes, eds_paths = read_eds_files(cell_tree, cell, folder, kept)
     return LoadedCell(
         with_identities(cell, eds_files),
         robot,
@@ -125,6 +139,7 @@ def load_cell(reference: str) -> LoadedCell:
         drive_profile,
         eds_files,
         None if folder is None else Path(name),
+        tuple(path.absolute() for path in (*paths, *eds_paths)),
     )
 
 

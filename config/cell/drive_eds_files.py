@@ -16,7 +16,7 @@ EdsFiles = tuple[ElectronicDataSheet | None, ...]
 
 def read_eds_files(
     tree: YamlTree, cell: CellConfig, folder: Path | None, kept: Path | None
-) -> tuple[EdsFiles, dict[str, bytes]]:
+) -> tuple[EdsFiles, dict[str, bytes], tuple[Path, ...]]:
     """Read the data sheets of a cell's axes, each file once.
 
     Parameters
@@ -31,8 +31,8 @@ def read_eds_files(
     Returns
     -------
     tuple
-        One EDS an axis, None where it names none; and the files' bytes by the names that a run
-        folder keeps them under.
+        One EDS an axis, None where it names none; the files' bytes by the names that a run folder
+        keeps them under; and where each of them lies.
 
     Raises
     ------
@@ -42,6 +42,7 @@ def read_eds_files(
     eds_files: list[ElectronicDataSheet | None] = []
     known: dict[str, ElectronicDataSheet] = {}
     files: dict[str, bytes] = {}
+    paths = []
     for number, axis in enumerate(cell.axes):
         if axis.eds is None:
             eds_files.append(None)
@@ -56,8 +57,9 @@ def read_eds_files(
                 path = kept / name
             files[name] = _bytes(path, f"{tree.where(('axes', number, 'eds'))}: axes.{number}.eds")
             known[axis.eds] = parse_eds(files[name], str(path))
+            paths.append(path)
         eds_files.append(known[axis.eds])
-    return tuple(eds_files), files
+    return tuple(eds_files), files, tuple(paths)
 
 
 def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:

@@ -58,6 +58,7 @@ def perform(request: CheckRequest, console: Console) -> None:
             "cell": loaded.config.name,
             "passed": passed,
             "problem": None if problem is None else str(problem),
+            "files_hash": loaded.files_hash,
             "drive_writes": None if write_log is None else str(write_log.path),
             "lines": [asdict(line) for line in lines],
         }

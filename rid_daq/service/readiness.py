@@ -72,7 +72,7 @@ class Readiness:
         return self._store.fault(cell.name)
 
     def note_check(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
-        """Keep what a check has found."""
+        """Keep what a check has found, of the files that it says it has read."""
         told = None if document is None else document.get("lines")
         if document is None or not isinstance(told, list):
             return
@@ -83,7 +83,7 @@ class Readiness:
             problem=None if problem is None else str(problem),
             lines=tuple(told),
         )
-        self._store.note_preflight(cell.name, preflight, cell.files_hash())
+        self._store.note_preflight(cell.name, preflight, str(document.get("files_hash")))
 
     def note_end(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
         """Keep the fault that has stopped a motion, where one has; its preflight is void."""
@@ -105,6 +105,6 @@ class Readiness:
         age_s = self._now_s() - preflight.at_s
         if age_s > PREFLIGHT_LIMIT_S:
             return f"its preflight is {age_s / 60.0:.0f} min old: check it again."
-        if files_hash != cell.files_hash():
+        if files_hash != cell.loaded.files_hash:
             return "its files have changed since the preflight: check it again."
         return ""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
+import contextlib
 import time
-from pathlib import Path
 from typing import Final
 
 from config.errors import ConfigError
@@ -15,7 +14,7 @@ LOOK_S: Final = 1.0
 
 
 class ServedCell:
-    """A cell file, looked at again where it, or what lies beside it, has changed.
+    """A cell file, looked at again where a file of it, or one beside it, has changed.
 
     Parameters
     ----------
@@ -37,7 +36,7 @@ class ServedCell:
         self.pace = pace if loaded.config.simulated else None
         self.problem = ""
         self._loaded = loaded
-        self._signature = self._look()
+        self._signature: tuple[tuple[str, int, int], ...] = ()  # files may change as they are read
         self._looked_s = time.monotonic()
 
     @property
@@ -51,19 +50,13 @@ class ServedCell:
     def look_again(self) -> LoadedCell:
         """Return the cell as its files say at this moment; as `loaded`."""
         self._looked_s = time.monotonic()
-        signature = self._look()
-        if signature != self._signature:
-            self._signature = signature
-            try:
-                loaded = load_cell(self.reference)
-                if loaded.config.name != self.name:
-                    raise ConfigError(
-                        f"{self.reference}: the cell is called {loaded.config.name!r} now, it was"
-                        f" {self.name!r}: start the service again"
-                    )
-                self._loaded, self.problem = loaded, ""
-            except ConfigError as error:
-                self.problem = str(error)
+        try:
+            signature = self._look()
+            if signature != self._signature or self.problem:
+                self._loaded = self._load()
+                self._signature, self.problem = signature, ""
+        except (ConfigError, OSError) as error:
+            self.problem = str(error)
         return self._loaded
 
     def pace_here(self) -> float | None:
@@ -71,20 +64,23 @@ class ServedCell:
         served = self.pace is not None and is_served(self._loaded.config)
         return None if served else self.pace
 
-    def files_hash(self) -> str:
-        """Return a hash of all the files of the cell."""
-        digest = hashlib.sha256()
-        for name, content in sorted(self.loaded.files.items()):
-            digest.update(f"{name}\0{len(content)}\0".encode() + content)
-        return digest.hexdigest()
+    def _load(self) -> LoadedCell:
+        loaded = load_cell(self.reference)
+        if loaded.config.name != self.name:
+            raise ConfigError(
+                f"{self.reference}: the cell is called {loaded.config.name!r} now, it was"
+                f" {self.name!r}: start the service again"
+            )
+        return loaded
 
     def _look(self) -> tuple[tuple[str, int, int], ...]:
+        """Return what tells of a change of the files, and of what lies beside the cell's."""
         path = self._loaded.path
-        if path is None:
-            return ()
         found = []
-        for file in sorted(Path(path).resolve().parent.iterdir()):
-            if file.is_file():
-                status = file.stat()
-                found.append((file.name, status.st_mtime_ns, status.st_size))
+        with contextlib.suppress(OSError):  # what is gone is told by the load
+            beside = () if path is None else path.resolve().parent.iterdir()
+            for file in sorted({*self._loaded.paths, *beside}):
+                if file.is_file():
+                    status = file.stat()
+                    found.append((str(file), status.st_mtime_ns, status.st_size))
         return tuple(found)

@@ -1,0 +1,96 @@
+"""A served cell is the one of its files, wherever they lie; a check counts for what it has read."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from config.load import load_cell
+from rid_daq.service.readiness import Readiness
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.store.cells import CellStore
+from rid_daq.service.store.database import open_database
+
+
+@pytest.fixture
+def cell_file(tmp_path: Path) -> Path:
+    """The bundled cell in a folder of its own, its robot's file in another: two cells share it."""
+    files = load_cell("ir361").files
+    text = files["cell.yaml"].replace(b"robot: ir361", b"robot: ../robots/r.yaml")
+    for name, content in (("cells/cell.yaml", text), ("robots/r.yaml", files["robot.yaml"])):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_bytes(content)
+    return tmp_path / "cells" / "cell.yaml"
+
+
+@pytest.fixture
+def readiness(tmp_path: Path) -> Readiness:
+    store = CellStore(open_database(tmp_path / "service.db"))
+    store.add("ir361")
+    return Readiness(store)
+
+
+def slower(cell_file: Path) -> None:
+    """Halve a velocity limit of the robot, and have the file's time tell it."""
+    robot = cell_file.parent.parent / "robots" / "r.yaml"
+    robot.write_text(robot.read_text().replace("velocity: 2.6", "velocity: 1.3"))
+    os.utime(robot, ns=(0, robot.stat().st_mtime_ns + 1))
+
+
+def checked(path: Path) -> dict[str, object]:
+    """Return what a check says that reads the cell now, and finds it green."""
+    files_hash = load_cell(str(path)).files_hash
+    return {"passed": True, "problem": None, "lines": [], "files_hash": files_hash}
+
+
+def test_a_robot_file_in_another_folder_is_looked_at_too(cell_file: Path) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    before = cell.loaded.files_hash
+    slower(cell_file)
+    assert cell.look_again().robot.joints[0].limits.velocity == 1.3
+    assert cell.loaded.files_hash != before
+
+
+def test_copies_that_make_its_folder_a_runs_are_seen(cell_file: Path) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    text = (cell_file.parent.parent / "robots" / "r.yaml").read_text()
+    cell_file.with_name("manifest.json").write_text('{"run_id": "a", "files": {}}')
+    cell.look_again()
+    cell_file.with_name("robot.yaml").write_text(text.replace("velocity: 2.6", "velocity: 1.3"))
+    assert cell.look_again().files_hash == load_cell(str(cell_file)).files_hash
+    assert cell.loaded.robot.joints[0].limits.velocity == 1.3
+
+
+def test_a_cell_is_right_again_once_the_file_that_it_names_is_there(cell_file: Path) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    robot = cell_file.parent.parent / "robots" / "r.yaml"
+    moved = robot.rename(robot.with_name("renamed.yaml"))
+    cell_file.write_text(cell_file.read_text().replace("r.yaml", "later.yaml"))
+    cell.look_again()
+    assert "later.yaml: cannot read" in cell.problem
+    moved.rename(robot.with_name("later.yaml"))
+    assert cell.look_again().paths[1].name == "later.yaml"
+    assert cell.problem == ""
+
+
+def test_a_check_does_not_count_for_files_that_changed_while_it_listened(
+    cell_file: Path, readiness: Readiness
+) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    document = checked(cell_file)
+    slower(cell_file)
+    cell.look_again()
+    readiness.note_check(cell, document)
+    assert readiness.obstacle(cell).startswith("its files have changed since the preflight")
+    readiness.note_check(cell, checked(cell_file))
+    assert readiness.obstacle(cell) == ""
+
+
+def test_a_check_that_does_not_say_what_it_has_read_counts_for_nothing(
+    cell_file: Path, readiness: Readiness
+) -> None:
+    cell = ServedCell(str(cell_file), 1.0)
+    readiness.note_check(cell, {**checked(cell_file), "files_hash": None})
+    assert readiness.obstacle(cell).startswith("its files have changed since the preflight")
