@@ -1,4 +1,4 @@
-"""What a client may ask for: the frozen schemas of requests, and paths that stay in the folder.
+"""What a client may ask for: the frozen schemas of requests, and files that it may name.
 
 The schemas lie in `requests.json`, written from the requests of the commands, so that the service
 need not import what does the jobs. The worker reads a request again with all its rules.
@@ -8,16 +8,25 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 
-from config.errors import ConfigError
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST, RunStatus
+from config.errors import ConfigError, RecordingError
+from config.formats.yaml_tree import parse_yaml
 from rid_daq.service.job_kinds import JobKind
+
+_OUTPUTS: Final = ("output", "report")
+_NO_PATH: Final = "text"
+_TABLE: Final = "joint_table"
+_OF_A_RUN: Final = frozenset({MANIFEST, "result.json", "session.json"})
+"""What commands write into a run by themselves, and read again."""
 
 
 @functools.cache
@@ -28,8 +37,21 @@ def request_schemas() -> dict[str, Any]:
     return found
 
 
-def check_request(kind: JobKind, request: dict[str, Any], folder: Path) -> None:
-    """Refuse what is no request of its kind, and files outside the service's folder.
+def check_request(
+    kind: JobKind, request: dict[str, Any], folder: Path, of_cells: Collection[Path] = ()
+) -> None:
+    """Refuse what is no request of its kind, and files that a client may not name.
+
+    Parameters
+    ----------
+    kind : JobKind
+        The kind of the job.
+    request : dict
+        What is asked for.
+    folder : Path
+        The service's folder: files outside of it, and hidden ones, are not named.
+    of_cells : collection of Path
+        The files of cells: like what a run was made with, they are not written over.
 
     Raises
     ------
@@ -40,27 +62,91 @@ def check_request(kind: JobKind, request: dict[str, Any], folder: Path) -> None:
     if error is not None:
         where = ".".join(map(str, error.absolute_path)) or "request"
         raise ConfigError(f"{kind.value}: {where}: {error.message}")
-    for text in _texts(request):
-        if "/" in text or text.startswith(("~", "..")):
-            require_inside(text, folder)
+    for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
+        require_inside(text, folder)
+    for name in _OUTPUTS:
+        output = request.get(name)
+        if output is not None:
+            _refuse_kept(require_inside(output, folder), folder.resolve(), of_cells)
 
 
-def require_inside(path: str, folder: Path) -> Path:
+def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
     """Return a path that a client has named, resolved inside the service's folder.
+
+    Parameters
+    ----------
+    path : str
+        The path.
+    folder : Path
+        The service's folder.
+    beside : Path, optional
+        Where the path begins; the service's folder where nothing is said.
 
     Raises
     ------
     ConfigError
-        It leads out of it.
+        It leads out of it, or to what is hidden.
     """
     root = folder.resolve()
     try:
-        found = (root / path).resolve()
-    except (OSError, ValueError):  # a loop of links; what no file can be called
+        found = (root / (beside or root) / path).resolve()
+    except (OSError, ValueError, RuntimeError):  # a loop of links; what no file can be called
         found = root.parent
-    if not found.is_relative_to(root):
+    if not found.is_relative_to(root) or Path(path).as_posix().startswith("~"):
         raise ConfigError(f"{path!r}: is not inside the service's folder; name a file in there")
+    if is_hidden(found.relative_to(root)):
+        raise ConfigError(f"{path!r}: is hidden: name another file")
     return found
+
+
+def is_hidden(inside: Path) -> bool:
+    """Return whether a path is the service's own, or hidden otherwise; a number never is."""
+    return any(part.startswith(".") and not part[1:2].isdigit() for part in inside.parts)
+
+
+def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
+    """Refuse a motion whose positions stand in a file outside the service's folder.
+
+    Parameters
+    ----------
+    motion : Path
+        Where its file is to lie; its table is looked for from there.
+    content : bytes
+        The file; what is no motion has no table.
+    folder : Path
+        The service's folder.
+
+    Raises
+    ------
+    ConfigError
+        The table leads out of it, or to what is hidden.
+    """
+    if _TABLE.encode() not in content and b"\\" not in content:  # escapes may spell it too
+        return
+    try:
+        told = parse_yaml(content, motion.name).data
+    except ConfigError:
+        return
+    if isinstance(told, dict) and told.get("kind") == _TABLE and isinstance(told.get("file"), str):
+        require_inside(told["file"], folder, motion.parent)
+
+
+def _refuse_kept(output: Path, root: Path, of_cells: Collection[Path]) -> None:
+    """Refuse to write over a cell's file, or over what a run below the root was made with."""
+    above = (each for each in output.parents if root in each.parents)
+    run = next((each for each in above if (each / MANIFEST).is_file()), None)
+    kept = output in {path.resolve() for path in of_cells}
+    if run is not None and output.exists():
+        name = output.relative_to(run).as_posix()
+        try:
+            manifest = RunFolder.open(run).manifest()
+        except RecordingError:
+            kept = True
+        else:
+            kept = kept or manifest.status == RunStatus.UNFINISHED
+            kept = kept or name in _OF_A_RUN or name in manifest.files
+    if kept:
+        raise ConfigError(f"{output.name}: is kept as it is: choose another name")
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Final
@@ -11,15 +12,15 @@ from fastapi.responses import FileResponse, Response
 
 from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import Manifest
+from acquisition.runs.manifest import MANIFEST, Manifest
 from config.errors import ConfigError, RecordingError
 from config.formats.whole_file import write_whole
 from rid_daq.service.api.context import Operator, Service, Who
 from rid_daq.service.folder_files import motion_kind
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.request_check import require_inside
-from rid_daq.service.service import STATE_FOLDER, CellService
+from rid_daq.service.request_check import is_hidden, refuse_table_outside, require_inside
+from rid_daq.service.service import CellService
 
 router = APIRouter(prefix="/api/v1", tags=["runs"])
 
@@ -136,7 +137,7 @@ def list_files(service: Service, who: Who) -> list[FolderFile]:
     found = []
     for path in service.folder.rglob("*"):
         inside = path.relative_to(service.folder)
-        if path.suffix not in _KINDS or _is_hidden(inside) or not path.is_file():
+        if path.suffix not in _KINDS or is_hidden(inside) or not path.is_file():
             continue
         status = path.stat()
         found.append(
@@ -158,7 +159,7 @@ def get_file(path: str, service: Service, who: Who) -> Response:
 async def put_file(path: str, request: Request, service: Service, who: Operator) -> FolderFile:
     """Put a motion, a model or another file of YAML or JSON into the folder; none is replaced."""
     found = _named(service, path)
-    if found.is_relative_to(service.runs.resolve()):
+    if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
         raise ConfigError(f"{path}: runs are made by recording; put files beside them")
     if found.exists():
         raise ConfigError(f"{path}: is there already; choose another name")
@@ -167,6 +168,7 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
         content += part
         if len(content) > MOST_FILE_BYTES:
             raise ConfigError(f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB")
+    await asyncio.to_thread(refuse_table_outside, found, bytes(content), service.folder)
     found.parent.mkdir(parents=True, exist_ok=True)
     write_whole(found, bytes(content))
     service.audit.note(who.name, "put a file", details=path)
@@ -215,14 +217,9 @@ def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Re
 
 def _named(service: CellService, path: str, kinds: frozenset[str] = _KINDS) -> Path:
     found = require_inside(path, service.folder)
-    inside = found.relative_to(service.folder)
-    if found.suffix not in kinds or _is_hidden(inside):
+    if found.suffix not in kinds:
         raise ConfigError(
             f"{path}: give a file of the service's folder whose name ends in one of"
             f" {', '.join(sorted(kinds))}"
         )
     return found
-
-
-def _is_hidden(inside: Path) -> bool:
-    return STATE_FOLDER in inside.parts or any(part.startswith(".") for part in inside.parts)

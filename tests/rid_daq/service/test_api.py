@@ -233,9 +233,19 @@ def test_a_file_is_put_once_and_read_back(api: Api) -> None:
     assert api.ask(Role.VIEWER, "PUT", "/api/v1/files/b.json", {}).status_code == 403
 
 
-@pytest.mark.parametrize("path", ["a.py", "runs/x.yaml", ".hidden.json", "..%2Fa.json"])
+@pytest.mark.parametrize(
+    "path", ["a.py", "runs/x.yaml", "a/manifest.json", ".hidden.json", "..%2Fa.json"]
+)
 def test_only_motions_and_models_are_put(api: Api, path: str) -> None:
     assert api.ask(Role.OPERATOR, "PUT", f"/api/v1/files/{path}", {}).status_code == 422
+
+
+def test_a_motion_that_reads_outside_the_folder_is_not_put(api: Api) -> None:
+    motion = {"kind": "joint_table", "robot": "ir361", "file": "../table.csv"}
+    put = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/a.yaml", motion)
+    assert put.status_code == 422
+    assert "not inside the service's folder" in put.json()["message"]
+    assert api.ask(Role.OPERATOR, "GET", "/api/v1/files/a.yaml").status_code == 404
 
 
 def test_devices_that_another_program_serves_keep_their_own_time(

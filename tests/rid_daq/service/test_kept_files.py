@@ -1,0 +1,120 @@
+"""What no request reads or writes: hidden files, those of a cell, and what a run was made with."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.errors import ConfigError
+from config.load import load_cell
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import Identity, Role
+from rid_daq.service.request_check import check_request, refuse_table_outside
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+
+ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
+
+
+def export_to(output: str) -> dict[str, object]:
+    return {"what": "model.json", "to": "json", "output": output, "overwrite": True}
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> RunFolder:
+    """A run with a recording, and a model that a command has put into it."""
+    run = RunFolder.create(tmp_path / "runs", "raw")
+    run.file("recording.mcap").write_bytes(b"raw")
+    run.finish(RunStatus.COMPLETE)
+    run.file("model.json").write_text("{}")
+    return run
+
+
+@pytest.mark.parametrize("path", ["~/secret.yaml", "./~/secret.yaml", "~root/m.yaml", "~"])
+def test_a_home_folder_is_outside(path: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="not inside the service's folder"):
+        check_request(JobKind.RECORD, {"motion": path}, tmp_path)
+
+
+@pytest.mark.parametrize("path", [".rid-daq-service/service.db", "a/../.rid-daq-service", ".env"])
+def test_what_is_hidden_is_not_named(path: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="is hidden: name another file"):
+        check_request(JobKind.EXPORT, export_to(path), tmp_path)
+
+
+def test_a_link_is_followed_also_where_its_name_is_no_path(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "link.yaml").symlink_to(tmp_path / "secret.yaml")
+    with pytest.raises(ConfigError, match="not inside"):
+        check_request(JobKind.RECORD, {"motion": "link.yaml"}, folder)
+
+
+def test_a_number_that_begins_with_its_point_is_not_hidden(tmp_path: Path) -> None:
+    told = {"model": "m.json", "run": "latest", "limits": ".5,.5,.5"}
+    check_request(JobKind.VALIDATE, told, tmp_path)
+
+
+def test_load_data_that_a_controller_has_said_are_no_path(tmp_path: Path) -> None:
+    told = {"payload": "payload.json", "form": "fanuc", "text": "/PROG  LOAD\n/MN\n"}
+    check_request(JobKind.PAYLOAD_READ_BACK, told, tmp_path)
+
+
+def test_what_a_run_was_made_with_is_not_written_over(run: RunFolder, tmp_path: Path) -> None:
+    inside = f"runs/{run.run_id}"
+    for name in ("recording.mcap", "manifest.json"):
+        with pytest.raises(ConfigError, match=f"{name}: is kept as it is: choose another name"):
+            check_request(JobKind.EXPORT, export_to(f"{inside}/{name}"), tmp_path)
+    for name in ("model.json", "robot.urdf"):
+        check_request(JobKind.EXPORT, export_to(f"{inside}/{name}"), tmp_path)
+
+
+def test_nothing_is_written_over_in_a_run_under_way(tmp_path: Path) -> None:
+    run = RunFolder.create(tmp_path / "runs", "raw")
+    run.file("recording.mcap").write_bytes(b"so far")
+    told = export_to(f"runs/{run.run_id}/recording.mcap")
+    with pytest.raises(ConfigError, match="is kept as it is"):
+        check_request(JobKind.EXPORT, told, tmp_path)
+
+
+def test_nothing_is_written_over_in_a_run_whose_manifest_is_damaged(
+    run: RunFolder, tmp_path: Path
+) -> None:
+    run.file("manifest.json").write_text("{")
+    with pytest.raises(ConfigError, match="is kept as it is"):
+        check_request(JobKind.EXPORT, export_to(f"runs/{run.run_id}/model.json"), tmp_path)
+
+
+def test_the_report_of_a_retimed_motion_is_an_output_too(run: RunFolder, tmp_path: Path) -> None:
+    told = {"motion": "m.yaml", "model": "m.json", "output": "out.yaml"}
+    told["report"] = f"runs/{run.run_id}/recording.mcap"
+    with pytest.raises(ConfigError, match="is kept as it is"):
+        check_request(JobKind.RETIME, told, tmp_path)
+
+
+def test_the_files_of_a_served_cell_are_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "cell.yaml").write_bytes(load_cell("ir361").files["cell.yaml"])
+    cell = ServedCell(str(tmp_path / "cell.yaml"), 1.0)
+    service = CellService(tmp_path, [cell])
+    with pytest.raises(ConfigError, match=r"cell\.yaml: is kept as it is"):
+        asyncio.run(service.begin(cell, JobKind.EXPORT, export_to("cell.yaml"), ANNA))
+
+
+@pytest.mark.parametrize("file", ["../../table.csv", "/etc/table.csv", "~/table.csv"])
+@pytest.mark.parametrize(
+    "form", ["kind: joint_table\nfile: {}\n", '{{"kind": "joint_t\\u0061ble", "file": "{}"}}']
+)
+def test_a_table_of_a_motion_lies_in_the_folder(form: str, file: str, tmp_path: Path) -> None:
+    motion = tmp_path / "motions" / "a.yaml"
+    with pytest.raises(ConfigError, match="not inside the service's folder"):
+        refuse_table_outside(motion, form.format(file).encode(), tmp_path)
+    refuse_table_outside(motion, form.format("../tables/a.csv").encode(), tmp_path)
+
+
+def test_what_is_no_motion_has_no_table(tmp_path: Path) -> None:
+    for content in (b"\xff joint_table", b"[joint_table", b"[joint_table]", b'{"file": "/x\\n"}'):
+        refuse_table_outside(tmp_path / "a.yaml", content, tmp_path)
