@@ -36,7 +36,7 @@ class ServedCell:
         self.pace = pace if loaded.config.simulated else None
         self.problem = ""
         self._loaded = loaded
-        self._signature: tuple[tuple[str, int, int], ...] = ()  # files may change as they are read
+        self._signature: tuple[tuple[str, int, int], ...] | None = None  # unknown as it was read
         self._looked_s = time.monotonic()
 
     @property

@@ -19,6 +19,7 @@ from config.errors import ConfigError, LockedError, PreflightError
 from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
+from rid_daq.service.mishaps import Mishaps
 from rid_daq.service.readiness import PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.records import (
     CellState,
@@ -95,6 +96,7 @@ class CellService:
         self.started_s = time.time()
         self.stops = 0
         self._told: dict[str, str] = {}
+        self._mishaps = Mishaps()
 
     def cell(self, name: str) -> ServedCell:
         """Return a cell by its name.
@@ -275,7 +277,8 @@ class CellService:
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + CELLS_S
                 for cell in self.cells.values():
-                    self._publish_cell(cell)
+                    with self._mishaps.of(f"cell {cell.name}"):
+                        self._publish_cell(cell)
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(until.wait(), LOOK_S)
         await self.workshop.close()

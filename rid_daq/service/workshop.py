@@ -8,6 +8,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,7 @@ from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG
+from rid_daq.service.mishaps import Mishaps
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.records import Job, JobState
 from rid_daq.service.running_job import EventTail, RunningJob, StartingJob, WarmWorker
@@ -77,6 +79,7 @@ class Workshop:
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
         self._starting: dict[str, StartingJob] = {}
+        self._mishaps = Mishaps()
         self._warm = WarmWorker(state / "workers.log")
         self._interrupt_leftovers()
 
@@ -139,21 +142,24 @@ class Workshop:
 
     async def prepare(self) -> None:
         """Have a worker ready before there is a job."""
-        await self._warm.prepare()
+        with self._mishaps.of("a worker that waits for its job"):
+            await self._warm.prepare()
 
     async def look(self) -> None:
         """Pass on what jobs say, settle those that are over, begin what waits."""
         for running in self:
-            self._pass_on(running)
-            self._watch_lease(running)
-            running.insist()
-            if running.is_over:
+            with self._mishaps.of(f"job {running.job.id}", partial(_give_up, running)):
                 self._pass_on(running)
-                self._settle(running)
+                self._watch_lease(running)
+                running.insist()
+                if running.is_over:
+                    self._pass_on(running)
+                    self._settle(running)
         if not self.closing:
-            await self._begin_next()
+            with self._mishaps.of("the next job that only computes"):
+                await self._begin_next()
             if not self._running:
-                await self._warm.prepare()
+                await self.prepare()
 
     async def close(self) -> None:
         """Stop what moves, end what computes, and mark all of it."""
@@ -165,10 +171,12 @@ class Workshop:
             await self.look()
             await asyncio.sleep(LOOK_S)
         for running in self:
-            running.process.kill()
+            if not running.is_over:
+                running.process.kill()
             await running.process.wait()
-            self._pass_on(running)
-            self._settle(running)
+            with self._mishaps.of(f"job {running.job.id}"):
+                self._pass_on(running)
+                self._settle(running)
         await self._warm.end()
         for job, _ in self._queue:
             self._change(job, JobState.INTERRUPTED, "the service ended before it began")
@@ -197,8 +205,6 @@ class Workshop:
     def _settle(self, running: RunningJob) -> None:
         """Write what became of a job whose worker has ended."""
         job, cell = running.job, running.cell
-        del self._running[job.id]
-        self._feed.forget(cell.name)
         document, ended = running.document, running.ended
         state, reason = outcome_of(running, self.closing)
         run = running.run or (document or {}).get("run")
@@ -218,6 +224,8 @@ class Workshop:
             self._readiness.note_end(cell, document)
             if ended is None and running.run is not None:
                 self._readiness.note_death(cell.name, reason)
+        del self._running[job.id]  # all of it is written: until then it is tried again
+        self._feed.forget(cell.name)
         level = logging.INFO if state is JobState.DONE else logging.WARNING
         LOG.log(level, "job over: %s", reason or state.value, extra={"job": job})
         self._publish(job)
@@ -291,6 +299,12 @@ class Workshop:
     def _publish(self, job: Job) -> None:
         told = {"type": "job", "job": job.model_dump(mode="json")}
         self._feed.tell(json.dumps(told).encode())
+
+
+def _give_up(running: RunningJob) -> None:
+    """Stop a job that cannot be watched."""
+    if not (running.stopping or running.is_over):
+        running.stop("the service could not watch it: see its log", StopCode.INTERRUPTED)
 
 
 def outcome_of(running: RunningJob, closing: bool) -> tuple[JobState, str]:

@@ -1,0 +1,137 @@
+"""What goes wrong with one cell, job or worker does not end the service."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from config.load import load_cell
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import CellState, Job, JobState
+from rid_daq.service.running_job import RunningJob, WarmWorker
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+from rid_daq.terminal.job_events import AnyEvent
+
+
+class Worker:
+    """The process of a job, as far as a workshop sees it."""
+
+    pid = 1
+    returncode: int | None = None
+    stdin = None
+
+
+class Broken(RunningJob):
+    """A job that cannot be watched."""
+
+    told: tuple[StopCode, ...] = ()
+
+    def look(self) -> list[AnyEvent]:
+        raise OSError(5, "Input/output error")
+
+    def stop(self, why: str, code: StopCode) -> None:
+        self.stopping, self.told = why, (*self.told, code)
+
+
+def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
+    """Have a job under way."""
+    job = Job(
+        id="1",
+        cell="ir361",
+        kind=JobKind.RECORD,
+        state=JobState.RUNNING,
+        owner="Anna",
+        request={},
+        on_lost_client="finish",
+        created_s=0.0,
+    )
+    service.jobs.add(job)
+    events = service.workshop.events(job.id)
+    running = kind(job, service.cell("ir361"), worker, events)  # type: ignore[arg-type]
+    service.workshop._running[job.id] = running
+    return running
+
+
+@pytest.fixture(autouse=True)
+def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no worker be started: there are no more processes."""
+
+    async def start(_self: WarmWorker) -> None:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(WarmWorker, "_start", start)
+
+
+@pytest.mark.parametrize("error", [RuntimeError("a mistake"), sqlite3.OperationalError("full")])
+def test_a_service_goes_on_whatever_goes_wrong_with_a_cell(
+    error: Exception, service: CellService, monkeypatch: pytest.MonkeyPatch, caplog: Any
+) -> None:
+    until = asyncio.Event()
+    asked = []
+
+    def status(cell: ServedCell) -> None:
+        asked.append(cell.name)
+        if len(asked) == 3:
+            until.set()
+        raise error
+
+    monkeypatch.setattr(service, "status", status)
+    with caplog.at_level(logging.ERROR, "rid_daq.service"):
+        asyncio.run(service.run(until))
+    said = [record.message for record in caplog.records]
+    assert said == [
+        "a worker that waits for its job: something went wrong; the service goes on",
+        "cell ir361: something went wrong; the service goes on",
+    ]
+
+
+def test_a_job_that_cannot_be_watched_is_stopped_once(service: CellService) -> None:
+    running = begun(service, Broken, Worker())
+    for _ in range(3):
+        asyncio.run(service.workshop.look())
+    assert running.told == (StopCode.INTERRUPTED,)
+    assert running.stopping == "the service could not watch it: see its log"
+
+
+def test_the_end_of_a_job_is_written_once_the_disk_has_room(
+    service: CellService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker = Worker()
+    begun(service, RunningJob, worker)
+    worker.returncode = 0
+
+    def full(*_: object, **_more: object) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(service.jobs, "change", full)
+        asyncio.run(service.workshop.look())
+    assert service.job("1").state is JobState.RUNNING
+    assert service.workshop.is_busy("ir361")
+    asyncio.run(service.workshop.look())
+    assert service.job("1").state is JobState.INTERRUPTED
+    assert not service.workshop.is_busy("ir361")
+
+
+def test_a_cell_whose_folder_is_gone_is_not_ready(tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    folder.mkdir()
+    (folder / "cell.yaml").write_bytes(load_cell("ir361").files["cell.yaml"])
+    cell = ServedCell(str(folder / "cell.yaml"), 1.0)
+    service = CellService(tmp_path, [cell])
+    folder.rename(tmp_path / "away")
+    cell.look_again()
+    status = service.status(cell)
+    assert status.state is CellState.CLOSED
+    assert "its files are wrong" in status.not_ready_because
+    assert "cell.yaml: cannot read" in status.not_ready_because
+    (tmp_path / "away").rename(folder)
+    cell.look_again()
+    assert service.status(cell).not_ready_because == "it was not checked yet: check it."
