@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 from rid_daq.service.pairing import Pairing
-from rid_daq.service.records import Identity, Role, Token
+from rid_daq.service.records import Identity, Role
 from rid_daq.service.refusals import NotAllowedError, NotKnownError
 from rid_daq.service.store.tokens import TokenStore
 
@@ -112,10 +112,6 @@ class Doorkeeper:
         return (
             f"{self._cookie}={secret}; HttpOnly; SameSite=Strict; Path=/; Max-Age=31536000{secure}"
         )
-
-    def revoke(self, token: Token) -> bool:
-        """Let somebody in no more; return whether they were let in."""
-        return self.tokens.revoke(token.id)
 
     def _name_of(self, browser: str) -> str:
         """Return a name that no token has: leases and the log of who did what tell them apart."""

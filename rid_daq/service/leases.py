@@ -86,6 +86,7 @@ class Leases:
             until_s=self._now_s() + seconds,
         )
         key = secrets.token_urlsafe(24)
+        self._store.note_token(lease, who.token)
         self._store.put(lease, key)
         return HeldLease(**lease.model_dump(), key=key)
 
@@ -128,6 +129,13 @@ class Leases:
         """
         self.require(cell, key)
         self._store.remove(cell)
+
+    def end_of(self, token: str) -> list[str]:
+        """End the leases that were taken with a token; return their cells."""
+        cells = [lease.cell for lease in self._store.of_token(token) if self.of(lease.cell)]
+        for cell in cells:
+            self._store.remove(cell)
+        return cells
 
     def _check(self, seconds: float) -> None:
         if not LEAST_S <= seconds <= MOST_S:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 from typing import Final
 
@@ -22,6 +24,9 @@ router = APIRouter()
 SAMPLES_S: Final = 0.05
 """The least time between two messages to a viewer [s]: twenty a second at most."""
 
+KNOWN_S: Final = 1.0
+"""How often a viewer's token is looked at again [s]."""
+
 MOST_VIEWERS: Final = 64
 TOO_MANY: Final = 1013
 NO_TOKEN: Final = 1008
@@ -37,25 +42,29 @@ async def look_on(socket: WebSocket) -> None:
     """
     service: CellService = socket.app.state.service
     door: Doorkeeper = socket.app.state.doorkeeper
-    who = door.look(socket.headers, local=is_local(socket))
-    if who is None:
+    known = partial(door.look, socket.headers, local=is_local(socket))
+    if known() is None:
         await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
         return
     if service.feed.viewers >= MOST_VIEWERS:
         await socket.close(TOO_MANY, "too many look on")
         return
     await socket.accept()
-    sending = asyncio.create_task(_send(socket, service))
+    beside = [
+        asyncio.create_task(_send(socket, service)),
+        asyncio.create_task(_watch(socket, known)),
+    ]
     try:
-        await _receive(socket, service, who)
+        await _receive(socket, service, known)
     except (WebSocketDisconnect, RuntimeError, OSError):
         LOG.debug("a viewer has left")
     finally:
-        sending.cancel()
-        with contextlib.suppress(
-            asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError
-        ):
-            await sending
+        for task in beside:
+            task.cancel()
+            with contextlib.suppress(
+                asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError
+            ):
+                await task
 
 
 async def _send(socket: WebSocket, service: CellService) -> None:
@@ -70,12 +79,25 @@ async def _send(socket: WebSocket, service: CellService) -> None:
     await socket.close(TOO_SLOW, "too slow: events would be lost")
 
 
-async def _receive(socket: WebSocket, service: CellService, who: Identity) -> None:
+async def _watch(socket: WebSocket, known: Callable[[], Identity | None]) -> None:
+    """End the socket of a viewer whose token is revoked."""
+    while known() is not None:
+        await asyncio.sleep(KNOWN_S)
+    await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
+
+
+async def _receive(
+    socket: WebSocket, service: CellService, known: Callable[[], Identity | None]
+) -> None:
     while True:
         try:
             told = json.loads(await socket.receive_text())
         except ValueError:
             continue
+        who = known()
+        if who is None:
+            await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
+            return
         if isinstance(told, dict) and who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
                 _hold(service, told)

@@ -26,6 +26,9 @@ CREATE TABLE audit (
 );
 """
 
+_LATER = "CREATE TABLE IF NOT EXISTS lease_tokens (cell TEXT PRIMARY KEY, lease TEXT, token TEXT)"
+"""What came after the first services; a program of before leaves it alone."""
+
 
 def open_database(path: Path) -> sqlite3.Connection:
     """Return a connection to the service's file, which only its owner may read.
@@ -48,6 +51,7 @@ def open_database(path: Path) -> sqlite3.Connection:
                 f"{path}: was written by another version of rid-daq (format {version}, this one"
                 f" knows {VERSION}): use that one, or move the file away to begin anew"
             )
+        connection.execute(_LATER)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
             f"{path}: cannot be opened as the service's file: {error}. Move it away to begin anew"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hmac
 import sqlite3
+from collections.abc import Sequence
 
 from rid_daq.service.records import Lease
 from rid_daq.service.store.tokens import hashed
@@ -27,6 +28,20 @@ class LeaseStore:
             "INSERT OR REPLACE INTO leases VALUES (?, ?, ?)",
             (lease.cell, hashed(key), lease.model_dump_json()),
         )
+
+    def note_token(self, lease: Lease, token: str) -> None:
+        """Write which token a lease was taken with."""
+        self._connection.execute(
+            "INSERT OR REPLACE INTO lease_tokens VALUES (?, ?, ?)", (lease.cell, lease.id, token)
+        )
+
+    def of_token(self, token: str) -> Sequence[Lease]:
+        """Return the leases that were taken with a token, also those that have run out."""
+        rows = self._connection.execute(
+            "SELECT cell, lease FROM lease_tokens WHERE token = ?", (token,)
+        ).fetchall()
+        found = [(self.get(cell), lease_id) for cell, lease_id in rows]
+        return [lease for lease, lease_id in found if lease is not None and lease.id == lease_id]
 
     def get(self, cell: str) -> Lease | None:
         """Return the lease of a cell as it was written, also one that has run out."""

@@ -268,6 +268,20 @@ def test_what_people_do_is_kept(api: Api) -> None:
     ]
 
 
+def test_who_is_let_in_no_more_has_the_cell_no_more(api: Api) -> None:
+    api.lease()
+    tokens = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/tokens").json()
+    (token,) = (each["id"] for each in tokens if each["role"] == "operator")
+    gone = api.ask(Role.ADMINISTRATOR, "DELETE", f"/api/v1/tokens/{token}")
+    assert gone.status_code == 204
+    assert api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/lease").json() is None
+    told = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/audit").json()
+    assert [(each["what"], each["cell"], each["details"]) for each in told[:2]] == [
+        ("ended the lease", "ir361", "its token was revoked"),
+        ("revoked a token", "", token),
+    ]
+
+
 def test_metrics_have_the_names_that_monitoring_expects(api: Api) -> None:
     text = api.ask(Role.VIEWER, "GET", "/metrics").text
     assert 'rid_daq_cell_state{cell="ir361",state="closed"} 1.0' in text

@@ -90,3 +90,22 @@ def test_a_lease_is_there_after_a_restart(tmp_path: Path) -> None:
     first.close()
     again = Leases(LeaseStore(open_database(tmp_path / "service.db")), clock)
     assert again.require("ir361", lease.key).owner == "Anna"
+
+
+def test_a_lease_ends_with_the_token_that_it_was_taken_with(leases: Leases) -> None:
+    lease = leases.take("ir361", ANNA, "", 10.0)
+    leases.renew("ir361", lease.key, 3600.0)
+    assert leases.end_of(BEN.token) == []
+    assert leases.end_of(ANNA.token) == ["ir361"]
+    assert leases.of("ir361") is None
+    with pytest.raises(LockedError, match="take it first"):
+        leases.require("ir361", lease.key)
+
+
+def test_a_lease_that_was_taken_over_does_not_end_with_the_token_before(leases: Leases) -> None:
+    leases.take("ir361", ANNA, "", 10.0)
+    leases.take("ir361", BEN, "", 10.0, confirmed="ir361")
+    assert leases.end_of(ANNA.token) == []
+    held = leases.of("ir361")
+    assert held is not None
+    assert held.owner == "Ben"
