@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import itertools
 import re
 import secrets
+import sqlite3
 import time
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
@@ -80,7 +82,8 @@ class Doorkeeper:
         now_s = time.time()
         if now_s - self._noted.get(token.id, 0.0) > USE_NOTED_EVERY_S:
             self._noted[token.id] = now_s
-            self.tokens.note_use(token)
+            with contextlib.suppress(sqlite3.Error):  # a full disk keeps nobody from a stop
+                self.tokens.note_use(token)
         return Identity(name=token.name, role=token.role, person=token.person, token=token.id)
 
     def log_in(self, link_secret: str, agent: str = "") -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from config.errors import LockedError
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.pairing import LASTS_S, MOST_WAITING, Pairing
-from rid_daq.service.records import Role
+from rid_daq.service.records import Role, Token
 from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.tokens import TokenStore
@@ -32,6 +33,19 @@ def test_a_token_lets_in_until_it_is_revoked(door: Doorkeeper, tokens: TokenStor
     tokens.revoke(token.id)
     with pytest.raises(NotKnownError, match="show a token"):
         door.identity(shown, local=False)
+
+
+def test_a_disk_that_is_full_keeps_nobody_out(
+    door: Doorkeeper, tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_token: Token) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    _, secret = tokens.add("tablet", Role.OPERATOR, person=True)
+    monkeypatch.setattr(tokens, "note_use", full)
+    who = door.look({"authorization": f"Bearer {secret}"}, local=False)
+    assert who is not None
+    assert who.name == "tablet"
 
 
 def test_the_secret_itself_is_not_kept(tokens: TokenStore, tmp_path: Path) -> None:
