@@ -13,7 +13,7 @@ from fastapi.responses import FileResponse, Response
 from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, Manifest
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from rid_daq.service.api.context import Operator, Service, Who
 from rid_daq.service.folder_files import motion_kind
@@ -211,7 +211,7 @@ def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
 def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Response:
     path = folder.file(name)
     if not path.is_file() or path.is_symlink():
-        raise RecordingError(f"run {folder.run_id} has no {name} yet")
+        raise UnknownError(f"run {folder.run_id} has no {name} yet")
     return FileResponse(path, media_type=kind, filename=name if saved else None)
 
 

@@ -208,6 +208,14 @@ def test_what_is_not_there_is_said(api: Api, path: str, status: int) -> None:
     assert answer.status_code == status, answer.text
 
 
+@pytest.mark.parametrize("name", ["report", "result", "files/report.html"])
+def test_a_report_that_is_not_there_yet_is_not_found(api: Api, name: str) -> None:
+    run = RunFolder.create(api.service.runs, "fresh").run_id
+    answer = api.ask(Role.VIEWER, "GET", f"/api/v1/runs/{run}/{name}")
+    assert answer.status_code == 404
+    assert answer.json()["message"].startswith(f"run {run} has no re")
+
+
 def test_a_request_with_a_mistake_is_refused_before_it_is_journalled(api: Api) -> None:
     api.make_ready()
     key = api.lease()
