@@ -1,13 +1,15 @@
-"""The service's log on standard error, with the job's id where one is.
+"""The service's log on standard error, with the job's id where one is; and its `Mishaps`.
 
 One JSON document a line for programs, a sentence with the time of day for a person at a terminal.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import sys
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from typing import Final
 
@@ -56,3 +58,35 @@ def log_to_stderr() -> None:
     LOG.addHandler(handler)
     LOG.setLevel(logging.INFO)
     LOG.propagate = False
+
+
+class Mishaps:
+    """Keeps what goes wrong with one thing that is watched from ending the others.
+
+    It is logged, once, however often it is tried again with the same end.
+    """
+
+    def __init__(self) -> None:
+        self._told: dict[str, str] = {}
+
+    @contextlib.contextmanager
+    def of(self, what: str, otherwise: Callable[[], None] = lambda: None) -> Iterator[None]:
+        """Keep an exception inside the `with`, also one that nobody has thought of.
+
+        Parameters
+        ----------
+        what : str
+            What is watched, in the words of the log.
+        otherwise : callable
+            What is done where it went wrong.
+        """
+        try:
+            yield
+        except Exception as error:
+            told = f"{type(error).__name__}: {error}"
+            if self._told.get(what) != told:
+                self._told[what] = told
+                LOG.exception("%s: something went wrong; the service goes on", what)
+            otherwise()
+        else:
+            self._told.pop(what, None)

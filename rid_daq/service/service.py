@@ -19,7 +19,7 @@ from config.errors import ConfigError, LockedError, PreflightError
 from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
-from rid_daq.service.mishaps import Mishaps
+from rid_daq.service.logs import Mishaps
 from rid_daq.service.readiness import PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.records import (
     CellState,

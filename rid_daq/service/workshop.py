@@ -16,8 +16,7 @@ from acquisition.supervision.stop_reason import StopCode
 from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
-from rid_daq.service.logs import LOG
-from rid_daq.service.mishaps import Mishaps
+from rid_daq.service.logs import LOG, Mishaps
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.records import Job, JobState
 from rid_daq.service.running_job import EventTail, RunningJob, StartingJob, WarmWorker
