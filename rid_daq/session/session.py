@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
+from acquisition.runs.manifest import LATEST, RunStatus
 from config.cell.cell import CellConfig
 from config.errors import LockedError, RecordingError, RidDaqError
 from config.process.file_locks import file_holder, held_file
@@ -57,7 +57,8 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
 
 def as_label(text: str) -> str:
     """Return text, such as a file's name, as a run's label may be."""
-    return re.sub(r"[^\w .-]", "_", text)[:64] or "run"
+    label = re.sub(r"[^\w .-]", "_", text)[:64] or "run"
+    return f"{label}_" if label == LATEST else label
 
 
 @contextlib.contextmanager

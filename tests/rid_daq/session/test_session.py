@@ -93,3 +93,7 @@ def test_any_file_name_makes_a_label() -> None:
     label = as_label("../" * 40)
     assert "/" not in label
     assert len(label) <= 64
+
+
+def test_a_file_called_as_the_newest_run_is_makes_another_label(tmp_path: Path) -> None:
+    assert RunFolder.create(tmp_path, as_label("latest")).manifest().label == "latest_"
