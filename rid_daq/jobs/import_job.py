@@ -13,7 +13,7 @@ from acquisition.imports.report import ImportReport
 from acquisition.imports.tables import LARGEST_FILE_BYTES
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
+from acquisition.runs.manifest import RunStatus, require_label
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
@@ -69,7 +69,8 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
     Raises
     ------
     ConfigError
-        A file or the map cannot be read, they do not fit, or labels and rows do not.
+        A file or the map cannot be read, they do not fit, or labels and rows do not; or no run
+        can have a label.
     DataQualityError
         The recording is not good enough.
     RecordingError
@@ -81,6 +82,8 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
         raise ConfigError(
             f"--label: {len(request.labels)} labels for {len(ranges)} runs: give one a run"
         )
+    for label in request.labels:
+        require_label(label)
     file = request.file
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
         if import_map.joint_states is not None:

@@ -128,6 +128,17 @@ def test_several_ranges_of_rows_are_several_runs(bring: Callable[..., SimpleName
     assert "1 labels for 2 runs" in uneven.said
 
 
+@pytest.mark.parametrize("label", ["b/c", "latest"])
+def test_a_label_that_no_run_can_have_leaves_no_run_behind(
+    bring: Callable[..., SimpleNamespace], label: str, tmp_path: Path
+) -> None:
+    labels = ["--label", "a", "--label", label]
+    both = bring(nothing, "--rows", "1-400", "--rows", "401-", *labels)
+    assert both.code == 2
+    assert f"label {label!r}" in both.said
+    assert not (tmp_path / "runs").exists()
+
+
 def test_two_files_are_kept_and_read_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
