@@ -115,6 +115,28 @@ def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder
     raise ConfigError(f"no {what} {reference!r} under {root}: `rid-daq runs` lists them")
 
 
+def file_or_run(root: Path, reference: str, having: str | None = None) -> Path | RunFolder:
+    """Return the file of that name where there is one, and otherwise the run that it means.
+
+    Parameters
+    ----------
+    root, reference, having
+        As `find_run` has them; a label may look like the name of a file.
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        There is no such file, and `find_run` raises this.
+    """
+    path = Path(reference)
+    if path.is_file():
+        return path
+    try:
+        return find_run(root, reference, having)
+    except ConfigError as error:
+        raise ConfigError(f"{reference}: there is no such file, and {error}") from None
+
+
 def _newest_words(label: str, labelled: Sequence[tuple[RunFolder, Manifest]]) -> str:
     *others, newest = labelled
     older = ", ".join(map(_words, reversed(others[-SHOWN:])))

@@ -72,7 +72,9 @@ def export(
     request = ExportRequest(
         what, to, output, runs, as_identified, despite_misfit, unfinished, overwrite
     )
-    if request.is_model:
+    # A service's files are not seen from here.
+    is_model = request.is_model if service is None else what.endswith(".json")
+    if is_model:
         refuse_inapplicable(context, {"unfinished"}, "with a model file")
         if as_identified:
             refuse_inapplicable(context, {"despite_misfit"}, "with --as-identified")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.runs.catalogue import find_run
+from acquisition.runs.catalogue import file_or_run, find_run
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
@@ -108,10 +108,9 @@ def compare_models(request: CompareRequest, console: Console) -> Compared:
 
 def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | None]:
     """Return name and estimate of a model file, or of a run with the model identified from it."""
-    path = Path(what)
-    if path.is_file() or (path.suffix == ".json" and not path.is_dir()):
-        return path.name, read_estimate(path), None
-    folder = find_run(request.runs, what)
+    folder = file_or_run(request.runs, what)
+    if isinstance(folder, Path):
+        return folder.name, read_estimate(folder), None
     if not folder.file(MODEL).exists():
         raise ConfigError(
             f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"

@@ -9,7 +9,7 @@ from typing import Final
 
 from acquisition.recording.files import RecordingFormat, recording_bytes
 from acquisition.recording.table import RecordingTable, recording_table
-from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
 from config.formats.whole_file import write_whole
 from identification.consistency.closest_robot import consistent
@@ -75,9 +75,8 @@ class ExportRequest:
 
     @property
     def is_model(self) -> bool:
-        """Whether a model file is meant: anything but a folder, or a name that is no path."""
-        path = Path(self.what)
-        return path.is_file() or (bool(path.suffix) and not path.is_dir())
+        """Whether a model file is meant: a file that is there; all else means a run."""
+        return Path(self.what).is_file()
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,9 @@ def export_model(request: ExportRequest) -> ExportedModel:
     return ExportedModel(estimate.robot.name, sentence)
 
 
-def export_recording(request: ExportRequest, console: Console) -> ExportedRecording:
+def export_recording(
+    request: ExportRequest, folder: RunFolder, console: Console
+) -> ExportedRecording:
     """Write everything that a run has recorded, row by row.
 
     Raises
@@ -155,7 +156,7 @@ def export_recording(request: ExportRequest, console: Console) -> ExportedRecord
     RidDaqError
         The run cannot be used, or the file not be written.
     """
-    folder, to = find_run(request.runs, request.what), request.to
+    to = request.to
     if to not in RECORDINGS:
         model = folder.path / MODEL
         raise ConfigError(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from acquisition.runs.catalogue import file_or_run
 from rid_daq.jobs.export_job import (
     ExportedModel,
     ExportedRecording,
@@ -16,10 +19,11 @@ from rid_daq.terminal.output_file import refuse_output
 def perform(request: ExportRequest, console: Console) -> None:
     """Export, and say what was written."""
     refuse_output(request.output, request.overwrite)
-    if request.is_model:
+    found = file_or_run(request.runs, request.what)
+    if isinstance(found, Path):
         _print_model(console, request, export_model(request))
     else:
-        _print_recording(console, request, export_recording(request, console))
+        _print_recording(console, request, export_recording(request, found, console))
 
 
 def _print_model(console: Console, request: ExportRequest, exported: ExportedModel) -> None:

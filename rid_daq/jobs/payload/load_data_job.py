@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.runs.catalogue import find_run
+from acquisition.runs.catalogue import file_or_run
 from config.errors import ConfigError, EstimationError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
@@ -169,11 +169,10 @@ def payload_file(runs: Path, reference: Path) -> Path:
     Raises
     ------
     ConfigError, RecordingError
-        As `find_run`.
+        As `file_or_run`.
     """
-    if reference.is_file() or reference.suffix == ".json":
-        return reference
-    return find_run(runs, str(reference), having=PAYLOAD).file(PAYLOAD)
+    found = file_or_run(runs, str(reference), having=PAYLOAD)
+    return found if isinstance(found, Path) else found.file(PAYLOAD)
 
 
 def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:

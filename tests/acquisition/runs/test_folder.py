@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
+from acquisition.runs.catalogue import damaged_runs, file_or_run, find_run, list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, RunStatus
 from acquisition.runs.run_id import RUN_ID, new_run_id
@@ -255,6 +255,16 @@ def test_the_latest_run_that_has_a_file_is_meant_where_one_is_needed(root: Path)
     assert find_run(root, "same", having="payload.json") == with_file
     with pytest.raises(ConfigError, match=r"no run with session\.json 'latest'"):
         find_run(root, "latest", having="session.json")
+
+
+def test_a_file_that_is_there_is_a_file_and_all_else_a_run(root: Path, tmp_path: Path) -> None:
+    made = RunFolder.create(root, "arm v1.json")
+    assert file_or_run(root, "arm v1.json") == made
+    file = tmp_path / "model"
+    file.touch()
+    assert file_or_run(root, str(file)) == file
+    with pytest.raises(ConfigError, match=r"^x\.json: there is no such file, and no run 'x\.json'"):
+        file_or_run(root, "x.json")
 
 
 def test_a_run_whose_manifest_is_torn_is_named_and_not_passed_over(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 import struct
 from pathlib import Path
 
@@ -189,6 +190,17 @@ def test_a_library_that_is_missing_is_named_with_its_extra(
         recording_bytes(table, RecordingFormat.PARQUET)
 
 
+@pytest.mark.parametrize("label", ["ur10 v1.2", "model.json"])
+def test_a_label_with_a_dot_means_its_run(folder: RunFolder, label: str, tmp_path: Path) -> None:
+    copy = tmp_path / "runs" / folder.run_id
+    shutil.copytree(folder.path, copy)
+    manifest = (copy / "manifest.json").read_text()
+    (copy / "manifest.json").write_text(manifest.replace('"swing"', f'"{label}"'))
+    words = ["export", label, "--runs", str(copy.parent), "--to", "csv"]
+    assert run([*words, "-o", str(tmp_path / "r.csv")]) == 0
+    assert len((tmp_path / "r.csv").read_text().splitlines()) == 1 + ROWS
+
+
 def test_another_robots_joints_are_refused(data: RunData) -> None:
     with pytest.raises(RecordingError, match="the robot has"):
         recording_table(data.recording, load_cell("kr15").robot)
@@ -199,8 +211,8 @@ def test_another_robots_joints_are_refused(data: RunData) -> None:
     [
         (["swing", "--to", "urdf"], 2, "--to urdf is for models"),
         (["no-such-run", "--to", "csv"], 2, "no run 'no-such-run'"),
-        (["missing.json", "--to", "c"], 2, "cannot be read"),
-        (["missing.json", "--to", "mat"], 2, "is for recordings"),
+        (["missing.json", "--to", "c"], 2, "missing.json: there is no such file, and no run 'mis"),
+        (["missing.json", "--to", "mat"], 2, "there is no such file, and no run"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(

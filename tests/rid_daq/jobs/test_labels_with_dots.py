@@ -1,0 +1,31 @@
+"""Labels that look like names of files: what takes a file or a run finds their runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from config.errors import ConfigError
+from rid_daq.app import run
+from rid_daq.jobs.payload.load_data_job import payload_file
+
+LABEL = "ur10 v1.json"
+
+
+def test_a_payload_is_found_by_such_a_label(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, LABEL)
+    file = folder.write("payload.json", b"{}")
+    assert payload_file(tmp_path, Path(LABEL)) == file
+    assert payload_file(tmp_path, file) == file
+    with pytest.raises(ConfigError, match=r"there is no such file, and no run with payload\.json"):
+        payload_file(tmp_path, Path("tool.json"))
+
+
+def test_compare_finds_a_run_by_such_a_label(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    RunFolder.create(tmp_path, LABEL)
+    assert run(["compare", LABEL, LABEL, "--runs", str(tmp_path)]) == 2
+    assert f"run {LABEL!r} has no model.json: identify it first" in capsys.readouterr().err
