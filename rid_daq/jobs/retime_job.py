@@ -115,12 +115,17 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     Raises
     ------
     ConfigError
-        Files do not belong together, an option is none, or a file is there already.
+        Files do not belong together, an option is none, or a file is there already; or motion and
+        page are to be one file.
     LimitError
         A limit cannot be kept to; the text names it, and where.
     """
     refuse_output(request.output, request.overwrite)
     refuse_output(request.report, request.overwrite)
+    if request.report is not None and request.report.resolve() == request.output.resolve():
+        raise ConfigError(
+            f"{request.report}: --report and --output name one file: give the page another name"
+        )
     if not 0.0 <= request.confidence < 1.0:
         raise ConfigError(f"a confidence of {request.confidence:g}: give 0 to less than 1")
     loaded = load_cell(request.cell)

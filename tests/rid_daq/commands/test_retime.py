@@ -205,6 +205,18 @@ position:
 """
 
 
+@pytest.mark.parametrize("other", ["fast.yaml", "sub/../fast.yaml"])
+def test_a_page_in_the_motions_place_is_refused_before_anything_is_computed(
+    folder: Path, other: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "sub").mkdir()
+    assert run(words(folder, "--report", folder / other, "--overwrite")) == 2
+    assert "--report and --output name one file: give the page another name" in (
+        " ".join(capsys.readouterr().err.split())
+    )
+    assert not (folder / "fast.yaml").exists()
+
+
 def test_turns_of_a_circle_become_one_way(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "path.yaml").write_text(CIRCLE)
     assert run(words(folder, "--report", folder / "fast.html")) == 0
