@@ -33,6 +33,8 @@ AXES: Final = "xyz"
 TIME: Final = "time [s]"
 DISTANCE: Final = "distance [mm]"
 LEAST_MM: Final = 1e-4
+STILL_M: Final = 1e-9
+"""A tool point that moves less stands still."""
 _LOOKS: Final = {"before": (RED, "dashed"), "after": (BLUE, "solid")}
 Driven = Mapping[str, PathCurves]
 
@@ -145,7 +147,9 @@ def _largest(curves: PathCurves, across: list[int]) -> float:
 
 
 def _scale(plot: figure, path: FloatArray, extent_m: float, times: float) -> None:
-    """Draw a bar below the path that says what a length across it means."""
+    """Draw a bar below a path that says what a length across it means."""
+    if extent_m < STILL_M:
+        return
     means = _round_down(0.2 * extent_m / times)
     low = float(path[1].min()) - 0.12 * extent_m
     left = float(path[0].min())

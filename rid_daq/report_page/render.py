@@ -35,13 +35,15 @@ DRAWN: Final = (
 """The drawings that templates ask for."""
 
 
-def render_report(result: Result) -> str:
+def render_report(result: Result, before: Result | None = None) -> str:
     """Return the report: every number is the result's, every text from outside is escaped.
 
     Parameters
     ----------
     result : Result
         What is shown; sections that it lacks are left out.
+    before : Result or None
+        What the run's file holds: sections that are the same were read from it.
 
     Raises
     ------
@@ -52,10 +54,10 @@ def render_report(result: Result) -> str:
     figures = LiveFigures()
     for name, section in result.sections():
         template = _environment().get_template(f"{name}.html")
-        with _shown(name):
+        with _shown(name, read=getattr(before, name, None) == section):
             parts.append(Markup(template.render(result=result, section=section, live=figures.keep)))
             parts.append(_origin(result, name))
-    with _shown("the document"):
+    with _shown("the document", read=before is not None):
         page = _environment().get_template("page.html")
         return page.render(result=result, parts=parts, figures=figures)
 
@@ -104,8 +106,8 @@ def _visible(value: object) -> object:
 
 
 @contextlib.contextmanager
-def _shown(section: str) -> Iterator[None]:
-    """Name the section that cannot be shown.
+def _shown(section: str, *, read: bool) -> Iterator[None]:
+    """Name the section that cannot be shown; one that was read from a file may have been edited.
 
     Raises
     ------
@@ -122,4 +124,5 @@ def _shown(section: str) -> Iterator[None]:
         ValueError,
         jinja2.TemplateError,
     ) as error:
-        raise RecordingError(f"{section}: cannot be shown: {error}; was it edited?") from error
+        why = "was it edited?" if read else "nothing was written"
+        raise RecordingError(f"{section}: cannot be shown: {error}; {why}") from error

@@ -16,7 +16,8 @@ from rid_daq.report.sections.timing import Timing
 def write_result(folder: RunFolder, result: Result) -> Path:
     """Write `result.json` and `report.html` into a run folder; return the report's path.
 
-    A section that is new, or not as it was, gets the present time.
+    Neither is written where the report cannot be drawn. A section that is new, or not as it was,
+    gets the present time.
 
     Parameters
     ----------
@@ -28,24 +29,25 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     Raises
     ------
     RecordingError
-        A file cannot be written; or a section, which was read from a file, cannot be shown.
+        A file cannot be written, or a section not be shown.
     """
     from rid_daq.report_page.render import render_report  # it loads what draws: half a second
 
-    result = _dated(folder, result)
+    path = folder.file(RESULT)
+    before = read_result(folder) if path.exists() else None
+    result = _dated(result, before)
     document = result.model_dump(mode="json", by_alias=True)
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
-    path = folder.write(RESULT, text.encode())
     try:
-        page = render_report(result)
+        page = render_report(result, before)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
+    folder.write(RESULT, text.encode())
     return folder.write(REPORT, page.encode())
 
 
-def _dated(folder: RunFolder, result: Result) -> Result:
+def _dated(result: Result, before: Result | None) -> Result:
     """Return a result that says when each of its sections was made."""
-    before = read_result(folder) if folder.file(RESULT).exists() else None
     known = {} if before is None or before.timing is None else before.timing.made or {}
     now = datetime.now(UTC).isoformat(timespec="seconds")
     made = {}

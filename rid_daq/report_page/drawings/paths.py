@@ -16,6 +16,8 @@ from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves, 
 from rid_daq.report_page.drawings.curves import MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 
 AXES = "xyz"
+STILL_M = 1e-9
+"""A tool point that moves less stands still."""
 
 
 def path_figure(drawn: DrawnPaths, name: str) -> Markup:
@@ -38,7 +40,7 @@ def path_figure(drawn: DrawnPaths, name: str) -> Markup:
     sights = [[("after", after, PREDICTED)]]
     if before is not None:
         sights.insert(0, [("before", before, WRONG), ("after", after, PREDICTED)])
-    high = float(np.clip(4.4 * extents[across[1]] / max(extents[across[0]], 1e-9), 2.4, 4.8))
+    high = float(np.clip(4.4 * extents[across[1]] / max(extents[across[0]], STILL_M), 2.4, 4.8))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 0.9 + high), layout="constrained")
         panels = figure.subplots(1, len(sights), squeeze=False).ravel()
@@ -106,8 +108,10 @@ def _largest(curve: PathCurves, across: list[int]) -> float:
 
 
 def _scale(panel: Axes, extent_m: float, times: float) -> None:
-    """Draw to scale, with a bar below that says what a length across the path means."""
+    """Draw to scale, with a bar below a path that says what a length across it means."""
     panel.set_aspect("equal", adjustable="datalim")
+    if extent_m < STILL_M:
+        return
     means = 0.12 * extent_m / times
     power = 10.0 ** math.floor(math.log10(means))
     means = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= means)

@@ -1,0 +1,81 @@
+"""Sections that are hard to draw have a page; where one cannot be drawn, nothing is written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from bokeh.models import ColumnDataSource
+
+from acquisition.runs.folder import RunFolder
+from config.errors import RecordingError
+from rid_daq.figures.path_figure import path_figure
+from rid_daq.report.result import Result
+from rid_daq.report.sections.tracking import PathCurves, TrackingSection
+from rid_daq.report_page.write import write_result
+from tests.builders.drawn_figures import tables
+from tests.builders.invented import whole_result
+
+Columns = tuple[tuple[float, ...], ...]
+FLAT: Columns = ((0.0,) * 100, (0.1,) * 100)
+"""A path in two axes, which no path is."""
+
+
+def head() -> Result:
+    """A result without sections."""
+    whole = whole_result()
+    kept = {key: whole[key] for key in ("schema", "title", "robot", "verdict", "software")}
+    return Result.model_validate_json(json.dumps(kept))
+
+
+def tracking(wanted_m: Columns) -> TrackingSection:
+    """The invented section of one motion, its path another one."""
+    section = Result.model_validate_json(json.dumps(whole_result())).tracking
+    assert section is not None
+    motion = section.motions[0]
+    drawn = motion.drawn
+    assert drawn.before is not None
+
+    def along(curves: PathCurves) -> PathCurves:
+        return curves.model_copy(update={"wanted_m": wanted_m})
+
+    changed = {"after": along(drawn.after), "before": along(drawn.before)}
+    other = motion.model_copy(update={"drawn": drawn.model_copy(update=changed)})
+    return section.model_copy(update={"motions": (other,)})
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    return RunFolder.create(tmp_path, "test")
+
+
+@pytest.mark.parametrize("shake_m", [0.0, 1e-16])
+def test_a_tool_point_that_stands_still_has_a_page_without_a_scale_bar(
+    folder: RunFolder, shake_m: float
+) -> None:
+    """Only the joint turns on whose axis the tool point is."""
+    still = tracking(tuple((at, at + shake_m) * 50 for at in (0.0, 0.5, 1.7)))
+    drawn = path_figure(still.motions[0], still.joints)
+    assert set(tables(drawn)) == {"before", "after"}
+    sources = [each for each in drawn.references() if isinstance(each, ColumnDataSource)]
+    assert not [source for source in sources if "text" in source.data]
+    page = write_result(folder, head().updated(tracking=still)).read_text()
+    assert "Paths followed" in page
+    assert "of deviation" not in page
+
+
+def test_a_new_section_that_cannot_be_shown_leaves_the_run_as_it_was(folder: RunFolder) -> None:
+    write_result(folder, head())
+    before = {name: folder.read(name) for name in ("result.json", "report.html")}
+    with pytest.raises(RecordingError, match=r"result\.json: tracking: cannot be shown") as told:
+        write_result(folder, head().updated(tracking=tracking(FLAT)))
+    assert str(told.value).endswith("; nothing was written")
+    assert {name: folder.read(name) for name in before} == before
+
+
+def test_whether_it_was_edited_is_asked_of_a_section_that_a_file_has(folder: RunFolder) -> None:
+    edited = head().updated(tracking=tracking(FLAT))
+    folder.write("result.json", edited.model_dump_json(by_alias=True).encode())
+    with pytest.raises(RecordingError, match=r"tracking: cannot be shown: .*; was it edited\?$"):
+        write_result(folder, edited)
