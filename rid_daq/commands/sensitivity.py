@@ -11,7 +11,7 @@ from rid_daq.terminal.choices import Against
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import Scheduler
-from rid_daq.terminal.output_file import Overwrite, refuse_output
+from rid_daq.terminal.output_file import Overwrite
 from rid_daq.terminal.plausible_option import SHARE, plausible
 
 PAYLOAD = "medium"
@@ -103,6 +103,7 @@ def sensitivity(
     from identification.sensitivity.monte_carlo import PriorUncertainty
     from rid_daq.jobs.sensitivity_job import SensitivityRequest
     from rid_daq.performers.sensitivity import perform
+    from rid_daq.runs.output_file import refuse_output
 
     console = Console(as_json)
     refuse_output(output, overwrite)

@@ -27,8 +27,8 @@ from identification.estimation.estimate import Estimate
 from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_for
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
 from rid_daq.runs.origins import cell_of
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import MOTION, lacks
-from rid_daq.terminal.output_file import refuse_output
 
 GROWN: Final = 1.2
 STALLED: Final = 0.9

@@ -17,8 +17,8 @@ from config.load import load_bundled_or_path
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import cell_of
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
-from rid_daq.terminal.output_file import refuse_output
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.session.cells import is_served, refuse_one_process
-from rid_daq.terminal.output_file import refuse_output
 
 LOOK_S: Final = 2.0
 

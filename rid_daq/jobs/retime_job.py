@@ -31,8 +31,8 @@ from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.render import render_report
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
-from rid_daq.terminal.output_file import refuse_output
 
 BY_TIME: Final = {
     "fourier": "its periods",

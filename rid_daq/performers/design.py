@@ -15,9 +15,9 @@ from acquisition.motion.samples import MotionSamples
 from config.robot.robot import RobotDescription
 from rid_daq.jobs.design_job import Designed, DesignRequest, design_motion
 from rid_daq.report.sections.section import units
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import Kind
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.output_file import refuse_output
 
 
 class _ShownAxis(NamedTuple):

@@ -12,8 +12,8 @@ from rid_daq.jobs.export_job import (
     export_model,
     export_recording,
 )
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.output_file import refuse_output
 
 
 def perform(request: ExportRequest, console: Console) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import typer
 
 from rid_daq.jobs.identify_job import IdentifiedRuns, IdentifyRequest, identify_runs
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.output_file import refuse_output
 
 
 def perform(request: IdentifyRequest, console: Console) -> None:

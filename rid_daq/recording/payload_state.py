@@ -14,11 +14,11 @@ from config.errors import ConfigError
 from config.formats.json_file import parse_json
 from config.model import ConfigModel
 from rid_daq.report.sections.payload import EmptyFlange
-from rid_daq.runs.run_data import RunData
+from rid_daq.runs.run_data import SESSION, RunData
 
 UNLOADED: Final = "unloaded"
 LOADED: Final = "loaded"
-STATE: Final = "session.json"
+STATE: Final = SESSION
 EMPTY_FLANGE: Final = "empty_flange"
 SCHEMA: Final = "rid-daq payload session 1"
 

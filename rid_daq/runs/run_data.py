@@ -52,6 +52,7 @@ FEEDFORWARD = "feedforward.json"
 ONLINE_MODEL = "online_model.json"
 ONLINE_LOOPS = "online_loops.json"
 PLANT = "plant.yaml"
+SESSION = "session.json"
 READ = (
     *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP),
     *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, PLANT, ORIGINS),

@@ -21,9 +21,9 @@ from drivers.servo.drive_settings import (
 from drivers.servo.service import DriveService
 from drivers.settings.saved_drive import DriveBackup, SavedDrive
 from drivers.settings.write_log import WriteLog
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.session.cells import reachable_cell
 from rid_daq.session.drive_writes import held_before, new_write_log
-from rid_daq.terminal.output_file import refuse_output
 
 STORE_TIMEOUT_S = 10.0
 

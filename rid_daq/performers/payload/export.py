@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rid_daq.jobs.payload.load_data_job import PayloadExportRequest, export_payload
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.output_file import refuse_output
 
 
 def perform(request: PayloadExportRequest, console: Console) -> None:

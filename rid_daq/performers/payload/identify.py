@@ -5,9 +5,9 @@ from __future__ import annotations
 import typer
 
 from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.output_file import refuse_output
 
 
 def perform(request: PayloadIdentifyRequest, console: Console) -> None:

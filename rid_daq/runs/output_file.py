@@ -1,0 +1,69 @@
+"""The file that a user names for a result: refused, if it must be, before anything is computed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST
+from acquisition.runs.run_id import RUN_ID
+from config.errors import ConfigError, RecordingError
+from rid_daq.report.result_file import REPORT, RESULT
+from rid_daq.runs.run_data import READ, SESSION
+
+PARTS: Final = (*READ, SESSION, RESULT, REPORT, MANIFEST)
+"""What a run is made of: nothing else may be called so in its folder."""
+
+_RESULTS: Final = (".json", ".pdf")
+
+
+def refuse_output(output: Path | None, overwrite: bool) -> None:
+    """Refuse a file that cannot be written, or that was not meant to be replaced.
+
+    Parameters
+    ----------
+    output
+        The file; None, which is never refused, where the result has its place in a run.
+    overwrite
+        Whether a file that is there may be replaced; a part of a run may never be.
+
+    Raises
+    ------
+    ConfigError
+        A file of that name is there, or belongs to a run.
+    RecordingError
+        No file of that name can be.
+    """
+    if output is None:
+        return
+    if output.exists() and not output.is_file():
+        raise RecordingError(f"{output}: cannot be written: is no file; choose another name")
+    if output.exists() and not overwrite:
+        raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
+    if not output.parent.is_dir():
+        raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
+    if not os.access(output.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"{output}: cannot be written: {output.parent} may not be written to")
+    _refuse_part(output)
+
+
+def _refuse_part(output: Path) -> None:
+    """Refuse what a run is made of, and what its manifest names besides results."""
+    path = output.resolve()
+    folder = next((each for each in path.parents if (each / MANIFEST).is_file()), None)
+    if folder is None:
+        return
+    name = path.relative_to(folder).as_posix()
+    try:
+        manifest = RunFolder.open(folder).manifest()
+        run_id, files = manifest.run_id, set(manifest.files)
+    except RecordingError:
+        if not RUN_ID.fullmatch(folder.name):
+            return  # another program's
+        run_id, files = folder.name, set()
+    if name in PARTS or (name in files and not name.endswith(_RESULTS)):
+        raise ConfigError(
+            f"{output}: is a part of run {run_id}, which a result cannot replace: give another name"
+        )

@@ -1,0 +1,84 @@
+"""Files that commands write: none takes the place of a part of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
+from config.errors import ConfigError
+from rid_daq.app import run
+from rid_daq.runs.output_file import refuse_output
+
+PARTS = ("recording.mcap", "cell.yaml", "result.json", "report.html", "session.json", "drive.eds")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    """A run that has ended, with a result of its own name."""
+    folder = RunFolder.create(tmp_path / "runs", "swing")
+    for name in (*PARTS, "model.json", "own.json"):
+        folder.write(name, name.encode())
+    folder.finish(RunStatus.COMPLETE)
+    return folder
+
+
+@pytest.mark.parametrize("name", [*PARTS, "manifest.json", "map.yaml", "feedforward.json"])
+def test_no_output_takes_the_place_of_a_part_of_a_run(folder: RunFolder, name: str) -> None:
+    with pytest.raises(ConfigError, match=rf"{name}: is a part of run {folder.run_id}"):
+        refuse_output(folder.path / name, overwrite=True)
+
+
+@pytest.mark.parametrize("name", ["model.json", "own.json", "new.json", "robot.urdf", "new.yaml"])
+def test_results_may_stand_in_a_run_folder(folder: RunFolder, name: str) -> None:
+    refuse_output(folder.path / name, overwrite=True)
+
+
+def test_a_renamed_run_and_a_link_to_its_part_are_seen_through(
+    folder: RunFolder, tmp_path: Path
+) -> None:
+    renamed = folder.path.rename(tmp_path / "mine")
+    (tmp_path / "link").symlink_to(renamed / "recording.mcap")
+    with pytest.raises(ConfigError, match="link: is a part of run"):
+        refuse_output(tmp_path / "link", overwrite=True)
+
+
+def test_where_the_manifest_is_torn_the_names_still_tell(folder: RunFolder) -> None:
+    (folder.path / "manifest.json").write_text("{")
+    with pytest.raises(ConfigError, match=r"recording\.mcap: is a part of run"):
+        refuse_output(folder.path / "recording.mcap", overwrite=True)
+
+
+def test_a_manifest_of_something_else_makes_no_run(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text("{}")
+    refuse_output(tmp_path / "motion.yaml", overwrite=True)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "identify latest -o",
+        "payload identify --loaded latest -o",
+        "loop latest -o",
+        "design ir361 -o",
+        "export m.json --to c -o",
+        "retime ir361 m.yaml --model m -o",
+        "retime ir361 m.yaml --model m -o new.yaml --report",
+        "compensate ir361 m.yaml --model m --loop l -o",
+        "refine latest --model m --loop l -o",
+        "sensitivity -o",
+    ],
+)
+def test_every_command_refuses_it_and_the_run_stays_whole(
+    words: str,
+    folder: RunFolder,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(folder.path.parents[1])
+    assert run([*words.split(), str(folder.file("recording.mcap")), "--overwrite"]) == 2
+    assert "recording.mcap: is a part of run" in capsys.readouterr().err
+    assert folder.verify() == ()
+    assert folder.read("recording.mcap") == b"recording.mcap"
