@@ -10,11 +10,6 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST
 from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError
-from rid_daq.report.result_file import REPORT, RESULT
-from rid_daq.runs.run_data import READ, SESSION
-
-PARTS: Final = (*READ, SESSION, RESULT, REPORT, MANIFEST)
-"""What a run is made of: nothing else may be called so in its folder."""
 
 _RESULTS: Final = (".json", ".pdf")
 
@@ -55,6 +50,10 @@ def _refuse_part(output: Path) -> None:
     folder = next((each for each in path.parents if (each / MANIFEST).is_file()), None)
     if folder is None:
         return
+    from rid_daq.report.result_file import REPORT, RESULT
+    from rid_daq.runs.run_data import READ, SESSION  # they load all that reads a run
+
+    parts = (*READ, SESSION, RESULT, REPORT, MANIFEST)
     name = path.relative_to(folder).as_posix()
     try:
         manifest = RunFolder.open(folder).manifest()
@@ -63,7 +62,7 @@ def _refuse_part(output: Path) -> None:
         if not RUN_ID.fullmatch(folder.name):
             return  # another program's
         run_id, files = folder.name, set()
-    if name in PARTS or (name in files and not name.endswith(_RESULTS)):
+    if name in parts or (name in files and not name.endswith(_RESULTS)):
         raise ConfigError(
             f"{output}: is a part of run {run_id}, which a result cannot replace: give another name"
         )
