@@ -16,17 +16,13 @@ from typing import Any, Final
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 
-from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import MANIFEST, RunStatus
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from rid_daq.service.job_kinds import JobKind
 
 _OUTPUTS: Final = ("output", "report")
 _NO_PATH: Final = "text"
 _TABLE: Final = "joint_table"
-_OF_A_RUN: Final = frozenset({MANIFEST, "result.json", "session.json"})
-"""What commands write into a run by themselves, and read again."""
 
 
 @functools.cache
@@ -51,7 +47,7 @@ def check_request(
     folder : Path
         The service's folder: files outside of it, and hidden ones, are not named.
     of_cells : collection of Path
-        The files of cells: like what a run was made with, they are not written over.
+        The files of cells: no job writes over them.
 
     Raises
     ------
@@ -66,8 +62,8 @@ def check_request(
         require_inside(text, folder)
     for name in _OUTPUTS:
         output = request.get(name)
-        if output is not None:
-            _refuse_kept(require_inside(output, folder), folder.resolve(), of_cells)
+        if output is not None and require_inside(output, folder) in map(Path.resolve, of_cells):
+            raise ConfigError(f"{output}: belongs to a cell that is served: choose another name")
 
 
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
@@ -129,24 +125,6 @@ def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
         return
     if isinstance(told, dict) and told.get("kind") == _TABLE and isinstance(told.get("file"), str):
         require_inside(told["file"], folder, motion.parent)
-
-
-def _refuse_kept(output: Path, root: Path, of_cells: Collection[Path]) -> None:
-    """Refuse to write over a cell's file, or over what a run below the root was made with."""
-    above = (each for each in output.parents if root in each.parents)
-    run = next((each for each in above if (each / MANIFEST).is_file()), None)
-    kept = output in {path.resolve() for path in of_cells}
-    if run is not None and output.exists():
-        name = output.relative_to(run).as_posix()
-        try:
-            manifest = RunFolder.open(run).manifest()
-        except RecordingError:
-            kept = True
-        else:
-            kept = kept or manifest.status == RunStatus.UNFINISHED
-            kept = kept or name in _OF_A_RUN or name in manifest.files
-    if kept:
-        raise ConfigError(f"{output.name}: is kept as it is: choose another name")
 
 
 @functools.cache

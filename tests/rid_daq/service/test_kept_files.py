@@ -1,4 +1,4 @@
-"""What no request reads or writes: hidden files, those of a cell, and what a run was made with."""
+"""What no request reads or writes: hidden files, and those of a cell."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.service.job_kinds import JobKind
@@ -22,16 +20,6 @@ ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 
 def export_to(output: str) -> dict[str, object]:
     return {"what": "model.json", "to": "json", "output": output, "overwrite": True}
-
-
-@pytest.fixture
-def run(tmp_path: Path) -> RunFolder:
-    """A run with a recording, and a model that a command has put into it."""
-    run = RunFolder.create(tmp_path / "runs", "raw")
-    run.file("recording.mcap").write_bytes(b"raw")
-    run.finish(RunStatus.COMPLETE)
-    run.file("model.json").write_text("{}")
-    return run
 
 
 @pytest.mark.parametrize("path", ["~/secret.yaml", "./~/secret.yaml", "~root/m.yaml", "~"])
@@ -64,43 +52,11 @@ def test_load_data_that_a_controller_has_said_are_no_path(tmp_path: Path) -> Non
     check_request(JobKind.PAYLOAD_READ_BACK, told, tmp_path)
 
 
-def test_what_a_run_was_made_with_is_not_written_over(run: RunFolder, tmp_path: Path) -> None:
-    inside = f"runs/{run.run_id}"
-    for name in ("recording.mcap", "manifest.json"):
-        with pytest.raises(ConfigError, match=f"{name}: is kept as it is: choose another name"):
-            check_request(JobKind.EXPORT, export_to(f"{inside}/{name}"), tmp_path)
-    for name in ("model.json", "robot.urdf"):
-        check_request(JobKind.EXPORT, export_to(f"{inside}/{name}"), tmp_path)
-
-
-def test_nothing_is_written_over_in_a_run_under_way(tmp_path: Path) -> None:
-    run = RunFolder.create(tmp_path / "runs", "raw")
-    run.file("recording.mcap").write_bytes(b"so far")
-    told = export_to(f"runs/{run.run_id}/recording.mcap")
-    with pytest.raises(ConfigError, match="is kept as it is"):
-        check_request(JobKind.EXPORT, told, tmp_path)
-
-
-def test_nothing_is_written_over_in_a_run_whose_manifest_is_damaged(
-    run: RunFolder, tmp_path: Path
-) -> None:
-    run.file("manifest.json").write_text("{")
-    with pytest.raises(ConfigError, match="is kept as it is"):
-        check_request(JobKind.EXPORT, export_to(f"runs/{run.run_id}/model.json"), tmp_path)
-
-
-def test_the_report_of_a_retimed_motion_is_an_output_too(run: RunFolder, tmp_path: Path) -> None:
-    told = {"motion": "m.yaml", "model": "m.json", "output": "out.yaml"}
-    told["report"] = f"runs/{run.run_id}/recording.mcap"
-    with pytest.raises(ConfigError, match="is kept as it is"):
-        check_request(JobKind.RETIME, told, tmp_path)
-
-
 def test_the_files_of_a_served_cell_are_not_written_over(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_bytes(load_cell("ir361").files["cell.yaml"])
     cell = ServedCell(str(tmp_path / "cell.yaml"), 1.0)
     service = CellService(tmp_path, [cell])
-    with pytest.raises(ConfigError, match=r"cell\.yaml: is kept as it is"):
+    with pytest.raises(ConfigError, match=r"cell\.yaml: belongs to a cell that is served"):
         asyncio.run(service.begin(cell, JobKind.EXPORT, export_to("cell.yaml"), ANNA))
 
 
