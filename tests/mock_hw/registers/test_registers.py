@@ -93,7 +93,7 @@ class TestTheDriverReadsThem:
         config = workshop.serve(kind, fault=at_first("silent"))
         line = monitor(config, workshop)
         (read,) = plan_reads(PROFILE, POLLED)
-        with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 2 s; check"):
+        with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 4 s; check"):
             line._link.read(1, read)
         assert workshop.requests == 1
         assert line.read().problems == ()
