@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -33,11 +33,19 @@ from rid_daq.terminal.options import (
 )
 from rid_daq.terminal.plausible_option import plausible_as
 
-_KEPT = (
-    *("repeats", "model", "payload", "known", "until_mass_kg", "rehearsal_percent"),
-    *("warm_up_percent", "warm_up_periods", "label", "seed"),
-)
-"""Options that a session keeps from its beginning, unless they are given again."""
+_KEPT: Final = {
+    name: name
+    for name in (
+        *("repeats", "model", "payload", "known", "until_mass_kg", "rehearsal_percent"),
+        *("warm_up_percent", "warm_up_periods", "label", "seed"),
+    )
+} | {
+    "mass_limit_percent": "mass_percent",
+    "centre_limit_mm": "centre_mm",
+    "inertia_limit_percent": "inertia_percent",
+    "residual_limit_percent": "residual_percent",
+}
+"""Options that a session keeps from its beginning, unless they are given again: as `given` says."""
 
 
 def session(
@@ -154,7 +162,7 @@ def session(
         resume=resume,
         yes=yes,
         practise=practise,
-        given=tuple(name for name in _KEPT if is_given(context, name)),
+        given=tuple(name for option, name in _KEPT.items() if is_given(context, option)),
         seed=seed,
         axis_test=AxisTestRule.unless(without_axis_test),
         pace=pace,

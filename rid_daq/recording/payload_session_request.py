@@ -79,8 +79,8 @@ class PayloadSessionRequest:
     live : LiveOptions
         Whether and where it is shown.
     given : tuple of str
-        Which of these a person has said, be they the usual ones: of a session that is gone on with
-        they replace what it was begun with.
+        Which of these, and of the `limits` by themselves, a person has said, be they the usual
+        ones: of a session that is gone on with they replace what it was begun with.
     """
 
     cell: str
@@ -109,9 +109,17 @@ class PayloadSessionRequest:
     @property
     def asked(self) -> dict[str, object]:
         """What belongs to the session and is not the usual, as JSON has it."""
+        return self._of_session(exclude_defaults=True)
+
+    @property
+    def choices(self) -> dict[str, object]:
+        """All that belongs to the session, as JSON has it."""
+        return self._of_session(exclude_defaults=False)
+
+    def _of_session(self, *, exclude_defaults: bool) -> dict[str, object]:
         whole = self if self.model is None else replace(self, model=self.model.absolute())
         told = TypeAdapter(PayloadSessionRequest).dump_python(
-            whole, mode="json", exclude_defaults=True
+            whole, mode="json", exclude_defaults=exclude_defaults
         )
         return {name: value for name, value in told.items() if name in _OF_SESSION}
 
@@ -137,7 +145,10 @@ class PayloadSessionRequest:
         taken = {name: getattr(old, name) for name in known if name not in said}
         if "limits" in known:
             now, usual = asdict(self.limits), asdict(PayloadLimits())
-            new = {name: value for name, value in now.items() if value != usual[name]}
+            given = set(now if "limits" in self.given else self.given)
+            new = {
+                name: value for name, value in now.items() if name in given or value != usual[name]
+            }
             taken["limits"] = replace(old.limits, **new)
         return replace(self, **taken)
 

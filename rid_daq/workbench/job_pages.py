@@ -58,7 +58,7 @@ async def payload_page(visit: Visitor) -> HTMLResponse:
         files=await _files(visit),
         payloads=() if plant is None else tuple(plant.payloads),
         interrupted=await run_in_threadpool(
-            interrupted_sessions, visit.service.runs, visit.cell.name
+            interrupted_sessions, visit.service.runs, visit.cell.name, visit.service.folder
         ),
         formats=tuple(LoadFormat),
     )

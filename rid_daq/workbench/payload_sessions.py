@@ -9,6 +9,7 @@ from typing import Final
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.manifest import RunStatus
 from config.errors import RidDaqError
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import SessionState
 
 KIND: Final = "payload session"
@@ -24,15 +25,18 @@ class InterruptedSession:
         Its id, what people call it, and when it began.
     done : tuple of str
         The steps that count already.
+    choices : dict
+        What it was begun with, as a request has it; the model as seen from the service's folder.
     """
 
     run: str
     label: str
     created_utc: str
     done: tuple[str, ...]
+    choices: dict[str, object]
 
 
-def interrupted_sessions(runs: Path, cell: str) -> tuple[InterruptedSession, ...]:
+def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[InterruptedSession, ...]:
     """Return the sessions of a cell that have not come to their end, the newest first.
 
     Parameters
@@ -41,18 +45,31 @@ def interrupted_sessions(runs: Path, cell: str) -> tuple[InterruptedSession, ...
         The folder of the run folders.
     cell : str
         The cell's name.
+    folder : Path
+        The service's folder.
     """
     found = []
-    for folder, manifest in list_runs(runs):
+    for run, manifest in list_runs(runs):
         if manifest.kind != KIND or manifest.status == RunStatus.COMPLETE:
             continue
         try:
-            state = SessionState.read(folder)
+            state = SessionState.read(run)
+            now = PayloadSessionRequest(state.cell, runs, resume=run.run_id)
+            choices = now.as_begun(state.asked).choices
         except RidDaqError:  # it cannot be gone on with; the page of runs shows what is wrong
             continue
         if state.cell == cell:
-            done = tuple(state.done)
+            choices["model"] = _seen_from(folder.resolve(), choices["model"])
             found.append(
-                InterruptedSession(folder.run_id, manifest.label, manifest.created_utc, done)
+                InterruptedSession(
+                    run.run_id, manifest.label, manifest.created_utc, tuple(state.done), choices
+                )
             )
     return tuple(sorted(found, key=lambda each: each.run, reverse=True))
+
+
+def _seen_from(folder: Path, file: object) -> object:
+    """Return a file's path as requests name it; as it is where it lies elsewhere, or is none."""
+    if not isinstance(file, str) or not Path(file).is_relative_to(folder):
+        return file
+    return str(Path(file).relative_to(folder))

@@ -1,7 +1,7 @@
 // Payload: the guided session, its warm-up, its result, load data for the controller.
 import { element, find, table } from "./dom.js";
 import { ask } from "./service.js";
-import { WorkPanel, checksOf, figureIn, figuresOf, findingList, gradeOf, measured, number, numberOf, press, verdictOf, wanted, fileLink, link } from "./work.js";
+import { WorkPanel, checksOf, figureIn, figuresOf, findingList, gradeOf, measured, number, numberOf, offer, press, verdictOf, wanted, fileLink, link } from "./work.js";
 
 const STEPS = ["prepare", "rehearsal", "warm-up", "unloaded", "attach", "loaded", "result"];
 const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet", skipped: "skipped" };
@@ -77,11 +77,13 @@ async function ended(job, document) {
 }
 
 // ---- the session
+let resumed = null; // the session that is gone on with: its run, what it was begun with, and that as the form has it
+
 function request() {
   const mass = find("mass").value.trim();
-  const known = mass ? [{ name: "m", value: numberOf("mass", { least: 0.0001 }), sigma: numberOf("mass-sigma", { least: 0 }) }] : [];
+  const weighed = mass ? [{ name: "m", value: numberOf("mass", { least: 0.0001 }), sigma: numberOf("mass-sigma", { least: 0 }) }] : [];
   const asks = {
-    known,
+    known: [...(resumed?.choices.known ?? []).filter((each) => each.name !== "m"), ...weighed],
     label: find("label").value.trim() || "payload",
     limits: {
       mass_percent: numberOf("mass-limit", { least: 0 }),
@@ -95,25 +97,53 @@ function request() {
     warm_up_percent: numberOf("warm", { least: 0 }),
     warm_up_periods: numberOf("warm-periods", { least: 3, whole: true }),
   };
-  if (find("payload")?.value) asks.payload = find("payload").value;
-  if (find("model").value) asks.model = find("model").value;
+  asks.payload = find("payload")?.value || null;
+  asks.model = find("model").value || null;
   return asks;
 }
 
 press("begin", panel, "payload", () => {
-  const motion = find("motion").value;
-  return panel.begin("payload", motion ? { ...request(), motion } : request(), { moves: true });
+  const asks = resumed ? saidAnew() : { ...request(), motion: find("motion").value || null };
+  return panel.begin("payload", asks, { moves: true });
 });
 press("check", panel, "check", () => panel.begin("check"));
-for (const button of document.querySelectorAll(".resume")) {
-  button.addEventListener("click", async () => {
-    try {
-      await panel.begin("payload", { ...request(), resume: button.dataset.run }, { moves: true });
-    } catch (error) {
-      panel.refuse("payload", error);
-    }
-  });
+
+// Show what an interrupted session was begun with where it can be changed; it goes on from there.
+function goOn({ run, label, choices: told }) {
+  const choices = JSON.parse(told);
+  const { known, limits } = choices;
+  const mass = known.find((each) => each.name === "m");
+  const fields = {
+    mass: mass?.value ?? "", "mass-sigma": mass?.sigma ?? find("mass-sigma").defaultValue, label: choices.label,
+    "mass-limit": limits.mass_percent, "centre-limit": limits.centre_mm,
+    "inertia-limit": limits.inertia_percent, "residual-limit": limits.residual_percent,
+    repeats: choices.repeats, rehearsal: choices.rehearsal_percent,
+    warm: choices.warm_up_percent, "warm-periods": choices.warm_up_periods,
+  };
+  for (const [id, value] of Object.entries(fields)) find(id).value = value;
+  for (const id of ["payload", "model"]) {
+    if (choices[id] && find(id)) offer(find(id), choices[id]);
+    else if (find(id)) find(id).value = "";
+  }
+  for (const id of ["motion", "periods"]) find(id).disabled = true; // they stand in its folder
+  resumed = { run, choices };
+  resumed.shown = request();
+  const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
+  if (choices.until_mass_kg !== null) more.push(`A run ends once 2σ of the mass is ${choices.until_mass_kg} kg.`);
+  find("going-on").textContent = [`Session ${label} goes on with what stands here; it was begun with that. Change what is wrong.`, ...more].join(" ");
+  for (const id of ["going-on", "anew"]) find(id).hidden = false;
+  find("begin").textContent = `Go on with ${label}`;
+  find("lengths").open = true;
+  find("prepare").scrollIntoView({ block: "start" });
 }
+
+// What is another now than the session was begun with, be it the usual.
+function saidAnew() {
+  const changed = Object.entries(request()).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(resumed.shown[name]));
+  return { ...Object.fromEntries(changed), given: changed.map(([name]) => name), resume: resumed.run };
+}
+
+for (const button of document.querySelectorAll(".resume")) button.addEventListener("click", () => goOn(button.dataset));
 
 // ---- the result
 const NAMES = { m: "mass", cx: "centre of gravity, x", cy: "centre of gravity, y", cz: "centre of gravity, z" };

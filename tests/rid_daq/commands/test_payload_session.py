@@ -24,6 +24,7 @@ from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.warm_up import period_powers
 from rid_daq.app import run
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.runs.run_data import RunData
 from tests.builders.screens import noted, require_fitting
@@ -161,6 +162,21 @@ def test_a_session_that_was_interrupted_goes_on_where_it_was(
     assert abs(mass["value"] - 9.579) < max(0.1, 2.5 * mass["std"])
     # All is done: it is weighed again, with other limits, and nothing moves.
     assert run(session(motion, runs, *words, "--mass-limit", "0.1")) == 1
+
+
+def test_an_option_counts_as_said_be_it_the_usual(
+    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[PayloadSessionRequest] = []
+    monkeypatch.setattr(
+        "rid_daq.commands.payload_session.here_or_there",
+        lambda _service, _kind, request, *_more: asked.append(request),
+    )
+    words = ["--resume", "latest", "--mass-limit", "5", "--repeats", "1"]
+    assert run(session(motion, tmp_path, *words)) == 0
+    (request,) = asked
+    said = {"mass_percent", "repeats", "rehearsal_percent", "warm_up_percent", "warm_up_periods"}
+    assert set(request.given) == said
 
 
 def test_what_cannot_be_resumed_is_refused(

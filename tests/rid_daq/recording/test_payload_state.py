@@ -97,3 +97,22 @@ def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said
     assert kept.limits == PayloadLimits(mass_percent=2.0, centre_mm=1.0)
     with pytest.raises(ConfigError, match="--resume latest: its file says repeats: "):
         again.as_begun({"repeats": "many"})
+
+
+def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> None:
+    begun = PayloadSessionRequest(
+        "kr15",
+        folder.path.parent,
+        model=Path("model.json"),
+        known=(Known("m", 12.0, 0.005),),
+        repeats=3,
+        limits=PayloadLimits(mass_percent=20.0, centre_mm=30.0),
+    )
+    again = PayloadSessionRequest("kr15", folder.path.parent, resume="latest")
+    taken_back = replace(again, given=("known", "model", "repeats", "limits"))
+    kept = taken_back.as_begun(begun.asked)
+    assert (kept.known, kept.model, kept.repeats) == ((), None, 1)
+    assert kept.limits == PayloadLimits()
+    kept = replace(again, given=("mass_percent",)).as_begun(begun.asked)
+    assert kept.limits == PayloadLimits(centre_mm=30.0)
+    assert (kept.known, kept.repeats) == (begun.known, 3)

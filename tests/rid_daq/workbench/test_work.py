@@ -128,8 +128,10 @@ def test_a_newcomer_comes_to_a_payload_verdict(
 
     page.reload()
     checked(page)
-    fill_session(page)
-    begin_motion(page, ".resume")
+    page.locator(".resume").click()
+    expect(page.locator("#payload")).to_have_value("medium")
+    expect(page.locator("#centre-limit")).to_have_value("30")
+    begin_motion(page, "#begin")
     expect(page.locator("#job")).to_contain_text("goes on; done already: rehearsal.")
     expect(page.locator("#result .verdict.end")).to_contain_text(
         "✓ Passed: the payload has 9.", timeout=LONG_MS

@@ -1,0 +1,102 @@
+"""An interrupted payload session, gone on with by its page: what the page shows is what holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from acquisition.runs.folder import RunFolder
+from identification.choices import PayloadLimits
+from identification.payload.known import Known
+from rid_daq.recording.payload_session_request import PayloadSessionRequest
+from rid_daq.recording.payload_state import SessionState
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.workbench.conftest import OpenPage, give_back, ready, take_cell
+
+pytestmark = pytest.mark.slow
+
+CELL = "ir361"
+
+
+@pytest.fixture(scope="module")
+def session(served_pages: ServedProcess) -> str:
+    """Return a session that was begun with other choices than the usual, and interrupted."""
+    runs = served_pages.folder / "runs"
+    begun = PayloadSessionRequest(
+        CELL,
+        runs,
+        label="gripper",
+        model=served_pages.folder / "robot.json",
+        known=(Known("m", 12.0, 0.02), Known("cz", 0.1, 0.01)),
+        repeats=3,
+        limits=PayloadLimits(mass_percent=20.0),
+    )
+    folder = RunFolder.create(runs, "gripper", kind="payload session")
+    SessionState(folder, CELL, asked=begun.asked).write()
+    return folder.run_id
+
+
+@pytest.fixture
+def page(open_page: OpenPage, served_pages: ServedProcess) -> Iterator[Page]:
+    """The Payload page of somebody who has the cell, ready to move."""
+    opened = open_page()
+    take_cell(opened)
+    opened.get_by_role("link", name="Payload", exact=True).click()
+    ready(opened, served_pages)
+    yield opened
+    give_back(opened)
+
+
+def asked_for(page: Page) -> dict[str, Any]:
+    """Press what begins, and return the request; nothing begins."""
+    asked: list[Any] = []
+
+    def keep(route: Route) -> None:
+        asked.append(route.request.post_data_json)
+        route.fulfill(status=409, json={"error": "Refused", "message": "kept by a test"})
+
+    page.route(f"**/cells/{CELL}/jobs", keep)
+    page.locator("#begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    expect(page.locator("#job")).to_contain_text("kept by a test")
+    (wanted,) = asked
+    request: dict[str, Any] = wanted["request"]
+    return request
+
+
+def test_it_is_shown_what_a_session_was_begun_with_and_that_holds(
+    page: Page, session: str, problems: list[str]
+) -> None:
+    page.reload()  # the session may be there since
+    page.locator(f".resume[data-run='{session}']").click()
+    shown = {"mass": "12", "mass-sigma": "0.02", "label": "gripper", "mass-limit": "20"}
+    shown |= {"centre-limit": "10", "repeats": "3", "model": "robot.json"}
+    for field, value in shown.items():
+        expect(page.locator(f"#{field}")).to_have_value(value)
+    expect(page.locator("#going-on")).to_contain_text("cz is known: 0.1 ± 0.01.")
+    expect(page.locator("#begin")).to_have_text("Go on with gripper")
+    assert asked_for(page) == {"resume": session, "given": []}
+    problems.clear()  # the browser's own words on the refusal
+
+
+def test_what_is_changed_is_said_anew_be_it_the_usual(
+    page: Page, session: str, problems: list[str]
+) -> None:
+    page.reload()
+    page.locator(f".resume[data-run='{session}']").click()
+    for field, value in {"mass": "", "mass-limit": "5", "repeats": "1"}.items():
+        page.locator(f"#{field}").fill(value)
+    page.locator("#model").select_option("")
+    request = asked_for(page)
+    assert set(request.pop("given")) == {"known", "limits", "repeats", "model"}
+    limits = {"mass_percent": 5, "centre_mm": 10, "inertia_percent": 100, "residual_percent": 20}
+    known = [{"name": "cz", "value": 0.1, "sigma": 0.01}]
+    left = {"known": known, "limits": limits, "repeats": 1, "model": None}
+    assert request == {"resume": session, **left}
+    page.locator("#anew").click()
+    expect(page.locator("#mass-limit")).to_have_value("5")
+    expect(page.locator("#begin")).to_have_text("Begin the session")
+    problems.clear()
