@@ -8,7 +8,9 @@ from fastapi import APIRouter, Query
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import HTMLResponse
 
+from acquisition.runs.manifest import Manifest
 from rid_daq.service.api.runs import REPORT, RESULT, run_folder
+from rid_daq.service.service import CellService
 from rid_daq.workbench.robot_history import history_of
 from rid_daq.workbench.visit import PageRoute, Visitor
 
@@ -38,9 +40,15 @@ async def history_page(
 @router.get("/{run}")
 async def run_page(visit: Visitor, run: str) -> HTMLResponse:
     """Show one run."""
-    folder = run_folder(visit.service, run)
+    manifest, sizes, has_report = await run_in_threadpool(_files_of, visit.service, run)
+    return visit.page("run.html", run=manifest, sizes=sizes, has_report=has_report)
+
+
+def _files_of(service: CellService, run: str) -> tuple[Manifest, dict[str, int], bool]:
+    """Return a run's manifest, the sizes of its files, and whether it has a report."""
+    folder = run_folder(service, run)
     manifest = folder.manifest()
     extra = [name for name in (REPORT, RESULT) if folder.file(name).exists()]
     sizes = {name: entry.size_bytes for name, entry in sorted(manifest.files.items())}
     sizes |= {name: folder.file(name).stat().st_size for name in extra}
-    return visit.page("run.html", run=manifest, sizes=sizes, has_report=REPORT in extra)
+    return manifest, sizes, REPORT in extra

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
+from acquisition.runs.folder import RunFolder
 from config.load import load_cell
+from rid_daq.service.api.app import make_api
+from rid_daq.service.api.runs import run_folder
+from rid_daq.service.records import Role
 from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+from rid_daq.workbench import runs_pages
 from rid_daq.workbench.cell_sources import sources_of
+from rid_daq.workbench.pages import PAGES
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory, history_of
+from tests.rid_daq.service.test_api import Api
 from tests.rid_daq.workbench.conftest import estimated
 
 
@@ -58,3 +67,22 @@ def test_the_history_of_a_robot_holds_its_own_runs_alone(tmp_path: Path) -> None
 def test_a_drift_is_judged_by_its_uncertainty(values, words) -> None:
     entries = [HistoryEntry("run", "", "", value, std) for value, std in values]
     assert words in QuantityHistory("mass", "kg", entries).sentence
+
+
+def test_a_run_is_not_looked_for_where_stop_and_leases_are_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def beside(service: CellService, run: str) -> RunFolder:
+        with pytest.raises(RuntimeError, match="no running event loop"):
+            asyncio.get_running_loop()
+        return run_folder(service, run)
+
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    run = estimated(service.runs, "first", 3.0)
+    monkeypatch.setattr(runs_pages, "run_folder", beside)
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    page = api.ask(Role.VIEWER, "GET", f"/cells/ir361/runs/{run}")
+    assert page.status_code == 200
+    assert "result.json" in page.text
+    assert api.ask(Role.VIEWER, "GET", "/cells/ir361/runs/none").status_code == 404
