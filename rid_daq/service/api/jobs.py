@@ -6,14 +6,15 @@ from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Body, Query
+from fastapi.responses import Response
 from pydantic import Field
 
 from rid_daq.service.api.cells import LeaseKey
 from rid_daq.service.api.context import OfCell, OfJob, Operator, Service, Who
+from rid_daq.service.api.told_events import told_events
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState, OnLostClient, Record
 from rid_daq.service.request_check import request_schemas
-from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.job_events import AnyEvent
 
 router = APIRouter(prefix="/api/v1", tags=["jobs"])
@@ -77,14 +78,15 @@ async def get_job(job: OfJob) -> Job:
     return job
 
 
-@router.get("/jobs/{job}/events")
-async def get_events(
+@router.get("/jobs/{job}/events", response_model=list[AnyEvent])
+def get_events(
     job: OfJob,
     service: Service,
     after: Annotated[int, Query(ge=0, description="How many are known already.")] = 0,
-) -> list[AnyEvent]:
+) -> Response:
     """Return what a job has said."""
-    return list(EventTail(service.workshop.events(job.id)).new())[after:]
+    told = told_events(service.workshop.events(job.id)).after(after)
+    return Response(told, media_type="application/json")
 
 
 @router.post("/jobs/{job}/answer", status_code=HTTPStatus.ACCEPTED)

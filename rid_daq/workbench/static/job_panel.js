@@ -82,7 +82,8 @@ export class JobPanel {
     this.job = job;
     sessionStorage.setItem(this.key, job.id);
     this.known = 0;
-    this.asking = null;
+    this.asking = Promise.resolve();
+    this.waiting = null;
     this.question = null;
     this.document = null;
     this.progress = element("progress", { max: "1", "aria-label": "how far" });
@@ -142,21 +143,24 @@ export class JobPanel {
     this.ended(job, this.document);
   }
 
-  // Get what the job has said since the last time; one request at a time, none is missed.
+  // Get what the job has said since the last time, and miss nothing: one request is under way, and one
+  // waits, for all who have asked meanwhile.
   follow() {
-    const job = this.job.id;
-    this.asking = (this.asking ?? Promise.resolve()).then(async () => {
-      if (this.job?.id !== job) return;
+    const { job: { id }, said } = this;
+    const left = () => this.job?.id !== id || this.said !== said; // another job is shown, or this one anew
+    this.waiting ??= this.asking.then(async () => {
+      if (left()) return;
+      [this.asking, this.waiting] = [this.waiting, null];
       try {
-        const events = await ask("GET", `/jobs/${job}/events?after=${this.known}`);
-        if (this.job?.id !== job) return;
+        const events = await ask("GET", `/jobs/${id}/events?after=${this.known}`);
+        if (left()) return;
         this.known += events.length;
         for (const event of events) this.take(event);
       } catch {
         // out of reach: `refresh` comes once the service is back
       }
     });
-    return this.asking;
+    return this.waiting;
   }
 
   take(event) {

@@ -1,0 +1,81 @@
+"""What a job has said, asked for again and again while STOP and leases are to be heard."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from rid_daq.service.api import jobs
+from rid_daq.service.api.told_events import ToldEvents, told_events
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import Job, JobState, Role
+from rid_daq.service.service import CellService
+from rid_daq.terminal.job_events import EVENT, Said
+from tests.rid_daq.service.test_api import Api
+
+
+@pytest.fixture
+def job(service: CellService) -> Job:
+    """A journalled job that has said nothing yet."""
+    job = Job(
+        id="j1",
+        cell="ir361",
+        kind=JobKind.CHECK,
+        state=JobState.DONE,
+        owner="a test",
+        request={},
+        created_s=time.time(),
+    )
+    service.jobs.add(job)
+    return job
+
+
+def say(events: Path, *texts: str) -> None:
+    with events.open("ab") as file:
+        file.writelines(EVENT.dump_json(Said(at_s=1.0, text=text)) + b"\n" for text in texts)
+
+
+def told(service: CellService, after: int) -> list[str]:
+    path = f"/api/v1/jobs/j1/events?after={after}"
+    return [each["text"] for each in Api(service).ask(Role.VIEWER, "GET", path).json()]
+
+
+def test_a_viewer_gets_what_it_does_not_know_and_the_rest_is_not_read_again(
+    service: CellService, job: Job
+) -> None:
+    events = service.workshop.events(job.id)
+    assert told(service, 0) == []
+    say(events, "one", "two")
+    assert told(service, 0) == ["one", "two"]
+    content = events.read_bytes()
+    events.write_bytes(b"?" * (len(content) - 1) + b"\n")  # whoever reads it again knows nothing
+    say(events, "three")
+    assert told(service, 0) == ["one", "two", "three"]
+    assert told(service, 2) == ["three"]
+    assert told(service, 3) == told(service, 4) == []
+
+
+def test_a_torn_line_has_no_number(tmp_path: Path) -> None:
+    events = tmp_path / "j1.jsonl"
+    say(events, "one")
+    with events.open("ab") as file:
+        file.write(b'{"kind": "said", "te\n')
+    say(events, "two")
+    assert b'"two"' in ToldEvents(events).after(1)
+    assert ToldEvents(events).after(2) == b"[]"
+
+
+def test_a_file_is_not_read_where_stop_and_leases_are_heard(
+    service: CellService, job: Job, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def beside(events: Path) -> ToldEvents:
+        with pytest.raises(RuntimeError, match="no running event loop"):
+            asyncio.get_running_loop()
+        return told_events(events)
+
+    say(service.workshop.events(job.id), "one")
+    monkeypatch.setattr(jobs, "told_events", beside)
+    assert told(service, 0) == ["one"]
