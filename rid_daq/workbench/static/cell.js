@@ -1,7 +1,7 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
 import { duration, element, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
-import { showJoints, showTemperatures } from "./joints.js";
+import { showEnd, showJoints, showSilence, showTemperatures } from "./joints.js";
 import { loadPreflight } from "./preflight.js";
 import { runTable } from "./run_table.js";
 import { ask, on, preflightAge } from "./service.js";
@@ -29,7 +29,7 @@ function next(job, document) {
 }
 
 function ended(job) {
-  if (job.run) find("joints-words").textContent = "Values at the end of the last motion.";
+  if (job.run) showEnd(find("joints-words"));
   refresh();
 }
 
@@ -76,6 +76,7 @@ on("cell", (now) => {
   showState();
 });
 on("samples", (picture) => showJoints(find("joints"), find("joints-words"), picture));
+on("reach", (reached) => !reached && status?.job && showSilence(find("joints-words")));
 on("again", refresh);
 setInterval(showState, 1000);
 refresh();

@@ -9,12 +9,19 @@ export function showJoints(section, words, picture) {
   const { joints, age_s: age, moving } = picture;
   const old = age === null || age > OLD_S;
   const sentence = old && moving ? `NOT LIVE: no new values for ${age ?? "…"} s.` : `${picture.words}.`;
-  if (words.textContent !== sentence) words.textContent = sentence;
-  words.classList.toggle("problem", old && moving);
+  say(words, sentence, old && moving);
   for (const joint of joints) {
     const card = section.querySelector(`[data-joint="${CSS.escape(joint.name)}"]`);
     if (card) showJoint(card, joint);
   }
+}
+
+export const showSilence = (words) => say(words, "NOT LIVE: the service does not answer.", true);
+export const showEnd = (words) => say(words, "Values at the end of the last motion.", false);
+
+function say(words, sentence, problem) {
+  if (words.textContent !== sentence) words.textContent = sentence;
+  words.classList.toggle("problem", problem);
 }
 
 // How warm the drives were when they were checked, until a motion tells it anew.

@@ -12,6 +12,9 @@ const LEASE_S = 15;
 const BEAT_MS = 4000;
 const PATIENCE_MS = 10000;
 const ALIVE_MS = 2000;
+const WATCH_MS = 200;
+const SILENT_MS = 800;
+const SIGN_MS = 1000;
 const AGAIN_MS = 1000;
 const HOLD_MS = 50;
 const KEY = `rid-daq lease ${page.cell}`;
@@ -90,10 +93,13 @@ export function preflightAge() {
   return age === null ? null : age + (performance.now() - now.ageFrom) / 1000;
 }
 
-// ---- reach: the socket is open, and the service answers within two seconds
+// ---- reach: the socket is open, and the service answers within two seconds. While a job has the cell it
+// is seldom silent: a page that hears nothing for a while asks, so that a person knows within two seconds.
 let socket = null;
 let answers = true;
 let reached = null;
+let heardAt = 0;
+let watching = false;
 
 function noteReach() {
   const reach = answers && socket?.readyState === WebSocket.OPEN;
@@ -104,23 +110,40 @@ function noteReach() {
   if (again) tell("again");
 }
 
-async function look() {
+function hear() {
+  heardAt = performance.now();
+  answers = true;
+  noteReach();
+}
+
+async function look(patienceMs = ALIVE_MS) {
+  const from = performance.now();
   try {
-    const status = await ask("GET", CELL, undefined, ALIVE_MS);
-    answers = true;
+    const status = await ask("GET", CELL, undefined, patienceMs);
+    hear();
     setStatus(status);
   } catch (error) {
     if (error.status === 401) location.assign("/pair");
-    answers = error.status !== 0;
+    answers = error.status !== 0 || heardAt > from;
+    noteReach();
   }
-  noteReach();
+}
+
+async function watch() {
+  if (watching || !now.status?.job || performance.now() - heardAt < SILENT_MS) return;
+  watching = true;
+  await look(SIGN_MS);
+  watching = false;
 }
 
 export function connect() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
   socket = new WebSocket(`${scheme}//${location.host}/api/v1/ws`);
   socket.addEventListener("open", noteReach);
-  socket.addEventListener("message", (message) => dispatch(JSON.parse(message.data)));
+  socket.addEventListener("message", (message) => {
+    hear();
+    dispatch(JSON.parse(message.data));
+  });
   socket.addEventListener("close", () => {
     noteReach();
     setTimeout(connect, AGAIN_MS);
@@ -139,6 +162,7 @@ export function begin() {
   look();
   if (lease.key) lease.renew();
   setInterval(look, BEAT_MS);
+  setInterval(watch, WATCH_MS);
   new Worker("/static/beat.js").addEventListener("message", () => lease.key && lease.renew());
   document.addEventListener("visibilitychange", () => {
     if (document.visibilityState === "visible") {
