@@ -36,7 +36,8 @@ function ended(job) {
 async function refresh() {
   loadRuns();
   const lines = await loadPreflight(find("preflight"), find("preflight-words"));
-  if (lines && !status?.job) showTemperatures(find("joints"), lines);
+  const moves = ["moving", "stopping"].includes(status?.state); // a check is over before the cell's state says so
+  if (lines && !moves) showTemperatures(find("joints"), lines);
 }
 
 async function loadRuns() {
