@@ -11,6 +11,7 @@ from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.cells import CellStore
 
 PREFLIGHT_LIMIT_S: Final = 1800.0
+SINCE_FAULT: Final = "a fault has stopped a motion since: check it again."
 
 _NO_FAULT = frozenset(
     {
@@ -89,17 +90,27 @@ class Readiness:
         """Keep the fault that has stopped a motion, where one has; its preflight is void."""
         stop = None if document is None else document.get("stop")
         if isinstance(stop, dict) and stop.get("code") not in _NO_FAULT:
-            self._store.note_fault(cell.name, str(stop.get("text", "the motion was stopped.")))
+            self._note_fault(cell.name, str(stop.get("text", "the motion was stopped.")))
 
     def note_death(self, cell: str, why: str) -> None:
-        """Keep that a motion's process died: nobody saw how it came to rest."""
-        self._store.note_fault(cell, f"{why}.")
+        """Keep that a motion's process died: nobody saw how it came to rest; as `note_end`."""
+        self._note_fault(cell, f"{why}.")
 
     def note_reset(self, cell: ServedCell) -> None:
-        """Forget the fault that a person has reset."""
+        """Forget the fault that a person has reset; the cell must be checked again."""
         self._store.note_fault(cell.name, "")
 
+    def _note_fault(self, cell: str, fault: str) -> None:
+        self._store.note_fault(cell, fault)
+        found = self._store.preflight(cell)
+        if found is not None:
+            preflight, files_hash = found
+            void = preflight.model_copy(update={"void_because": SINCE_FAULT})
+            self._store.note_preflight(cell, void, files_hash)
+
     def _void(self, cell: ServedCell, preflight: Preflight, files_hash: str) -> str:
+        if preflight.void_because:
+            return preflight.void_because
         if not preflight.passed:
             return "its preflight is red: see there what to do, then check again."
         age_s = self._now_s() - preflight.at_s

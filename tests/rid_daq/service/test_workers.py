@@ -120,6 +120,8 @@ def test_a_killed_worker_is_an_interrupted_job_and_its_cell_must_be_reset(
             assert "its process died" in over.job.reason
             assert client.cell("ir361").state is CellState.FAULT
             client.run("ir361", "reset", {}, lease=key).require_done()
+            assert client.cell("ir361").state is CellState.CLOSED
+            client.run("ir361", "check", {}, lease=key).require_done()
             assert client.cell("ir361").state is CellState.READY
 
 
