@@ -148,6 +148,7 @@ def test_a_motion_that_ended_meanwhile_is_no_failure(
 
     def end(_: ProgramWords, code: StopCode) -> None:
         control.program.declare_task_gone()
+        control.task.power_off = True
         control.task.state = TaskState.FINISHED
 
     monkeypatch.setattr(ProgramWords, "request_stop", end)

@@ -71,6 +71,7 @@ def test_a_run_that_a_crash_has_left_is_recovered(
             assert pid is not None
             os.kill(pid, signal.SIGKILL)
             over = client.follow(job).job
+            client.run("ir361", "reset", {}, lease=key).require_done()
     assert over.state is JobState.INTERRUPTED
     assert over.run is not None
     page = open_page()
