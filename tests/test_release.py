@@ -55,7 +55,7 @@ def release(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> None:
     subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=release, check=True)
     names = {path.name for path in release.iterdir()}
@@ -72,7 +72,7 @@ def test_a_release_holds_what_a_person_installs_and_checks(release: Path) -> Non
     assert "pytest" not in listed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_wheel_has_every_file_of_the_packages(release: Path) -> None:
     """So that all of them, the demo too, find what they read from an empty directory."""
     with zipfile.ZipFile(next(release.glob("rid_daq-*.whl"))) as wheel:
@@ -85,7 +85,7 @@ def test_the_wheel_has_every_file_of_the_packages(release: Path) -> None:
     assert "rid_daq/site/index.html" in packed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("python", ["python3.11", "python3.12", "python3.13"])
 def test_the_wheel_identifies_a_robot_from_an_empty_directory(
     release: Path, python: str, tmp_path: Path

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 TUTORIALS = Path(__file__).resolve().parent.parent / "docs" / "tutorial"
-NAMES = ("accurate-path", "first-hour", "payload-day", "your-own-robot")
+NAMES = ("first-hour", "your-own-robot", "accurate-path", "payload-day")
 
 _NUMBER = re.compile(r"[-−+]?\d[\d.,]*(?:·10[⁻⁰¹²³⁴-⁹]+)?")
 _RUN = re.compile(r"\b[0-9A-HJKMNP-TV-Z]{26}\b")
@@ -57,8 +57,11 @@ def require_shown(shown: list[str], said: list[str], command: str) -> None:
         at = found + len(part)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) for name in NAMES[:2]]
+    + [pytest.param(name, marks=pytest.mark.long) for name in NAMES[2:]],
+)
 def test_a_tutorial_shows_what_its_commands_say(name: str, tmp_path: Path) -> None:
     own = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}", "COLUMNS": "200"}

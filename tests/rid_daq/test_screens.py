@@ -32,7 +32,7 @@ def test_a_screen_is_a_picture_in_either_theme() -> None:
     assert light != dark
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_commands_say_on_a_simulated_cell_fits(tmp_path: Path) -> None:
     count = 0
     for count, (words, calls) in enumerate(story(tmp_path), start=1):
