@@ -178,6 +178,7 @@ def test_a_disk_that_is_really_full_is_exit_7_and_the_file_is_whole(
     measured(f"ENOSPC on a RAM disk: exit 7, 0 of {told['rows']} rows lost, file and report whole")
 
 
+@pytest.mark.alone
 @pytest.mark.fault(27)
 def test_a_task_that_the_computer_holds_up_stops_before_it_goes_on(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
