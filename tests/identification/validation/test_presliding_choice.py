@@ -25,6 +25,10 @@ from tests.builders.remembering_arm import (
 
 DISTANCE = 0.02
 WAY = motion(40.0, 1)
+EXPERIMENTS = [
+    pytest.param(40, marks=pytest.mark.slow),
+    pytest.param(100, marks=pytest.mark.long),
+]
 
 
 @pytest.fixture(scope="module")
@@ -104,9 +108,9 @@ def shared(seed: int) -> tuple[FloatArray, FloatArray]:
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
 
 
-@pytest.mark.slow
-def test_two_sigma_hold_the_shares_of_100_experiments() -> None:
-    found = [shared(seed) for seed in range(100)]
+@pytest.mark.parametrize("experiments", EXPERIMENTS)
+def test_two_sigma_hold_the_shares(experiments: int) -> None:
+    found = [shared(seed) for seed in range(experiments)]
     values, sigmas = np.array([f[0] for f in found]), np.array([f[1] for f in found])
     assert np.mean(np.abs(values - [DISTANCE, 0.5]) < 2.0 * sigmas) >= 0.9
     assert np.all(np.mean(sigmas, axis=0) < [0.2 * DISTANCE, 0.1])
@@ -140,9 +144,9 @@ def test_its_distance_lies_within_its_interval() -> None:
     assert np.all(sigma < 0.2 * DISTANCE), "an interval that says nothing holds everything"
 
 
-@pytest.mark.slow
-def test_two_sigma_hold_the_distances_of_100_experiments() -> None:
-    share, _ = held(100)
+@pytest.mark.parametrize("experiments", EXPERIMENTS)
+def test_two_sigma_hold_the_distances(experiments: int) -> None:
+    share, _ = held(experiments)
     assert share >= 0.9
 
 
