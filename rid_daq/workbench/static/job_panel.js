@@ -128,7 +128,9 @@ export class JobPanel {
     if (job.state === "accepted") this.count.textContent = "Waits until another job has ended.";
     if (!ended) return;
     this.endedJob = job.id;
+    const { verdict } = this;
     await this.follow();
+    if (this.verdict !== verdict) return; // another job is shown meanwhile
     this.drop();
     sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
