@@ -13,16 +13,14 @@ from acquisition.session.timing import CycleStatistics, CycleTally
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskState
+from acquisition.task.stop_orders import TEXT_OF_ORDER
 from config.errors import RecordingError
 from config.process.termination import Interruption
 
-_LATE = {
-    StopCode.INTERRUPTED: "by the operator",
-    StopCode.STOP_COMMAND: "by `rid-daq stop`",
-    StopCode.STOP_BUTTON: "by the page's stop button",
-    StopCode.CLIENT_LOST: "because its client is out of reach",
-}
-"""Who asks for a stop from outside: such a one counts also once the motion is over."""
+_LATE = frozenset(
+    {StopCode.INTERRUPTED, StopCode.STOP_COMMAND, StopCode.STOP_BUTTON, StopCode.CLIENT_LOST}
+)
+"""Stops that are asked for from outside: they count also once the motion is over."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +142,7 @@ def _late_stop(control: ControlBlock, interruption: Interruption) -> StopReason 
         return None
     late = StopCode(code)
     return StopReason(
-        late, f"stopped {_LATE[late]} once the motion was over; no other one is begun"
+        late, f"{TEXT_OF_ORDER[late]} once the motion was over; no other one is begun"
     )
 
 

@@ -8,7 +8,7 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import RecorderState
 
-_TEXT_OF_ORDER = {
+TEXT_OF_ORDER = {
     StopCode.INTERRUPTED: "stopped by the operator",
     StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
     StopCode.STOP_BUTTON: "stopped by the page's stop button",
@@ -39,7 +39,7 @@ class StopOrders:
         control = self._control
         if control.program.stop_code:
             code = StopCode(control.program.stop_code)
-            return StopReason(code, _TEXT_OF_ORDER.get(code, code.name.lower()))
+            return StopReason(code, TEXT_OF_ORDER.get(code, code.name.lower()))
         if control.recorder.state in (RecorderState.FAILED, RecorderState.ENDING):
             return StopReason(StopCode.RECORDER, str(control.recorder.error))
         if self._orphaned():

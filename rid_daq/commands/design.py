@@ -13,8 +13,7 @@ from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import CriterionName, Grid, Kind, Method, Phases
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import is_given, refuse_inapplicable
-from rid_daq.terminal.options import CellName, Scheduler
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import CellName, Overwrite, Scheduler
 
 DEFAULT_PERIOD_S = 10.0
 DEFAULT_PERIODS = 16

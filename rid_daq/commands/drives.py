@@ -10,8 +10,7 @@ import typer
 from config.errors import PreflightError
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.option_sections import SectionedCommand
-from rid_daq.terminal.options import DEFAULT_RUNS, CellName, RunsFolder
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Overwrite, RunsFolder
 
 if TYPE_CHECKING:
     from drivers.servo.drive_settings import RestoredSetting

@@ -12,8 +12,7 @@ from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import Format
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunsFolder, Unfinished
 
 
 def export(

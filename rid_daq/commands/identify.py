@@ -19,8 +19,7 @@ from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import MODEL, Estimator, Model
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.estimate_options import Band, FrictionTerms, Rotors, Standstill
-from rid_daq.terminal.options import DEFAULT_RUNS, RunNames, RunsFolder, Unfinished
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
 from rid_daq.terminal.plausible_option import plausible_as
 
 

@@ -11,8 +11,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import CERTIFICATE
 from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunsFolder
 
 
 def certificate(

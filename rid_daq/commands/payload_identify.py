@@ -28,8 +28,7 @@ from rid_daq.terminal.estimate_options import (
     Rotors,
     Standstill,
 )
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunsFolder, Unfinished
 from rid_daq.terminal.plausible_option import plausible_as
 
 

@@ -13,8 +13,7 @@ from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.estimate_options import BaseMass, ModelFile, Temperature
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.options import CellName
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import CellName, Overwrite
 
 
 def retime(

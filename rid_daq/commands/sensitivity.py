@@ -10,8 +10,7 @@ import typer
 from rid_daq.terminal.choices import Against
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.options import Scheduler
-from rid_daq.terminal.output_file import Overwrite
+from rid_daq.terminal.options import Overwrite, Scheduler
 from rid_daq.terminal.plausible_option import SHARE, plausible
 
 PAYLOAD = "medium"

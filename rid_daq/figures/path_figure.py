@@ -23,6 +23,7 @@ from rid_daq.figures.panel import (
     source,
 )
 from rid_daq.report.sections.tracking import (
+    STILL_M,
     FollowedMotion,
     JointUnit,
     PathCurves,
@@ -33,8 +34,6 @@ AXES: Final = "xyz"
 TIME: Final = "time [s]"
 DISTANCE: Final = "distance [mm]"
 LEAST_MM: Final = 1e-4
-STILL_M: Final = 1e-9
-"""A tool point that moves less stands still."""
 _LOOKS: Final = {"before": (RED, "dashed"), "after": (BLUE, "solid")}
 Driven = Mapping[str, PathCurves]
 

@@ -27,6 +27,8 @@ DRAWN_SHARE = 0.12
 SHORTER_PERCENT = 20.0
 MEASURED_PERCENT = 102.0
 CLOSE_AS_BEFORE = 3.0
+STILL_M = 1e-9
+"""A tool point that moves less stands still."""
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
 
 

@@ -12,12 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rid_daq.figures.palette import FAINT
-from rid_daq.report.sections.tracking import DrawnPaths, JointUnit, PathCurves, magnification
+from rid_daq.report.sections.tracking import (
+    STILL_M,
+    DrawnPaths,
+    JointUnit,
+    PathCurves,
+    magnification,
+)
 from rid_daq.report_page.drawings.curves import MEASURED, PREDICTED, STYLE, WRONG, as_label, as_svg
 
 AXES = "xyz"
-STILL_M = 1e-9
-"""A tool point that moves less stands still."""
 
 
 def path_figure(drawn: DrawnPaths, name: str) -> Markup:
