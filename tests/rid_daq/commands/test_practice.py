@@ -90,7 +90,7 @@ def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> N
         assert served.cell.drive_safety == mine.drive_safety
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_five_mistakes_of_the_exercise_are_told_one_after_the_other(
     files: Path, serve: Serve, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ import pytest
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "ci-against-a-served-cell.md"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_ci_job_of_the_guide_runs_as_written(tmp_path: Path) -> None:
     text = GUIDE.read_text(encoding="utf-8")
     (script,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

@@ -160,6 +160,7 @@ def multisine_run(served_pages: ServedProcess) -> str:
     return run
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("identified")
 def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_streamed(
     open_page: OpenPage, served_pages: ServedProcess, multisine_run: str

@@ -111,6 +111,7 @@ def test_from_an_experiment_to_a_validated_model(open_page: OpenPage, screenshot
     give_back(page)
 
 
+@pytest.mark.long
 def test_a_newcomer_comes_to_a_payload_verdict(
     open_page: OpenPage, served_arm: ServedProcess, screenshots: Path
 ) -> None:
