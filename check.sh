@@ -19,8 +19,10 @@ mypy=$!
 if [ $# = 0 ]; then
     lines=$(mktemp -d)
     trap 'rm -rf "$lines"' EXIT
-    # Both by one process: three would each compile what the others compile too.
-    collected=$(step $bin/python -m pytest --collect-only -qq) || { echo "$collected"; exit 1; }
+    # Both by one process where nothing is compiled yet: three would each compile what the others compile too.
+    if [ -z "$(find tests -name '*.pyc' -print -quit)" ]; then
+        collected=$(step $bin/python -m pytest --collect-only -qq) || { echo "$collected"; exit 1; }
+    fi
     kernels=(tests/dynamics tests/compensation/online tests/mock_hw/plant tests/mock_hw/amplifier)
     tests "${kernels[@]}"
     set -- --durations 20 "${kernels[@]/#/--ignore=}"

@@ -8,7 +8,8 @@ import importlib.metadata
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,10 +27,17 @@ PACKAGES = (
 )
 
 
+@pytest.fixture(scope="module")
+def distributions() -> Mapping[str, list[str]]:
+    """Every package that is installed, with those who ship it."""
+    return importlib.metadata.packages_distributions()
+
+
 @pytest.mark.parametrize("package", PACKAGES)
-def test_no_other_distribution_ships_a_package_of_our_name(package: str) -> None:
-    distributions = importlib.metadata.packages_distributions().get(package, [])
-    assert set(distributions) <= {"rid-daq"}
+def test_no_other_distribution_ships_a_package_of_our_name(
+    package: str, distributions: Mapping[str, list[str]]
+) -> None:
+    assert set(distributions.get(package, [])) <= {"rid-daq"}
     module = importlib.import_module(package)
     assert module.__file__ is not None
     assert Path(module.__file__).resolve().parent == ROOT / package
@@ -140,9 +148,14 @@ def test_a_test_is_marked_in_its_own_file() -> None:
 WIDEST = 8
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
 def functions_of(path: Path) -> Iterator[tuple[str, int, bool]]:
     """Yield name, width and whether it is compiled, of every function of a file."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             given = node.args
             names = [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
@@ -181,7 +194,7 @@ def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
     names = {
         node.name
         for path in kinds.glob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.ClassDef) and node.name.endswith("Motion")
     }
     asked = {
@@ -189,7 +202,7 @@ def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
         for package in PACKAGES
         for path in (ROOT / package).rglob("*.py")
         if kinds not in path.parents
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass")
         if names & set(re.findall(r"\w+", ast.unparse(node.args[1])))
     }
@@ -203,7 +216,7 @@ def test_no_command_imports_another() -> None:
     found = {
         f"{path.name}: {node.module}"
         for path in commands.glob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.ImportFrom)
         and (node.module or "").startswith("rid_daq.commands")
         and not (node.module or "").startswith(f"rid_daq.commands.{path.stem}_")
@@ -218,7 +231,7 @@ def test_a_command_computes_nothing() -> None:
         f"{path.name}: {node.module}.{alias.name}"
         for room in ("commands", "performers")
         for path in (ROOT / "rid_daq" / room).rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in science
         for alias in node.names
         if not alias.name[0].isupper()

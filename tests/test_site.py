@@ -18,6 +18,8 @@ from tests.rid_daq.conftest import browser
 
 __all__ = ["browser"]  # a fixture
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 
 

@@ -23,6 +23,8 @@ from config.formats.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 
+pytestmark = pytest.mark.slow
+
 SMALL = b"""[DeviceInfo]
 VendorNumber=0xFB
 RevisionNumber=0x10000

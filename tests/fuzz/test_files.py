@@ -38,6 +38,8 @@ from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_robot
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.result_file import read_result
 
+pytestmark = pytest.mark.slow
+
 BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
 LONGEST_S = 30.0  # of the processor: a hang in a loop
 NASTY = (

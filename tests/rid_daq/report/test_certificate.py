@@ -6,6 +6,7 @@ import io
 import itertools
 import json
 import re
+import shutil
 from datetime import datetime
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from rid_daq.recording.certificate_job import (
     certificate_of,
     write_certificate,
 )
+from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.certificate.pdf import certificate_pdf
 from rid_daq.terminal.choices import CERTIFICATE
 from rid_daq.terminal.exit_codes import ExitCode
@@ -36,14 +38,17 @@ from tests.builders.certified import (
 NAME = "Jörg Łukasz Ωmega Дарья 山田"
 
 
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return certified_session(tmp_path / "runs")
-
-
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Session:
     return certified_session(tmp_path_factory.mktemp("kept") / "runs")
+
+
+@pytest.fixture
+def session(kept: Session, tmp_path: Path) -> Session:
+    """A copy of what is kept, to be changed."""
+    runs = shutil.copytree(kept.folder.path.parent, tmp_path / "runs")
+    folder = RunFolder.open(runs / kept.folder.run_id)
+    return Session(folder, SessionState.read(folder), kept.payload)
 
 
 @pytest.fixture(scope="module")
