@@ -12,9 +12,9 @@ tests() { step env RID_DAQ_LINES="$lines" $bin/python -m pytest -q -m "not slow 
 step $bin/ruff format --check .
 step $bin/ruff check .
 step $bin/lint-imports --no-cache
-step $bin/pyright & # each takes one core
+step nice $bin/pyright & # beside the tests that one process runs, and behind them
 pyright=$!
-step $bin/mypy &
+step nice $bin/mypy &
 mypy=$!
 if [ $# = 0 ]; then
     lines=$(mktemp -d)
