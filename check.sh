@@ -19,7 +19,7 @@ mypy=$!
 if [ $# = 0 ]; then
     lines=$(mktemp -d)
     trap 'rm -rf "$lines"' EXIT
-    # Both by one process where nothing is compiled yet: three would each compile what the others compile too.
+    # One process compiles the tests, if they are not yet, and the kernels: three would each do the others' work too.
     if [ -z "$(find tests -name '*.pyc' -print -quit)" ]; then
         collected=$(step $bin/python -m pytest --collect-only -qq) || { echo "$collected"; exit 1; }
     fi
