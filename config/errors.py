@@ -11,7 +11,19 @@ from contextlib import contextmanager
 
 
 class RidDaqError(Exception):
-    """Root of every error that a user may see; what was noted about it is part of its text."""
+    """Root of every error that a user may see; its notes are part of its text.
+
+    Parameters
+    ----------
+    text : str
+        What is wrong, where, and what to do.
+    code : str
+        Stable name of the refusal, `RID-AREA-NAME`; empty for errors without a code.
+    """
+
+    def __init__(self, text: str = "", *, code: str = "") -> None:
+        super().__init__(text)
+        self.refusal = code
 
     def __str__(self) -> str:
         """Return its text and its notes."""

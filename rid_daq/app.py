@@ -183,11 +183,18 @@ def run(arguments: Sequence[str]) -> int:
     command = typer.main.get_command(root)
     ending = ending_of(lambda: command(args=list(arguments), prog_name="rid-daq"))
     if ending.said:
-        message = f"rid-daq: {printable(ending.message)}"
+        named = f" [{ending.refusal}]" if ending.refusal else ""
+        message = f"rid-daq: {printable(ending.message)}{named}"
         columns = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
         typer.echo(message if columns is None else fitted(message, columns), err=True)
     if ending.code and "--json" in arguments and documents_written() == written:
-        problem = {"kind": ending.kind, "message": ending.message, "exit_code": ending.code}
+        problem: dict[str, object] = {
+            "kind": ending.kind,
+            "message": ending.message,
+            "exit_code": ending.code,
+        }
+        if ending.refusal:
+            problem["code"] = ending.refusal
         Console(as_json=True).document({"error": problem})
     return ending.code
 
@@ -202,6 +209,8 @@ class Ending:
         Its exit code.
     kind, message : str
         What ended it, and why; empty where nothing did.
+    refusal : str
+        Stable code of the error that ended it, `RID-AREA-NAME`; empty without one.
     said : bool
         Whether a person is told so here; else the command has said it.
     """
@@ -209,6 +218,7 @@ class Ending:
     code: int
     kind: str = ""
     message: str = ""
+    refusal: str = ""
     said: bool = False
 
 
@@ -220,7 +230,8 @@ def ending_of(command: Callable[[], object]) -> Ending:
         return Ending(end.exit_code, *_ending(end.exit_code))
     except Exception as caught:
         error = _typed(caught)
-        return Ending(int(exit_code_of(error)), type(error).__name__, str(error), said=True)
+        code, kind = int(exit_code_of(error)), type(error).__name__
+        return Ending(code, kind, str(error), error.refusal, said=True)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(ExitCode.DONE)
         kind, message = _ending(code)

@@ -361,14 +361,15 @@ def _refusal(answer: httpx.Response) -> RidDaqError:
     try:
         told = answer.json()
         name, message = str(told["error"]), str(told["message"])
-    except (ValueError, KeyError, TypeError):
+        code = str(told.get("code", ""))
+    except (AttributeError, ValueError, KeyError, TypeError):
         return ServiceError(f"the service answers {answer.status_code} {answer.reason_phrase}")
     named = getattr(errors, name, None)
     if name in _REFUSALS:
-        return _REFUSALS[name](message)
+        return _REFUSALS[name](message, code=code)
     if isinstance(named, type) and issubclass(named, RidDaqError):
-        return named(message)
-    return ServiceError(message)
+        return named(message, code=code)
+    return ServiceError(message, code=code)
 
 
 def _socket(address: str) -> Path:

@@ -113,7 +113,7 @@ def _end(reason: str, ended: Any) -> None:
         raise ServiceError(reason)
     kind = getattr(errors, ended.error or "", None)
     if isinstance(kind, type) and issubclass(kind, RidDaqError):
-        raise kind(ended.message)
+        raise kind(ended.message, code=ended.code or "")
     if ended.exit_code:
         raise typer.Exit(ended.exit_code)
 

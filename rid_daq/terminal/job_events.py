@@ -115,12 +115,13 @@ class Answered(_Event):
 
 
 class Ended(_Event):
-    """The job's end: exit code as the command's; `error` and `message` where one ended it."""
+    """The job's end: exit code as the command's; `error`, `message`, `code` of an error."""
 
     kind: Literal["ended"] = "ended"
     exit_code: int
     error: str | None = None
     message: str | None = None
+    code: str | None = None
 
 
 AnyEvent = Annotated[

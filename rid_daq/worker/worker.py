@@ -98,6 +98,7 @@ def _ended(ending: Ending) -> Ended:
         exit_code=ending.code,
         error=ending.kind or None,
         message=printable(ending.message) or None,
+        code=ending.refusal or None,
     )
 
 

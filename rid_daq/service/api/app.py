@@ -22,10 +22,11 @@ API_VERSION = "1.0"
 
 
 class Problem(Record):
-    """Why something was refused: the kind of error, and a sentence."""
+    """Why something was refused: the kind of error, a sentence, and the refusal's stable code."""
 
     error: str
     message: str
+    code: str = ""
 
 
 def make_api(
@@ -97,5 +98,5 @@ def _moved(schema: Any, name: str) -> Any:
 
 async def _refused(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RidDaqError)
-    told = Problem(error=type(error).__name__, message=str(error))
+    told = Problem(error=type(error).__name__, message=str(error), code=error.refusal)
     return JSONResponse(told.model_dump(), status_code=status_of(error))

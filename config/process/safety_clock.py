@@ -1,0 +1,26 @@
+"""`safety_now_s`: the clock of what guards people: leases, readiness checks, held keys."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+
+def safety_now_s() -> float:
+    """Return the time since the computer started [s], time in suspension included.
+
+    A change of the date does not move this clock, and all processes of the computer share it.
+
+    Notes
+    -----
+    `CLOCK_BOOTTIME` of clock_gettime(2).
+    """
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def boot_id() -> str:
+    """Return the kernel's identifier of this start of the computer.
+
+    A time of `safety_now_s` means nothing after a restart; keep this identifier beside it.
+    """
+    return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

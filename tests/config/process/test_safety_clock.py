@@ -1,0 +1,18 @@
+from __future__ import annotations
+
+import time
+import uuid
+
+from config.process.safety_clock import boot_id, safety_now_s
+
+
+def test_the_safety_clock_runs_forward_and_counts_suspension() -> None:
+    first = safety_now_s()
+    assert safety_now_s() >= first
+    # all of the monotonic clock's time, and the time that the computer was suspended
+    assert first >= time.monotonic() - 1.0
+
+
+def test_a_start_of_the_computer_has_one_identifier() -> None:
+    assert boot_id() == boot_id()
+    assert uuid.UUID(boot_id())
