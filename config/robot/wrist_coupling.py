@@ -56,3 +56,20 @@ class WristCoupling:
     def to_motors(self, of_joints: Sequence[float] | Array) -> Array:
         """Return the motors' positions or velocities, (n,) or (samples, n), from the joints'."""
         return np.asarray(np.asarray(of_joints) @ self.motors_by_joints.T)
+
+
+def motor_reach(robot: RobotDescription) -> list[tuple[float, float]]:
+    """Return the lowest and highest position of each motor over its gear ratio [rad or m].
+
+    They follow from the joints' position limits: with a coupled wrist, alpha = C^-1 q (5.18) over
+    the box of these.
+    """
+    limits = [joint.limits for joint in robot.joints]
+    low = np.array([each.position_min for each in limits])
+    high = np.array([each.position_max for each in limits])
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is not None:
+        to_motors = coupling.motors_by_joints
+        rising, falling = np.maximum(to_motors, 0.0), np.minimum(to_motors, 0.0)
+        low, high = rising @ low + falling @ high, rising @ high + falling @ low
+    return list(zip(low.tolist(), high.tolist(), strict=True))

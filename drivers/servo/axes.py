@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from config.cell.cell import CellConfig
 from config.errors import DriverError, SafetyStop
 from config.robot.robot import RobotDescription
-from config.robot.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import WristCoupling, motor_reach
 from drivers.canopen.heartbeat import HeartbeatProducer, guard_request, heartbeat_frame
 from drivers.canopen.nmt import NmtCommand, NmtState, nmt_frame
 from drivers.interfaces.servo_axes import DriveEvent, DriveSetting
@@ -157,11 +157,11 @@ class CanServoAxes:
         self.service.claim_bus()
         self.service.note_before_reset()
         wait_for_boot_up(self._link, self._axes, self.watch)
-        pairs = zip(self._axes, self._robot.joints, strict=True)
-        for number, (axis, joint) in enumerate(pairs):
+        each = zip(self._axes, self._robot.joints, motor_reach(self._robot), strict=True)
+        for number, (axis, joint, reach) in enumerate(each):
             self.watch.expect_no_boot_up(number)
             setup = DriveSetup(
-                self._link, axis, joint, self._cell, self.watch.handle, self._write_log
+                self._link, axis, joint, self._cell, reach, self.watch.handle, self._write_log
             )
             self._setups = (*self._setups, setup.run())
         refuse_restarted(self._axes, self.watch)

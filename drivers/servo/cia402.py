@@ -7,8 +7,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+from config.cell.cell import DriveAxis
 from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
 from config.errors import ConfigError
+from config.robot.robot import Joint
+from drivers.canopen.sdo import object_name
+from drivers.interfaces.servo_axes import DriveSetting
+from drivers.servo.position_counter import BITS_32, PositionCounter
 
 MAKERS_OWN = -1
 PROFILE_VELOCITY = 3
@@ -18,6 +23,11 @@ CYCLIC_SYNCHRONOUS_VELOCITY = 9
 DRIVE_PROFILE = 402
 FOLLOWS_COMMAND = 0x1000
 VOLTAGE_ENABLED = 0x0010
+PLAUSIBLE_RATED_TORQUE = (0.01, 30.0)
+"""A motor's rated torque at the joint, as a share of the joint's torque limit.
+
+A sound ratio is 0.1 to 3; a rating in mN m taken for N m is 1000 times as much.
+"""
 
 
 class PowerState(IntEnum):
@@ -189,6 +199,13 @@ class MotorRatings:
     current_a: float | None = None
     nm_per_a: float | None = None
 
+    @property
+    def rated_nm(self) -> float | None:
+        """The rated torque [N m], by the rated current if need be; None if it is not known."""
+        if self.torque_nm is None and self.current_a is not None and self.nm_per_a is not None:
+            return self.current_a * self.nm_per_a
+        return self.torque_nm
+
     def nm_per_unit(self, of: TorqueObject) -> float:
         """Return the motor's torque per unit of a torque object [N m].
 
@@ -242,6 +259,11 @@ class AxisUnits:
         torque with 6077h.
     zero_counts : int
         6064h at joint position zero.
+    counter : PositionCounter
+        How 6064h wraps.
+    middle_counts : int
+        From joint position zero to the middle of the joint's range: positions are within half a
+        round of the counter of it.
     """
 
     counts_per_rad: float
@@ -249,6 +271,8 @@ class AxisUnits:
     acceleration_units_per_rad_s2: float
     nm_per_torque_unit: float
     zero_counts: int = 0
+    counter: PositionCounter = BITS_32
+    middle_counts: int = 0
 
     def __post_init__(self) -> None:
         factors = (
@@ -296,11 +320,12 @@ class AxisUnits:
 
     def position(self, counts: int) -> float:
         """Return the joint position of 6064h [rad or m]."""
-        return (counts - self.zero_counts) / self.counts_per_rad
+        turned = self.counter.nearest(counts, self.zero_counts + self.middle_counts)
+        return (turned - self.zero_counts) / self.counts_per_rad
 
     def counts(self, position: float) -> int:
         """Return 6064h of a joint position, rounded to the nearest increment."""
-        return round(position * self.counts_per_rad) + self.zero_counts
+        return self.counter.shown(round(position * self.counts_per_rad) + self.zero_counts)
 
     def velocity(self, units: int) -> float:
         """Return the joint velocity of 60FFh or 606Ch [rad/s]."""
@@ -309,3 +334,32 @@ class AxisUnits:
     def torque_nm(self, units: int) -> float:
         """Return the joint torque of the drive's number [N m], without the gear's losses."""
         return units * self.nm_per_torque_unit
+
+
+def torque_setting(
+    axis: DriveAxis, joint: Joint, rated_nm: float, at_joint_nm: float
+) -> DriveSetting:
+    """Return the line that compares a motor's rated torque with the joint's limit.
+
+    Parameters
+    ----------
+    axis, joint : DriveAxis, Joint
+        The drive, and the joint that it moves.
+    rated_nm, at_joint_nm : float
+        The motor's rated torque, and the same behind the gear [N m].
+    """
+    limit = joint.limits.torque
+    least, most = (share * limit for share in PLAUSIBLE_RATED_TORQUE)
+    good = least <= at_joint_nm <= most
+    return DriveSetting(
+        axis.joint,
+        axis.node_id,
+        object_name(0x6076, 0),
+        "rated torque at the joint",
+        f"{least:.3g} to {most:.3g} N m",
+        f"{at_joint_nm:.4g} N m",
+        "ok" if good else "red",
+        f"the motor's rated torque is taken as {rated_nm:.4g} N m: correct rated_torque_nm"
+        " (N m, not mN m), rated_torque_units or torque_constant_nm_per_a in the axis's servo, or"
+        f" the joint's torque limit, {limit:g} N m, in the robot file",
+    )

@@ -27,7 +27,7 @@ from drivers.servo.axis_frames import AnswerJoiner, AxisFrames
 from drivers.servo.cia402 import AxisUnits, PowerState, enabling_word, state_of
 from drivers.servo.command_frames import Frames, FullCommands, SpreadCommands, TrimmedCommands
 from drivers.servo.drive_watch import DriveWatch
-from drivers.servo.position_targets import PositionTargets
+from drivers.servo.position_counter import BITS_32, PositionTargets
 
 _TRIMMED_ANSWER = struct.Struct("<ih")
 _STATUS = struct.Struct("<H")
@@ -126,6 +126,8 @@ class CyclicExchange:
         self._watched_until = -1
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
         self._zero_counts = [0] * count
+        self.counters = [BITS_32] * count
+        self._middle_counts = [0] * count
         self._counts_per_rad = [1.0] * count
         self._units_per_rad_s = [1.0] * count
         self._nm_per_unit = [1.0] * count
@@ -166,6 +168,8 @@ class CyclicExchange:
         """Take the drives' units, base to flange."""
         for axis, unit in enumerate(units):
             self._zero_counts[axis] = unit.zero_counts
+            self.counters[axis] = unit.counter
+            self._middle_counts[axis] = unit.zero_counts + unit.middle_counts
             self._counts_per_rad[axis] = unit.counts_per_rad
             self._units_per_rad_s[axis] = unit.velocity_units_per_rad_s
             self._nm_per_unit[axis] = unit.nm_per_torque_unit
@@ -298,7 +302,8 @@ class CyclicExchange:
                 self._take_status(axis, status)
         answers.position_counts[axis] = counts
         answers.torque_raw[axis] = torque
-        turned = counts - self._zero_counts[axis]
+        turned = self.counters[axis].nearest(counts, self._middle_counts[axis])
+        turned -= self._zero_counts[axis]
         self._motor_position[axis] = turned / self._counts_per_rad[axis]
         answers.torque_nm[axis] = torque * self._nm_per_unit[axis]
 
@@ -340,7 +345,7 @@ class CyclicExchange:
             for value, factor in zip(velocity.tolist(), self._units_per_rad_s, strict=True)
         ]
         if self._positions is not None:
-            told = self._positions.follow(told)
+            told = self._positions.follow(told, self.counters)
         self._send(self._commands.velocities(told))
 
     def send_words(self, words: Sequence[int]) -> None:
@@ -352,7 +357,9 @@ class CyclicExchange:
             The bus did not take one of the frames.
         """
         if self._positions is not None:
-            self._rest = self._positions.hold(self.answers.position_counts, self.answers.enabled)
+            self._rest = self._positions.hold(
+                self.answers.position_counts, self.answers.enabled, self.counters
+            )
         self._send(self._commands.words(words, self._rest))
 
     def _send(self, frames: Frames) -> None:

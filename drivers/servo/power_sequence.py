@@ -169,9 +169,9 @@ class PowerSequence:
             self._run_cycle(words)
             answers = self._answers()
             still = [
-                cycles + 1 if answer.received and abs(new - old) <= 1 else 0
-                for cycles, answer, old, new in zip(
-                    still, answers, before, counts.tolist(), strict=True
+                cycles + 1 if answer.received and abs(counter.nearest(new, old) - old) <= 1 else 0
+                for cycles, answer, old, new, counter in zip(
+                    still, answers, before, counts.tolist(), self._exchange.counters, strict=True
                 )
             ]
             if all(

@@ -7,7 +7,7 @@ allow_drive_without_watchdog.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from config.cell.cell import CellConfig, DeviceIdentity, DriveAxis
@@ -30,7 +30,8 @@ from drivers.canopen.sdo import SdoAbort, SdoCode, abort_text, object_name
 from drivers.device_text import printable
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
-from drivers.servo.cia402 import AxisUnits, MotorRatings, PowerState, state_of
+from drivers.servo.cia402 import AxisUnits, MotorRatings, PowerState, state_of, torque_setting
+from drivers.servo.position_counter import counter_setting, read_counter
 from drivers.servo.requirements import (
     INCREMENTS,
     LIFE_TIME_FACTOR,
@@ -78,6 +79,8 @@ class DriveSetup:
         The bus.
     axis, joint, cell : DriveAxis, Joint, CellConfig
         The drive, the joint that it moves and the cell's limits.
+    reach : tuple of float
+        The lowest and highest position of the drive's motor over its gear ratio [rad or m].
     others : callable
         Takes the frames that are not this drive's SDO answers, with their time [s].
     write_log : WriteLog, optional
@@ -90,12 +93,14 @@ class DriveSetup:
         axis: DriveAxis,
         joint: Joint,
         cell: CellConfig,
+        reach: tuple[float, float],
         others: Callable[[Frame, float], None],
         write_log: WriteLog | None = None,
     ) -> None:
         self._axis = axis
         self._joint = joint
         self._cell = cell
+        self._reach = reach
         self._profile = cell.servo_of(axis)
         self._left_to_trial: list[str] = []
         if self._profile.watch == "life_guarding":  # what it does is for the maker to choose
@@ -192,7 +197,19 @@ class DriveSetup:
             torque = object_address(self._profile.torque.object)
             self._note(*torque, "torque of the motor", "in N m", str(error), "red")
             return None, None
-        return motor, units
+        if motor.rated_nm is not None:
+            at_joint = motor.rated_nm * abs(gear)
+            self._settings.append(torque_setting(self._axis, self._joint, motor.rated_nm, at_joint))
+        return motor, self._with_counter(units)
+
+    def _with_counter(self, units: AxisUnits) -> AxisUnits:
+        """Return units that know how 6064h wraps, within the motor's reach."""
+        counter = read_counter(self._port)
+        ends = [units.counts_per_rad * end for end in self._reach]
+        if counter.wraps_early:
+            needed = abs(ends[1] - ends[0])
+            self._settings.append(counter_setting(self._axis, counter, needed))
+        return replace(units, counter=counter, middle_counts=round(0.5 * sum(ends)))
 
     def _tells_encoder(self) -> bool:
         """Judge 608Fh: a drive whose units are scaled by it says 1, whatever its encoder has."""

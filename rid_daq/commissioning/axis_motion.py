@@ -65,7 +65,7 @@ class AxisMotion:
         moving = np.flatnonzero(rows["target_velocity"][:, number])
         first, last = (0, 0) if not len(moving) else (int(moving[0]), int(moving[-1]) + 1)
         target, position = rows["target_position"][:, number], rows["position"][:, number]
-        counts = rows["position_counts"][:, number].astype(float)
+        counts = np.unwrap(rows["position_counts"][:, number].astype(float), period=2.0**32)
         before, after = slice(max(0, first - REST_ROWS), first + 1), slice(-REST_ROWS, None)
         moved = float(position[after].mean() - position[before].mean())
         increments = float(counts[after].mean() - counts[before].mean())

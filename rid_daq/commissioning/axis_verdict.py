@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from config.cell.cell import CellConfig
+from config.cell.cell import CellConfig, DriveAxis
+from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion
@@ -75,34 +76,33 @@ class AxisVerdict:
 def judge_axis(
     motion: AxisMotion, seen: Seen, cell: CellConfig, robot: RobotDescription
 ) -> AxisVerdict:
-    """Judge an axis by its drive and by what was seen."""
-    number = robot.joint_names.index(motion.joint)
-    problems = [*_of_the_drive(motion, cell, number), *_of_the_eyes(motion, seen, cell, robot)]
+    """Judge an axis by its drive and by what was seen.
+
+    Notes
+    -----
+    Three wrong numbers can be told apart, since each scales other ratios. Of the commanded
+    velocity over the drive's own position, and of the seen motion over that position: a wrong
+    velocity unit scales only the first, a wrong gear ratio only the second, a wrong encoder
+    resolution both alike (only the second if velocities are in increments).
+    """
+    problems = _of_the_axis(motion, seen, cell)
+    if not problems:
+        problems = [*_of_the_direction(motion, seen, cell)]
+        problems += _of_the_scales(motion, seen, cell, robot)
     return AxisVerdict(motion, seen, tuple(problems))
 
 
-def _of_the_drive(motion: AxisMotion, cell: CellConfig, number: int) -> list[str]:
-    off = abs(motion.measured - motion.commanded)
-    if off > FOLLOWED * abs(motion.commanded):
-        return [
-            f"its drive was told {motion.said(motion.commanded)} and measured"
-            f" {motion.said(motion.measured)}: check the drive's velocity loop, its brake and"
-            " position_gain_per_s."
-        ]
-    if not 1.0 / SAME <= motion.command_share <= SAME:
-        return [
-            f"its drive moves {1.0 / motion.command_share:.2g} times as fast as it is told: check"
-            f" velocity_unit of the axis (cell file; it is {cell.axes[number].velocity_unit}) and"
-            " the encoder's resolution in the drive (608Fh)."
-        ]
-    return []
+def _same(share: float) -> bool:
+    return 1.0 / SAME <= share <= SAME
 
 
-def _of_the_eyes(
-    motion: AxisMotion, seen: Seen, cell: CellConfig, robot: RobotDescription
-) -> list[str]:
-    number = robot.joint_names.index(motion.joint)
-    axis = cell.axes[number]
+def _axis_of(motion: AxisMotion, cell: CellConfig) -> DriveAxis:
+    return next(each for each in cell.axes if each.joint == motion.joint)
+
+
+def _of_the_axis(motion: AxisMotion, seen: Seen, cell: CellConfig) -> list[str]:
+    """Return that nothing turned, or another joint."""
+    axis = _axis_of(motion, cell)
     if not seen.joint or seen.amount == 0.0:
         return [
             f"its drive counted {motion.counts:+d} increments and nothing turned: check that node"
@@ -115,22 +115,81 @@ def _of_the_eyes(
             f" node_id: {axis.node_id} (is {other.node_id}); and see which drive moves"
             f" {motion.joint}."
         ]
-    problems = []
-    share = seen.amount / motion.commanded
-    if share < 0.0:
-        problems.append(
-            "it turns the other way. Change in the cell file: axes,"
-            f" {motion.joint}: direction: {-axis.direction} (is {axis.direction})."
+    return []
+
+
+def _of_the_direction(motion: AxisMotion, seen: Seen, cell: CellConfig) -> list[str]:
+    if seen.amount * motion.commanded > 0.0:
+        return []
+    direction = _axis_of(motion, cell).direction
+    return [
+        "it turns the other way. Change in the cell file: axes,"
+        f" {motion.joint}: direction: {-direction} (is {direction})."
+    ]
+
+
+def _of_the_scales(
+    motion: AxisMotion, seen: Seen, cell: CellConfig, robot: RobotDescription
+) -> list[str]:
+    """Return which number of the files explains how far command, drive and eyes are apart."""
+    axis = _axis_of(motion, cell)
+    servo = cell.servo_of(axis)
+    where = f"Change in the cell file: axes, {motion.joint}, servo:"
+    if motion.measured == 0.0:
+        return ["its drive counted nothing while it turned: check the encoder and 6064h."]
+    command = abs(motion.command_share)
+    eyes = abs(seen.amount / motion.measured)
+    if not _same(command) and _same(eyes):
+        units = servo.velocity_units * command
+        return [
+            f"its drive moves {1.0 / command:.2g} times as fast as it is told. {where}"
+            f" velocity_units: {units:.4g} (is {servo.velocity_units:g} {servo.velocity_unit}), or"
+            " velocity_unit."
+        ]
+    if not _same(command) and not _same(eyes / command):
+        return [
+            f"its drive was told {motion.said(motion.commanded)} and measured"
+            f" {motion.said(motion.measured)}; {motion.size(seen.amount)} were seen, and it moves"
+            f" {1.0 / command:.2g} times as fast as it is told: check encoder_increments,"
+            " velocity_unit and velocity_units of the axis's servo (cell file)."
+        ]
+    if not _same(eyes):
+        return [_of_encoder_or_gear(motion, eyes, servo, robot, where)]
+    if abs(motion.measured - motion.commanded) > FOLLOWED * abs(motion.commanded):
+        return [
+            f"its drive was told {motion.said(motion.commanded)} and measured"
+            f" {motion.said(motion.measured)}: check the drive's velocity loop, its brake and"
+            " position_gain_per_s."
+        ]
+    return []
+
+
+def _of_encoder_or_gear(
+    motion: AxisMotion, eyes: float, servo: ServoProfile, robot: RobotDescription, where: str
+) -> str:
+    """Return what to change if more, or less, was seen than the drive measured.
+
+    The gear ratio is accused only if the drive itself says what its encoder has (608Fh).
+    """
+    looked = motion.size(eyes * motion.measured)
+    found = f"its drive measured {motion.size(motion.measured)}, and {looked} were seen."
+    if servo.encoder_increments is not None:
+        return (
+            f"{found} {where} encoder_increments: {servo.encoder_increments / eyes:.4g} (is"
+            f" {servo.encoder_increments:g}), by the encoder's data sheet. If the data sheet says"
+            f" {servo.encoder_increments:g}, check the gear."
         )
-    if not 1.0 / SAME <= abs(share) <= SAME:
-        gear = robot.joints[number].gear_ratio
-        problems.append(
-            f"it moved by {motion.size(seen.amount)} where {motion.size(motion.commanded)} were"
-            f" told. Change in the robot file: joints, {motion.joint}:"
-            f" gear_ratio: {gear / abs(share):.4g} (is {gear:g}), or the encoder's resolution in"
-            " the drive (608Fh)."
+    joint = robot.joints[robot.joint_names.index(motion.joint)]
+    if not _same(abs(motion.command_share)):
+        return (
+            f"{found} The encoder's resolution in the drive (608Fh) is {eyes:.3g} times the true"
+            " one: correct it in the drive's own tool."
         )
-    return problems
+    return (
+        f"{found} Change in the robot file: joints, {motion.joint}: gear_ratio:"
+        f" {joint.gear_ratio / eyes:.4g} (is {joint.gear_ratio:g}), or the encoder's resolution in"
+        " the drive (608Fh)."
+    )
 
 
 def parse_amount(text: str, motion: AxisMotion, tool_mm: float) -> float:

@@ -267,6 +267,8 @@ class ScriptedDrive:
         self.velocity = target if moving else 0
         counts = int.from_bytes(self.objects[0x6064, 0], "little", signed=True)
         counts += round(self.velocity * self.cycle_time_s)
+        lowest, highest = self.position_range()
+        counts = (counts - lowest) % (highest - lowest + 1) + lowest
         self.objects[0x6064, 0] = counts.to_bytes(4, "little", signed=True)
         if self.answers_sync:
             data = b"".join(self.read(item.index, item.subindex) for item in self.mapped(0x1A00))
@@ -277,6 +279,14 @@ class ScriptedDrive:
             self.quick_stop_syncs -= 1
             if self.quick_stop_syncs <= 0:
                 self.state = PowerState.SWITCH_ON_DISABLED
+
+    def position_range(self) -> tuple[int, int]:
+        """Return where 6064h wraps: by 607Bh, if the drive has it."""
+        if (0x607B, 1) not in self.objects:
+            return -(2**31), 2**31 - 1
+        held = (self.objects[0x607B, sub] for sub in (1, 2))
+        lowest, highest = (int.from_bytes(data, "little", signed=True) for data in held)
+        return lowest, highest
 
     def obey(self, word: int) -> None:
         self.state = after_controlword(self.state, word, self.word)

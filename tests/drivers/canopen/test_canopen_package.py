@@ -25,6 +25,7 @@ from drivers.servo.sdo_port import SdoPort
 from drivers.servo.setup import DriveSetup
 
 CHANNEL = "canopen-judge"
+REACH = (-3.0, 3.0)
 NODE = 5
 TYPES = {1: UNSIGNED8, 2: UNSIGNED16, 4: UNSIGNED32}
 
@@ -180,7 +181,7 @@ class TestCanopenAsServer:
         """All of bring-up but the boot-up message, which a LocalNode does not send."""
         axis = cell.axes[1].model_copy(update={"node_id": NODE})
         with open_can(CanBusConfig(interface="virtual", channel=CHANNEL)) as link:
-            result = DriveSetup(link, axis, robot.joints[0], cell, no_others).run()
+            result = DriveSetup(link, axis, robot.joints[0], cell, REACH, no_others).run()
         assert [s for s in result.settings if s.verdict == "red"] == []
         assert result.units is not None
         assert result.units.counts_per_rad == pytest.approx(65189.9, abs=0.1)
