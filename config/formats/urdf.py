@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -12,6 +13,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 
 MOVING: Final = ("revolute", "continuous", "prismatic")
+KINDS: Final = (*MOVING, "fixed", "floating", "planar")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +49,30 @@ class UrdfLink:
     oddities: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Mimic:
+    """The joint that another one follows, at `multiplier` times its position plus `offset`."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
     """A joint; `placement` (4, 4) is the child's frame in the parent's at position zero.
 
-    `limits` has of lower, upper, velocity and effort what the file states as a finite number.
+    Attributes
+    ----------
+    limits : dict of str to float
+        What the file states of lower, upper, velocity, effort, acceleration, deceleration,
+        soft_lower and soft_upper; infinite if it says so.
+    mimic : Mimic or None
+        The joint that it follows.
+    damping, friction : float or None
+        Viscous and Coulomb friction [N m s/rad or N s/m, N m or N].
+    rotor_inertia_kg_m2 : float or None
+        The motor's own, before the gear.
     """
 
     name: str
@@ -62,12 +83,35 @@ class UrdfJoint:
     placement: FloatArray
     axis: FloatArray
     limits: dict[str, float]
-    mimics: str | None
+    mimic: Mimic | None
+    damping: float | None = None
+    friction: float | None = None
+    rotor_inertia_kg_m2: float | None = None
 
     @property
     def is_driven(self) -> bool:
-        """Whether it moves, and not as another joint does."""
-        return self.kind in MOVING and self.mimics is None
+        """True if it moves, and not as another joint does."""
+        return self.kind in MOVING and self.mimic is None
+
+    @property
+    def resting_position(self) -> float:
+        """The position within its limits that is closest to zero [rad or m]."""
+        low, high = self.limits.get("lower", 0.0), self.limits.get("upper", 0.0)
+        if self.kind not in MOVING or low > high:
+            return 0.0
+        return min(max(0.0, low), high)
+
+    def placement_at(self, position: float) -> FloatArray:
+        """Return the child's frame in the parent's, (4, 4), at a position [rad or m]."""
+        moved = np.eye(4)
+        if self.kind == "prismatic":
+            moved[:3, 3] = position * self.axis
+        elif self.kind in MOVING:
+            x, y, z = self.axis
+            across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+            turn = np.sin(position) * across + (1.0 - np.cos(position)) * across @ across
+            moved[:3, :3] += turn
+        return np.asarray(self.placement @ moved)
 
 
 @dataclass(frozen=True)
@@ -88,8 +132,8 @@ class UrdfTree:
         The reductions of simple transmissions, by joint.
     unread_ratios : dict of str to str
         Reductions that are no ratio, as the file has them, by joint.
-    angles_made_right : int
-        How many angles were taken as whole quarter turns.
+    notes : tuple of str
+        What was corrected, and what is not read.
     """
 
     name: str
@@ -99,7 +143,7 @@ class UrdfTree:
     joints: tuple[UrdfJoint, ...]
     gear_ratios: dict[str, float]
     unread_ratios: dict[str, str]
-    angles_made_right: int
+    notes: tuple[str, ...]
 
     @cached_property
     def joint_above(self) -> dict[str, UrdfJoint]:
@@ -138,14 +182,26 @@ class UrdfTree:
             link = joint.parent
         return tuple(joints[::-1])
 
-    def placements(self, base: str) -> dict[str, FloatArray]:
-        """Return where every link below the base is in its frame at zero, (4, 4) each."""
+    def placements(
+        self, base: str, positions: Mapping[str, float] | None = None
+    ) -> dict[str, FloatArray]:
+        """Return where every link below the base is in its frame, (4, 4) each.
+
+        Parameters
+        ----------
+        base : str
+            The link in whose frame they are.
+        positions : mapping of str to float, optional
+            Where joints stand [rad or m]; zero if not given.
+        """
+        stand = positions or {}
         places: dict[str, FloatArray] = {base: np.eye(4)}
         waiting = [base]
         while waiting:
             link = waiting.pop()
             for joint in self.joints_below.get(link, ()):
-                places[joint.child] = places[link] @ joint.placement
+                at = stand.get(joint.name, 0.0)
+                places[joint.child] = places[link] @ joint.placement_at(at)
                 waiting.append(joint.child)
         return places
 

@@ -1,13 +1,12 @@
 """A URDF file (ROS, "URDF XML specification") to a `UrdfTree`, with everything that is wrong in it.
 
-What cannot be read as a tree of links and joints is refused, all of it at once. What can be read
-and is invalid (a limit of infinity, a box of no size, a reduction of 0) is left out and kept
+What cannot be read, a number or the tree of links and joints, is refused, all of it at once. What
+can be read and states nothing (a box of no size, an inertia that is unknown) is left out and kept
 as an oddity of its link, for whoever needs that link.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar
@@ -16,6 +15,8 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.formats.number import is_not_finite
+from config.formats.rounded_angle import AngleReading, angle_notes
 from config.formats.urdf import (
     MOVING,
     UrdfCollision,
@@ -25,20 +26,26 @@ from config.formats.urdf import (
     UrdfTree,
     rotation_of_rpy,
 )
+from config.formats.urdf_joint import (
+    joint_axis,
+    joint_dynamics,
+    joint_end,
+    joint_kind,
+    joint_limits,
+    joint_mimic,
+)
+from config.formats.urdf_transmission import Transmissions, transmissions_of
+from config.formats.urdf_unread import unread_parts
 from config.formats.xml_tree import XmlElement, parse_xml
 
-RIGHT_ANGLE_TOLERANCE_RAD: Final = 1e-5
 MOST_JOINTS: Final = 2000
-KINDS: Final = (*MOVING, "fixed", "floating", "planar")
-_LIMITS: Final = ("lower", "upper", "velocity", "effort")
-_LARGEST_RATIO: Final = 1e6
+LARGEST_ANGLE_RAD: Final = 2.0 * np.pi + 0.01
+UNIT_LENGTH: Final = 1e-2
 
 T = TypeVar("T")
 
 
-def read_urdf(
-    data: bytes, file: str, *, right_angle_tolerance_rad: float = RIGHT_ANGLE_TOLERANCE_RAD
-) -> UrdfTree:
+def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTree:
     """Read a URDF.
 
     Parameters
@@ -47,9 +54,9 @@ def read_urdf(
         The file's bytes.
     file : str
         What to call it in messages.
-    right_angle_tolerance_rad : float
-        Angles this close to a whole number of quarter turns are taken as exactly that: files round
-        them to 1.5708 and the like, which would make parallel axes nearly parallel.
+    literal_angles : bool
+        Take angles as they are written. Otherwise those that are a multiple of 15 degrees, rounded
+        to few digits, are taken as exactly that (`AngleReading`).
 
     Raises
     ------
@@ -65,25 +72,30 @@ def read_urdf(
             f"{file}: this is a xacro file: expand it first (pip install xacro;"
             " xacro FILE > robot.urdf), then give robot.urdf"
         )
-    reader = _Reader(right_angle_tolerance_rad)
+    reader = _Reader(literal_angles)
+    gears = transmissions_of(root)
     links = [reader.link(element) for element in root.all("link")]
-    joints = [reader.joint(element) for element in root.all("joint")]
+    joints = [reader.joint(element, gears) for element in root.all("joint")]
     whole = tuple(joint for joint in joints if joint is not None)
     named = {link.name: link for link in links if link is not None}
-    problems = reader.problems + _structure(file, list(filter(None, links)), whole)
-    if problems:
-        raise ConfigError("\n".join(problems))
+    structure = _structure(file, list(filter(None, links)), whole)
+    errors = [*reader.errors, *gears.errors]
+    if errors or structure:
+        code = next((error.refusal for error in errors if error.refusal), "")
+        raise ConfigError("\n".join((*map(str, errors), *structure)), code=code)
     children = {joint.child for joint in whole}
-    ratios, unread = _gear_ratios(root)
+    strangers = sorted({*gears.ratios, *gears.rotors_kg_m2} - {joint.name for joint in whole})
+    if strangers:
+        reader.notes.append(f"transmissions of {', '.join(strangers)}: there is no such joint")
     return UrdfTree(
         name=root.attributes.get("name", ""),
         file=file,
         roots=tuple(name for name in named if name not in children),
         links=named,
         joints=whole,
-        gear_ratios=ratios,
-        unread_ratios=unread,
-        angles_made_right=reader.angles_made_right,
+        gear_ratios=gears.ratios,
+        unread_ratios=gears.unread,
+        notes=(*angle_notes(reader.angles), *reader.notes, *unread_parts(root)),
     )
 
 
@@ -97,17 +109,18 @@ def _has_xacro(element: XmlElement) -> bool:
 class _Reader:
     """Turns elements into links and joints, and keeps what is wrong with them."""
 
-    def __init__(self, right_angle_tolerance_rad: float) -> None:
-        self._tolerance_rad = right_angle_tolerance_rad
-        self.angles_made_right = 0
-        self.problems: list[str] = []
+    def __init__(self, literal_angles: bool) -> None:
+        self._literal = literal_angles
+        self.angles: list[tuple[str, AngleReading]] = []
+        self.notes: list[str] = []
+        self.errors: list[ConfigError] = []
 
     def _try(self, read: Callable[[XmlElement], T], element: XmlElement) -> T | None:
         """Return what is read, or None, with the problem kept."""
         try:
             return read(element)
         except ConfigError as error:
-            self.problems.append(str(error))
+            self.errors.append(error)
             return None
 
     def link(self, element: XmlElement) -> UrdfLink | None:
@@ -142,23 +155,30 @@ class _Reader:
             oddities=tuple(oddities),
         )
 
-    def joint(self, element: XmlElement) -> UrdfJoint | None:
-        """Return a joint, or None where something of it cannot be read."""
-        before = len(self.problems)
+    def joint(self, element: XmlElement, gears: Transmissions) -> UrdfJoint | None:
+        """Return a joint, or None if something of it cannot be read."""
+        before = len(self.errors)
         name = self._try(lambda found: found.attribute("name"), element)
-        kind = self._try(_kind, element)
-        parent = self._try(_parent, element)
-        child = self._try(_child, element)
+        kind = self._try(joint_kind, element)
+        parent = self._try(lambda found: joint_end(found, "parent"), element)
+        child = self._try(lambda found: joint_end(found, "child"), element)
         placement = self._try(self._placement, element)
-        axis = self._try(_axis, element)
-        limits = self._try(_limits, element)
-        mimic = self._try(_mimics, element)
+        axis = self._try(joint_axis, element)
+        limits = self._try(joint_limits, element)
+        dynamics = self._try(joint_dynamics, element)
+        mimic = self._try(joint_mimic, element)
         if (
-            len(self.problems) > before
-            or (name is None or kind is None or placement is None)
+            len(self.errors) > before
+            or (name is None or kind is None or placement is None or dynamics is None)
             or (axis is None or limits is None or parent is None or child is None)
         ):
             return None
+        direction, length = axis
+        if kind in MOVING and abs(length - 1.0) > UNIT_LENGTH:
+            self.notes.append(
+                f"{element.where}: the axis of joint {name!r} has the length {length:.4g}: its"
+                " direction was taken"
+            )
         return UrdfJoint(
             name=name,
             where=element.where,
@@ -166,9 +186,12 @@ class _Reader:
             parent=parent,
             child=child,
             placement=placement,
-            axis=axis,
+            axis=direction,
             limits=limits,
-            mimics=mimic,
+            mimic=mimic,
+            damping=dynamics.damping,
+            friction=dynamics.friction,
+            rotor_inertia_kg_m2=gears.rotors_kg_m2.get(name, dynamics.rotor_inertia_kg_m2),
         )
 
     def _inertial(self, element: XmlElement, oddities: list[str]) -> UrdfInertial | None:
@@ -178,15 +201,20 @@ class _Reader:
             return None
         mass_kg = mass.number("value")
         if mass_kg < 0.0:
-            oddities.append(f"its mass is {mass_kg:g} kg: it counts as without mass")
-            return None
+            raise ConfigError(
+                f"{mass.where}: a mass of {mass_kg:g} kg: no body has that",
+                code="RID-URDF-NEGATIVE",
+            )
         matrix = np.zeros((3, 3))
         if inertia is not None:
-            xx, xy, xz, yy, yz, zz = (
-                inertia.numbers(key, 1, (0.0,))[0]
-                for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-            )
-            matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            words = [inertia.attributes.get(key, "0") for key in _ELEMENTS]
+            if any(is_not_finite(word) for word in words):
+                oddities.append(
+                    f"its inertia ({inertia.where}) is no finite number: it counts as unknown"
+                )
+            else:
+                xx, xy, xz, yy, yz, zz = (inertia.numbers(key, 1, (0.0,))[0] for key in _ELEMENTS)
+                matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return UrdfInertial(mass_kg, self._placement(element), matrix)
 
     def _placement(self, element: XmlElement) -> FloatArray:
@@ -196,76 +224,29 @@ class _Reader:
         if origin is not None:
             placement[:3, 3] = origin.numbers("xyz", 3, (0.0,) * 3)
             angles = origin.numbers("rpy", 3, (0.0,) * 3)
-            placement[:3, :3] = rotation_of_rpy(*(self._right(angle) for angle in angles))
+            if max(map(abs, angles)) > LARGEST_ANGLE_RAD:
+                raise ConfigError(
+                    f"{origin.where}: rpy of <origin> is {origin.attributes['rpy']!r}: more than a"
+                    " turn. A URDF has radians: are these degrees?",
+                    code="RID-URDF-ANGLE",
+                )
+            placement[:3, :3] = rotation_of_rpy(*(self._angle(origin, each) for each in angles))
         return placement
 
-    def _right(self, angle_rad: float) -> float:
-        quarter = np.pi / 2.0
-        exact = float(round(angle_rad / quarter) * quarter)
-        if angle_rad != exact and abs(angle_rad - exact) <= self._tolerance_rad:
-            self.angles_made_right += 1
-            return exact
-        return angle_rad
+    def _angle(self, origin: XmlElement, angle_rad: float) -> float:
+        if self._literal:
+            return angle_rad
+        reading = AngleReading.of(angle_rad)
+        self.angles.append((origin.where, reading))
+        return reading.taken_rad
 
 
+_ELEMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _SIZES: Final[dict[str, Callable[[XmlElement], tuple[float, ...]]]] = {
     "box": lambda shape: shape.numbers("size", 3, ()),
     "cylinder": lambda shape: (shape.number("radius"), shape.number("length")),
     "sphere": lambda shape: (shape.number("radius"),),
 }
-
-
-def _kind(element: XmlElement) -> str:
-    kind = element.attribute("type")
-    if kind not in KINDS:
-        raise ConfigError(f"{element.where}: joint type {kind!r} is none of {', '.join(KINDS)}")
-    return kind
-
-
-def _end(element: XmlElement, tag: str) -> str:
-    end = element.one(tag)
-    if end is None:
-        raise ConfigError(f"{element.where}: the joint has no <{tag}>")
-    return end.attribute("link")
-
-
-def _parent(element: XmlElement) -> str:
-    return _end(element, "parent")
-
-
-def _child(element: XmlElement) -> str:
-    return _end(element, "child")
-
-
-def _axis(element: XmlElement) -> FloatArray:
-    """Return the unit vector of a joint's axis, (3,); x where none is stated."""
-    stated = element.one("axis")
-    axis = np.array([1.0, 0.0, 0.0])
-    if stated is not None:
-        axis = np.array(stated.numbers("xyz", 3, (1.0, 0.0, 0.0)))
-    length = float(np.linalg.norm(axis))
-    if length < 1e-6 and element.attributes.get("type") in MOVING:
-        raise ConfigError(f"{element.where}: the joint's axis has no direction")
-    return axis / max(length, 1e-6)
-
-
-def _limits(element: XmlElement) -> dict[str, float]:
-    """Return which limits are stated as finite numbers."""
-    stated = element.one("limit")
-    limits: dict[str, float] = {}
-    for key, text in stated.attributes.items() if stated is not None else ():
-        try:
-            value = float(text)
-        except ValueError:
-            continue
-        if key in _LIMITS and math.isfinite(value):
-            limits[key] = value
-    return limits
-
-
-def _mimics(element: XmlElement) -> str | None:
-    mimic = element.one("mimic")
-    return mimic.attribute("joint") if mimic is not None else None
 
 
 def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) -> list[str]:
@@ -295,6 +276,7 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
                 f"{joint.where}: link {joint.child!r} hangs on two joints: closed chains cannot be"
                 " told in a URDF"
             )
+    problems += _mimics(joints)
     above = {joint.child: joint.parent for joint in joints}
     grounded = {name for name in names if name not in above}
     for name in names:
@@ -315,37 +297,17 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
     return problems
 
 
-def _gear_ratios(root: XmlElement) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the reductions of simple transmissions by joint, and those that are none.
-
-    Told are those of a joint that has a transmission of its own: in the transmission itself (the
-    oldest form), in its actuator or its joint, or in <ros2_control>.
-    """
-    ratios: dict[str, float] = {}
-    unread: dict[str, str] = {}
-    holders = [root, *root.all("ros2_control")]
-    for element in (found for holder in holders for found in holder.all("transmission")):
-        joints = [part for part in element.all("joint") if "name" in part.attributes]
-        stated = [
-            reduction.text
-            for holder in (element, *element.all("joint"), *element.all("actuator"))
-            for tag in ("mechanicalReduction", "mechanical_reduction")
-            for reduction in holder.all(tag)
-        ]
-        if not stated or not joints:
-            continue
-        ratio = _ratio(stated[0]) if len(stated) == len(joints) == 1 else None
-        for joint in joints:
-            if ratio is not None:
-                ratios[joint.attributes["name"]] = ratio
-            else:
-                unread[joint.attributes["name"]] = " ".join(stated)
-    return ratios, unread
-
-
-def _ratio(text: str) -> float | None:
-    try:
-        ratio = float(text)
-    except ValueError:
-        return None
-    return ratio if ratio != 0.0 and abs(ratio) < _LARGEST_RATIO else None
+def _mimics(joints: tuple[UrdfJoint, ...]) -> list[str]:
+    """Return which joints follow one that is not there, or themselves."""
+    leaders = {joint.name: joint.mimic.joint if joint.mimic else None for joint in joints}
+    problems = []
+    for joint in joints:
+        followed: list[str] = []
+        leader = leaders[joint.name]
+        while leader is not None and leader in leaders and leader not in followed:
+            followed.append(leader)
+            leader = leaders[leader]
+        if leader is not None:
+            what = "follows itself" if leader in leaders else f"mimics {leader!r}: no such joint"
+            problems.append(f"{joint.where}: joint {joint.name!r} {what}")
+    return problems

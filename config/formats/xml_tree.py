@@ -11,9 +11,11 @@ from typing import Final
 from xml.parsers import expat
 
 from config.errors import ConfigError
+from config.formats.number import NUMBER_CODE, number_hint, parse_number
 
 MAX_BYTES: Final = 20_000_000
 MAX_DEPTH: Final = 60
+LARGEST_NUMBER: Final = 1e12
 
 
 @dataclass(frozen=True)
@@ -66,24 +68,26 @@ class XmlElement:
         return value
 
     def numbers(self, name: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Return `count` finite numbers of an attribute, or the default where it is missing.
+        """Return `count` finite numbers of an attribute, or the default if it is missing.
 
         Raises
         ------
         ConfigError
-            Where the attribute is anything else.
+            The attribute is anything else.
         """
         text = self.attributes.get(name)
         if text is None:
             return default
+        words = text.split()
         try:
-            values = tuple(float(word) for word in text.split())
-        except ValueError:
+            values = tuple(parse_number(word) for word in words)
+        except ConfigError:
             values = ()
-        if len(values) != count or not all(abs(value) < 1e12 for value in values):
+        if len(values) != count or not all(abs(value) < LARGEST_NUMBER for value in values):
             raise ConfigError(
                 f"{self.where}: {name} of <{self.tag}> is {text!r}, not {count} finite"
-                f" number{'s' if count > 1 else ''}"
+                f" number{'s' if count > 1 else ''}{'' if values else number_hint(text.strip())}",
+                code=NUMBER_CODE,
             )
         return values
 
@@ -93,10 +97,20 @@ class XmlElement:
         Raises
         ------
         ConfigError
-            Where the attribute is missing or anything else.
+            The attribute is missing or anything else.
         """
         self.attribute(name)
         return self.numbers(name, 1, ())[0]
+
+    def optional_number(self, name: str) -> float | None:
+        """Return one finite number, or None if the attribute is missing.
+
+        Raises
+        ------
+        ConfigError
+            The attribute is anything else.
+        """
+        return self.number(name) if name in self.attributes else None
 
 
 @dataclass(frozen=True)

@@ -137,6 +137,56 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
     return sorted(arms.values(), key=lambda arm: -len(arm.joints))
 
 
+def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
+    """Return where the moving joints that are not the arm's stand, by name [rad or m].
+
+    Each stands within its limits, as close to zero as they allow; one that mimics another stands
+    where that one puts it.
+
+    Raises
+    ------
+    ConfigError
+        A joint that follows one of the arm's carries mass: its link is part of no link of the arm.
+    """
+    driven = {joint.name for joint in arm.joints}
+    named = {joint.name: joint for joint in tree.joints}
+    in_base = set(tree.placements(arm.base))
+
+    def position(joint: UrdfJoint) -> float:
+        if joint.mimic is None:
+            return 0.0 if joint.name in driven else joint.resting_position
+        return joint.mimic.multiplier * position(named[joint.mimic.joint]) + joint.mimic.offset
+
+    problems = []
+    for joint in tree.joints:
+        leader = joint
+        while leader.mimic is not None:
+            leader = named[leader.mimic.joint]
+        follows = joint.mimic is not None and leader.name in driven and joint.child in in_base
+        if follows and (mass_kg := _mass_behind(tree, joint.child)) > 0.0:
+            problems.append(
+                f"{joint.where}: joint {joint.name!r} mimics {leader.name!r}, a joint of the arm,"
+                f" and carries {mass_kg:g} kg: a link that moves with another joint cannot be part"
+                " of the model. Remove <mimic> if the joint has a motor of its own; else take the"
+                " <inertial> off its links, whose weight then counts nowhere"
+            )
+    if problems:
+        raise ConfigError("\n".join(problems), code="RID-URDF-MIMIC")
+    return {
+        joint.name: position(joint)
+        for joint in tree.joints
+        if joint.kind in MOVING and joint.name not in driven
+    }
+
+
+def _mass_behind(tree: UrdfTree, link: str) -> float:
+    """Return the mass of a link and of all that hangs on it [kg]."""
+    inertial = tree.links[link].inertial
+    own = inertial.mass_kg if inertial is not None else 0.0
+    below = tree.joints_below.get(link, ())
+    return own + sum(_mass_behind(tree, joint.child) for joint in below)
+
+
 def _moving_on(tree: UrdfTree, link: str) -> list[UrdfJoint]:
     """Return the joints that move on a body: a link and what is fixed to it.
 
@@ -186,12 +236,12 @@ def _without_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
     path = tree.path(arm.base, arm.tip)
     last = path.index(arm.joints[-1])
     lines = [
-        f"{joint.where}: joint {joint.name!r} mimics {joint.mimics!r} in the middle of the arm: a"
-        " motor that turns two joints of the chain cannot be identified here. Give --tip"
+        f"{joint.where}: joint {joint.name!r} mimics {joint.mimic.joint!r} in the middle of the"
+        " arm: a motor that turns two joints of the chain cannot be identified here. Give --tip"
         f" {joint.parent} for the arm before it, or remove <mimic> if the joint has a motor"
         for joint in path[:last]
-        if joint.mimics is not None
+        if joint.mimic is not None
     ]
     if lines:
-        raise ConfigError("\n".join(lines))
+        raise ConfigError("\n".join(lines), code="RID-URDF-MIMIC")
     return arm

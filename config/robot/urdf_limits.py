@@ -1,6 +1,7 @@
-"""Joint limits: what a URDF states where that can be meant, else what is given, else by size.
+"""Joint limits: what a URDF states; if it states none, what is given, else by the robot's size.
 
-Many exporters write 0 for what they do not know. A default is marked wherever it is shown, with
+Many exporters write 0 for what they do not know, and infinity or 1e16 for no limit. What no joint
+has is refused, never replaced by something wider. A default is marked wherever it is shown, with
 how it came about: motions are held to it, and a person must confirm it.
 """
 
@@ -12,13 +13,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import UrdfJoint
 from config.plausible import Plausible
-from config.robot.robot import JointLimits, JointPosition, JointTorque, JointVelocity
+from config.robot.joint_size import JointSize
+from config.robot.robot import (
+    JointAcceleration,
+    JointLimits,
+    JointPosition,
+    JointTorque,
+    JointVelocity,
+)
 
-GRAVITY_M_S2: Final = 9.81
 ACCELERATION_PER_VELOCITY: Final = 5.0
 WEIGHT_MARGIN: Final = 2.0
 LEAST_SHARE: Final = 0.02
@@ -31,6 +37,9 @@ ENDLESS_RAD: Final = 6.28
 _DEGREE: Final = float(np.pi / 180.0)
 _MM: Final = 1e-3
 _LARGEST_DEGREES: Final = 1000.0
+NO_LIMIT: Final = 1e6
+"""From this size on a limit says that there is none, as infinity does."""
+LIMIT_CODE: Final = "RID-URDF-LIMIT"
 
 
 @dataclass(frozen=True)
@@ -73,14 +82,6 @@ class LimitDefaults:
 
 
 @dataclass(frozen=True)
-class JointSize:
-    """How far an arm reaches beyond a joint [m], and its weight's torque there [N m or N]."""
-
-    reach_m: float
-    weight: float
-
-
-@dataclass(frozen=True)
 class Taken:
     """A value that is not as the URDF states it: of which key, which, and how it came about."""
 
@@ -100,41 +101,6 @@ class FoundLimits:
     taken: tuple[Taken, ...]
 
 
-def joint_sizes(
-    joints: Sequence[UrdfJoint],
-    origins_m: FloatArray,
-    tip_m: FloatArray,
-    centres_m: FloatArray,
-    masses_kg: FloatArray,
-) -> list[JointSize]:
-    """Return the size of every joint's load, along the chain as if it were stretched out.
-
-    Parameters
-    ----------
-    joints : sequence of UrdfJoint
-        The joints.
-    origins_m : (n, 3) array
-        Their places at zero.
-    tip_m : (3,) array
-        The tool point.
-    centres_m : (n, 3) array
-        The links' centres of gravity.
-    masses_kg : (n,) array
-        Their masses.
-    """
-    n = len(origins_m)
-    steps = np.linalg.norm(np.diff(np.vstack([origins_m, tip_m]), axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    beyond = np.linalg.norm(centres_m - origins_m, axis=1)
-    sizes = []
-    for i, joint in enumerate(joints):
-        arms = along[i:n] - along[i] + beyond[i:]
-        reach = max(float(along[-1] - along[i]), float(arms.max()))
-        lever = np.ones(n - i) if joint.kind == "prismatic" else arms
-        sizes.append(JointSize(reach, float(GRAVITY_M_S2 * masses_kg[i:] @ lever)))
-    return sizes
-
-
 def limits_of_urdf(
     joints: Sequence[UrdfJoint],
     sizes: Sequence[JointSize],
@@ -145,20 +111,23 @@ def limits_of_urdf(
     Raises
     ------
     ConfigError
-        What is given does not fit the joints.
+        What is given does not fit the joints, or the URDF states limits that no joint has, all of
+        them at once.
     """
     given.refuse_unfit([joint.name for joint in joints])
-    found = []
+    found: list[FoundLimits] = []
+    problems: list[str] = []
     heaviest = max(size.weight for size in sizes)
     for i, joint in enumerate(joints):
         one = _OneJoint(joint, sizes[i], LEAST_SHARE * heaviest)
-        low, high = one.range(_of(given.position, i))
-        velocity = one.velocity(_of(given.velocity, i))
-        torque = one.torque(_of(given.torque, i))
-        acceleration = _of(given.acceleration, i)
-        if acceleration is None:
-            acceleration = ACCELERATION_PER_VELOCITY * velocity
-            one.take("acceleration", acceleration, "default: five times the velocity, per second")
+        try:
+            low, high = one.range(_of(given.position, i))
+            velocity = one.velocity(_of(given.velocity, i))
+            torque = one.torque(_of(given.torque, i))
+            acceleration = one.acceleration(_of(given.acceleration, i), velocity)
+        except ConfigError as error:
+            problems.append(str(error))
+            continue
         limits = JointLimits(
             position_min=low,
             position_max=high,
@@ -167,11 +136,13 @@ def limits_of_urdf(
             torque=torque,
         )
         found.append(FoundLimits(limits, tuple(one.taken)))
+    if problems:
+        raise ConfigError("\n".join(problems), code=LIMIT_CODE)
     return found
 
 
 class _OneJoint:
-    """Reads one joint's limits, and keeps what of them is not as the URDF states it."""
+    """Reads one joint's limits; keeps what of them is not as the URDF states it, or refuses it."""
 
     def __init__(self, joint: UrdfJoint, size: JointSize, least_weight: float) -> None:
         self._joint = joint
@@ -187,31 +158,89 @@ class _OneJoint:
         self.taken.append(Taken(key, shown, how))
 
     def range(self, given: float | None) -> tuple[float, float]:
-        """Return the least and the largest position [rad or m]."""
-        low, high = (self._joint.limits.get(key) for key in ("lower", "upper"))
-        if self._joint.kind == "continuous":
-            return self._centred(given, ENDLESS_RAD, "the joint has no end: narrow it")
-        stated = f"the URDF states {_told(low)} to {_told(high)}"
-        if low is None or high is None or low == high:
-            return self._default_range(given, stated)
+        """Return the least and the largest position [rad or m].
+
+        Raises
+        ------
+        ConfigError
+            No range of this joint can be meant.
+        """
+        limits = self._joint.limits
+        stated = f"the URDF states {_told(limits.get('lower'))} to {_told(limits.get('upper'))}"
+        if self._states_no_range(given):
+            if self._joint.kind == "continuous":
+                return self._centred(given, ENDLESS_RAD, "the joint has no end: narrow it")
+            return self._centred(given, self._usual_half(), f"{stated}: narrow it")
+        low, high = limits.get("lower", 0.0), limits.get("upper", 0.0)
+        if {"lower", "upper"} - limits.keys():
+            self.take("position", f"{low:g} to {high:g}", f"{stated}: what is missing is 0")
+        if low == high:
+            raise self._refused(
+                f"lower = upper = {low:g}: the joint is locked. State its range (zeros: or give"
+                ' --range), or make it type="fixed" at that position'
+            )
         if low > high:
-            low, high = high, low
-            self.take("position", f"{low:g} to {high:g}", f"repaired: {stated}")
-        size = max(abs(low), abs(high))
+            raise self._refused(f"lower {low:g} is above upper {high:g}: correct them")
+        low, high = self._in_units(low, high, stated)
+        half = given if given is not None else self._usual_half()
+        low, high = (
+            end if abs(end) < NO_LIMIT else self._open_end(sign * half, stated, given)
+            for sign, end in ((-1.0, low), (1.0, high))
+        )
+        low, high = self._soft(low, high)
+        if low >= high:
+            raise self._refused(f"{stated}: no range is left of it ({low:g} to {high:g})")
+        if self._joint.kind == "continuous":
+            self.take("position", f"{low:g} to {high:g}", f"{stated}, of a continuous joint")
+        return low, high
+
+    def _states_no_range(self, given: float | None) -> bool:
+        """Return True if lower and upper are missing, or zeros that stand for nothing.
+
+        Zeros beside a speed and a torque lock the joint, unless a range is given for it.
+        """
+        limits = self._joint.limits
+        if limits.get("lower", 0.0) or limits.get("upper", 0.0):
+            return False
+        stated = {"lower", "upper"} & limits.keys()
+        moves = limits.get("velocity", 0.0) and limits.get("effort", 0.0)
+        endless = self._joint.kind == "continuous"
+        return not (stated and moves) or given is not None or endless
+
+    def _in_units(self, low: float, high: float, stated: str) -> tuple[float, float]:
+        """Return the range in rad or m, if it is in degrees or millimetres."""
+        size = max((abs(end) for end in (low, high) if abs(end) < NO_LIMIT), default=0.0)
         found = _plausible(JointPosition, self._slides)
         if found.holds(size):
             return low, high
         unit, scale = ("mm", _MM) if self._slides else ("degrees", _DEGREE)
         if size > (found.high / _MM if self._slides else _LARGEST_DEGREES):
-            return self._default_range(given, stated)
+            raise self._refused(f"{stated}: no joint has that range")
         self._scale = scale
         low, high = round(scale * low, 9), round(scale * high, 9)
         self.take("position", f"{low:g} to {high:g}", f"repaired: {stated}, read as {unit}")
         return low, high
 
-    def _default_range(self, given: float | None, why: str) -> tuple[float, float]:
+    def _open_end(self, usual: float, stated: str, given: float | None) -> float:
+        """Return the end of a range that the URDF states as endless."""
+        how = "--range" if given is not None else "default"
+        self.take("position", f"{usual:g} at the open end", f"{how}: {stated}: narrow it")
+        return usual
+
+    def _soft(self, low: float, high: float) -> tuple[float, float]:
+        """Return the range within the limits of <safety_controller>, which are narrower."""
+        limits = self._joint.limits
+        soft_low, soft_high = (limits.get(f"soft_{end}", 0.0) for end in ("lower", "upper"))
+        if soft_low == soft_high == 0.0:
+            return low, high
+        narrow = max(low, self._scale * soft_low), min(high, self._scale * soft_high)
+        if narrow != (low, high):
+            self.take("position", f"{narrow[0]:g} to {narrow[1]:g}", "within <safety_controller>")
+        return narrow
+
+    def _usual_half(self) -> float:
         by_size = _two_digits(SLIDE_SHARE * self._size.reach_m) or SLIDE_SHARE
-        return self._centred(given, by_size if self._slides else TURN_RAD, f"{why}: narrow it")
+        return by_size if self._slides else TURN_RAD
 
     def _centred(self, given: float | None, usual: float, why: str) -> tuple[float, float]:
         half = usual if given is None else given
@@ -221,7 +250,13 @@ class _OneJoint:
         return -half, half
 
     def velocity(self, given: float | None) -> float:
-        """Return the largest speed [rad/s or m/s]."""
+        """Return the largest speed [rad/s or m/s].
+
+        Raises
+        ------
+        ConfigError
+            The URDF states one that no joint has.
+        """
         stated = self._stated("velocity", JointVelocity)
         if stated is not None:
             return stated
@@ -237,8 +272,33 @@ class _OneJoint:
         self.take("velocity", value, f"default: {self._why('velocity')}; {why}")
         return value
 
+    def acceleration(self, given: float | None, velocity: float) -> float:
+        """Return the largest acceleration [rad/s² or m/s²].
+
+        Raises
+        ------
+        ConfigError
+            The URDF states one that no joint has.
+        """
+        keys = ("acceleration", "deceleration")
+        stated = [self._stated(key, JointAcceleration) for key in keys]
+        known = [value for value in stated if value is not None]
+        if known:
+            return min(known)
+        if given is not None:
+            return given
+        value = ACCELERATION_PER_VELOCITY * velocity
+        self.take("acceleration", value, "default: five times the velocity, per second")
+        return value
+
     def torque(self, given: float | None) -> float:
-        """Return the largest torque [N m or N]."""
+        """Return the largest torque [N m or N].
+
+        Raises
+        ------
+        ConfigError
+            The URDF states one that no joint has.
+        """
         stated = self._stated("effort", JointTorque)
         if stated is not None:
             return stated
@@ -252,16 +312,25 @@ class _OneJoint:
         return value
 
     def _stated(self, key: str, kind: Any) -> float | None:
-        """Return what the URDF states, where that can be meant."""
+        """Return what the URDF states; None if it states nothing, 0 or no limit.
+
+        A joint whose range is in degrees has its other limits in degrees too.
+        """
         value = self._joint.limits.get(key, 0.0)
         found = _plausible(kind, self._slides)
-        if value > 0.0 and found.holds(value):
-            return value
-        scaled = round(value * self._scale, 9)
-        if key == "velocity" and self._scale != 1.0 and scaled > 0.0 and found.holds(scaled):
+        if value == 0.0 or value >= NO_LIMIT:
+            return None
+        scaled = value if key == "effort" else round(value * self._scale, 9)
+        if value < 0.0 or not found.holds(scaled):
+            unlikely = f"expected is {found.low:g} to {found.high:g} {found.unit}"
+            raise self._refused(f"{key} {value:g}: {unlikely}{found.likely_unit(scaled)}")
+        if scaled != value:
             self.take(key, scaled, f"repaired: {self._why(key)}, read as the positions are")
-            return scaled
-        return None
+        return scaled
+
+    def _refused(self, why: str) -> ConfigError:
+        words = f"{self._joint.where}: <limit> of joint {self._joint.name!r}: {why}"
+        return ConfigError(words, code=LIMIT_CODE)
 
     def _why(self, key: str) -> str:
         return f"the URDF states {_told(self._joint.limits.get(key))}"

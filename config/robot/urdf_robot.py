@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from pydantic import ValidationError
@@ -16,13 +15,13 @@ from config.formats.urdf import UrdfTree, rpy_of_rotation
 from config.formats.yaml_tree import Path
 from config.plausible import implausible, key_name
 from config.robot.axis_lines import rows_of_axes
+from config.robot.joint_size import GRAVITY_M_S2, joint_sizes
 from config.robot.robot import Joint, Kinematics, RobotDescription, Vector3
 from config.robot.urdf_bodies import bodies_of_urdf, clean
-from config.robot.urdf_chain import UrdfArm, arm_between
-from config.robot.urdf_limits import GRAVITY_M_S2, LimitDefaults, Taken, joint_sizes, limits_of_urdf
+from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
+from config.robot.urdf_limits import LimitDefaults, Taken, limits_of_urdf
 from config.robot.urdf_links import links_of_urdf
-
-RATIOS: Final = (0.05, 5e3)
+from config.robot.urdf_motors import UrdfMotor, motors_of_urdf
 
 
 @dataclass(frozen=True)
@@ -37,11 +36,14 @@ class UrdfRobot:
         What was left out, repaired or taken as a default.
     comments : mapping of path to str
         The same at the keys of the robot file that it concerns.
+    motors : tuple of UrdfMotor
+        What the URDF says of the joints' friction and of their motors, one a joint.
     """
 
     robot: RobotDescription
     notes: tuple[str, ...]
     comments: Mapping[Path, str]
+    motors: tuple[UrdfMotor, ...]
 
 
 def robot_of_urdf(
@@ -77,7 +79,7 @@ def robot_of_urdf(
     """
     arm = arm_between(tree, base, tip)
     notes = list(arm.notes)
-    places = tree.placements(arm.base)
+    places = tree.placements(arm.base, held_positions(tree, arm))
     end = places[arm.tip]
     origins_m = np.array([places[joint.child][:3, 3] for joint in arm.joints])
     axes = rows_of_axes(
@@ -87,11 +89,7 @@ def robot_of_urdf(
     )
     names = _joint_names(tree, arm, notes)
     carried = _carried_links(tree, arm, notes)
-    if tree.angles_made_right:
-        notes.append(
-            f"{tree.angles_made_right} angles within 1e-5 rad of a quarter turn were taken as"
-            " exactly that"
-        )
+    notes += tree.notes
     in_root = tree.placements(tree.root_of(arm.base))[arm.base][:3, :3]
     gravity = in_root.T @ np.array([0.0, 0.0, -GRAVITY_M_S2])
     tool = np.asarray(np.linalg.inv(axes.frames[-1]) @ end)
@@ -105,7 +103,7 @@ def robot_of_urdf(
         np.array([link.mass_kg for link in links.cad]),
     )
     found = limits_of_urdf(arm.joints, sizes, defaults or LimitDefaults())
-    ratios, taken = _ratios(tree, arm)
+    ratios, motors, taken = motors_of_urdf(tree, arm, [one.limits for one in found])
     for told, one in zip(taken, found, strict=True):
         told += one.taken
     bodies, of_bodies = bodies_of_urdf(tree, carried, places, axes)
@@ -140,7 +138,7 @@ def robot_of_urdf(
     comments: dict[Path, str] = {("cad", i): told for i, told in links.comments.items()}
     comments |= {("joints", i): ". ".join(map(str, told)) for i, told in enumerate(taken) if told}
     notes += [*links.notes, *_together(names, taken), *of_bodies]
-    return UrdfRobot(robot, tuple(notes), comments)
+    return UrdfRobot(robot, tuple(notes), comments, motors)
 
 
 def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
@@ -178,19 +176,23 @@ def _carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[
     """Return the URDF's links that move as one: with the base, then with each joint."""
     number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
     carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]
-    held: dict[int, list[str]] = {}
+    stand = held_positions(tree, arm)
+    held: dict[tuple[int, float], list[str]] = {}
     waiting = [(arm.base, 0)]
     while waiting:
         link, body = waiting.pop()
         carried[body].append(link)
         for joint in tree.joints_below.get(link, ()):
             if joint.kind != "fixed" and joint.child not in number:
-                held.setdefault(body, []).append(repr(joint.name))
+                follows = f" (mimics {joint.mimic.joint!r})" if joint.mimic is not None else ""
+                key = body, stand.get(joint.name, 0.0)
+                held.setdefault(key, []).append(f"{joint.name!r}{follows}")
             waiting.append((joint.child, number.get(joint.child, body)))
     notes += [
-        f"{', '.join(joints)} {'is' if len(joints) == 1 else 'are'} held at zero: what hangs on"
+        f"{', '.join(joints)} {'is' if len(joints) == 1 else 'are'} held at"
+        f" {f'{position:g}' if position else 'zero'}: what hangs on"
         f" {'it' if len(joints) == 1 else 'them'} counts as part of link {body}"
-        for body, joints in held.items()
+        for (body, position), joints in held.items()
     ]
     return carried
 
@@ -209,23 +211,6 @@ def _joint_names(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[str]:
             " told apart in 32 plain characters: rename them"
         )
     return names
-
-
-def _ratios(tree: UrdfTree, arm: UrdfArm) -> tuple[list[float], list[list[Taken]]]:
-    """Return the joints' gear ratios: 1 where the URDF tells none, and that it tells none."""
-    ratios: list[float] = []
-    taken: list[list[Taken]] = []
-    for joint in arm.joints:
-        ratio = tree.gear_ratios.get(joint.name, 1.0)
-        unread = tree.unread_ratios.get(joint.name)
-        if not RATIOS[0] <= abs(ratio) <= RATIOS[1]:
-            ratio, unread = 1.0, f"{ratio:g}"
-        ratios.append(ratio)
-        taken.append([])
-        if unread is not None:
-            how = f"default: the URDF's reduction {unread!r} is no ratio of one joint"
-            taken[-1].append(Taken("gear_ratio", "1", how))
-    return ratios, taken
 
 
 def _plain_name(name: str) -> str:

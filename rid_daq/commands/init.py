@@ -48,7 +48,9 @@ def init(
     ] = None,
     acceleration: Annotated[
         str | None,
-        typer.Option(metavar="RAD/S2", help="Acceleration [rad/s² or m/s²]; a URDF states none."),
+        typer.Option(
+            metavar="RAD/S2", help="Acceleration where the URDF states none [rad/s² or m/s²]."
+        ),
     ] = None,
     effort: Annotated[
         str | None,

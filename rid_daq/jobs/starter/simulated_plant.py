@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import Joint, RobotDescription
+from config.robot.urdf_motors import UrdfMotor
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
 from dynamics.geometry.clearances import Clearances
 from rid_daq.jobs.starter.workload import INTEGRAL_TIME_S, Workload, validation_motion
@@ -17,11 +19,20 @@ TORQUE_NOISE_SHARE: Final = 0.003
 INCREMENTS_PER_TURN: Final = 2_000_000
 
 
-def simulated_plant(robot: RobotDescription) -> PlantConfig:
+def simulated_plant(
+    robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None
+) -> PlantConfig:
     """Return the robot's links with motors and velocity loops that can move them in every pose.
 
     Gains and rotors are `Workload`'s; rotors are plain armatures. The robot stands at zero, or
     where its validation motion begins if it may not stand there.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot, with its `cad`.
+    motors : sequence of UrdfMotor, optional
+        Friction that is known; what is not is a share of the torque limit.
 
     Raises
     ------
@@ -29,6 +40,7 @@ def simulated_plant(robot: RobotDescription) -> PlantConfig:
         The robot has no `cad`.
     """
     load = Workload.of(robot)
+    known: Sequence[UrdfMotor | None] = motors or [None] * len(robot.joints)
     links = []
     for cad in robot.cad or ():
         xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
@@ -49,19 +61,25 @@ def simulated_plant(robot: RobotDescription) -> PlantConfig:
                 load.gains(robot).tolist(),
                 load.rotors(robot).tolist(),
                 _standing(robot).tolist(),
+                known,
                 strict=True,
             )
         ),
     )
 
 
-def _axis(joint: Joint, gain: float, rotor: float, position: float) -> SimulatedAxis:
+def _axis(
+    joint: Joint, gain: float, rotor: float, position: float, motor: UrdfMotor | None
+) -> SimulatedAxis:
     torque, ratio = joint.limits.torque, abs(joint.gear_ratio)
     friction = FRICTION_SHARE * torque
+    coulomb, viscous = friction, friction / joint.limits.velocity
+    if motor is not None and motor.coulomb is not None and motor.viscous is not None:
+        coulomb, viscous = motor.coulomb, motor.viscous
     return SimulatedAxis(
         rotor_inertia_kg_m2=rotor / ratio**2,
-        coulomb_nm=friction,
-        viscous_nm_s=friction / joint.limits.velocity,
+        coulomb_nm=coulomb,
+        viscous_nm_s=viscous,
         velocity_gain_nm_s=gain,
         velocity_integral_time_s=INTEGRAL_TIME_S,
         rated_motor_torque_nm=torque / (3.0 * ratio),

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
 from config.robot.robot import RobotDescription
+from config.robot.urdf_motors import Direction, UrdfMotor
 
 VALIDATION_LIMIT_PERCENT: Final = 15.0
 
 
-def starting_cell(robot: RobotDescription) -> CellConfig:
-    """Return a cell of drives at node ids 1, 2, ... with the robot's name, simulated at first."""
+def starting_cell(robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None) -> CellConfig:
+    """Return a cell of drives at node ids 1, 2, ... with the robot's name, simulated at first.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    motors : sequence of UrdfMotor, optional
+        Which way its motors turn; with their joints if not given.
+    """
+    directions: list[Direction] = [motor.direction for motor in motors or ()]
+    directions = directions or [1] * len(robot.joints)
     return CellConfig(
         name=robot.name,
         robot="robot.yaml",
@@ -20,8 +32,10 @@ def starting_cell(robot: RobotDescription) -> CellConfig:
         cycle_time_ms=8,
         can=CanBusConfig(interface="rid_sim", channel=robot.name),
         axes=tuple(
-            DriveAxis(joint=name, node_id=number)
-            for number, name in enumerate(robot.joint_names, start=1)
+            DriveAxis(joint=name, node_id=number, direction=direction)
+            for number, (name, direction) in enumerate(
+                zip(robot.joint_names, directions, strict=True), start=1
+            )
         ),
         position_gain_per_s=10.0,
         supervision=Supervision(

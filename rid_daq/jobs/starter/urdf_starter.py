@@ -72,8 +72,8 @@ def starting_files(urdf: Path, made: UrdfRobot) -> dict[str, str]:
     robot = made.robot
     return {
         "robot.yaml": _text(robot, _robot_comment(urdf, made.notes), made.comments),
-        "plant.yaml": _text(simulated_plant(robot), _PLANT_COMMENT),
-        "cell.yaml": _text(starting_cell(robot), _CELL_COMMENT),
+        "plant.yaml": _text(simulated_plant(robot, made.motors), _PLANT_COMMENT),
+        "cell.yaml": _text(starting_cell(robot, made.motors), _CELL_COMMENT),
         "validation.yaml": _text(
             validation_motion(robot),
             "Random points: run it after the excitation and give it to `rid-daq validate`.",
@@ -97,8 +97,8 @@ are defaults say so above their joint.
 
 
 _PLANT_COMMENT: Final = """\
-What is simulated: the links' masses; motors, friction and loops are invented. Delete it, and
-`simulated` and `plant` in cell.yaml, once drives are there."""
+What is simulated: the links' masses, and friction if the URDF states it; all else is invented.
+Delete it, and `simulated` and `plant` in cell.yaml, once drives are there."""
 
 
 def _with_limits_of(

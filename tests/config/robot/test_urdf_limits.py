@@ -7,15 +7,11 @@ import pytest
 
 from config.errors import ConfigError
 from config.formats.urdf import UrdfJoint
-from config.robot.urdf_limits import (
-    FoundLimits,
-    JointSize,
-    LimitDefaults,
-    joint_sizes,
-    limits_of_urdf,
-)
+from config.robot.joint_size import JointSize, joint_sizes
+from config.robot.urdf_limits import FoundLimits, LimitDefaults, limits_of_urdf
 
 SIZE = JointSize(reach_m=1.2, weight=100.0)
+ZEROS = {"lower": 0.0, "upper": 0.0, "velocity": 0.0, "effort": 0.0}
 WHOLE = {"lower": -2.0, "upper": 2.5, "velocity": 2.0, "effort": 50.0}
 
 
@@ -46,16 +42,22 @@ def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> N
         ("revolute", {"effort": 1e9}, "torque", 200.0, "the URDF states 1e+09"),
         ("revolute", {"velocity": 0.0}, "velocity", 2.5,
          "velocity: 2.5 (default: the URDF states 0; 3 m/s at full reach, 1 to 3 rad/s)"),
-        ("prismatic", {"velocity": -1.0}, "velocity", 0.5, "the URDF states -1; usual"),
-        ("continuous", {}, "position_max", 6.28, "position: ±6.28 (default: the joint has no end"),
-        ("revolute", {"lower": 0.0, "upper": 0.0}, "position_max", 3.14, "position: ±3.14 ("),
+        ("prismatic", {"velocity": 0.0}, "velocity", 0.5, "the URDF states 0; usual"),
+        ("continuous", ZEROS, "position_max", 6.28, "position: ±6.28 (default: the joint has no"),
+        ("continuous", {}, "position_max", 2.5, "position: -2 to 2.5 (the URDF states"),
+        ("revolute", ZEROS, "position_max", 3.14, "position: ±3.14 ("),
+        ("revolute", {"upper": np.inf}, "position_max", 3.14, "position: 3.14 at the open end ("),
+        ("revolute", {"upper": np.inf}, "position_min", -2.0, "the URDF states -2 to inf"),
+        ("revolute", {"velocity": np.inf}, "velocity", 2.5, "the URDF states inf"),
+        ("revolute", {"soft_lower": -1.0, "soft_upper": 1.0}, "position_max", 1.0,
+         "position: -1 to 1 (within <safety_controller>)"),
         ("revolute", {"upper": 1e16}, "position_max", 3.14, "the URDF states -2 to 1e+16"),
-        ("prismatic", {"lower": 0.0, "upper": 0.0}, "position_max", 0.3, "position: ±0.3 ("),
-        ("revolute", {"lower": 2.0, "upper": -1.0}, "position_max", 2.0,
-         "position: -1 to 2 (repaired: the URDF states 2 to -1)"),
+        ("prismatic", ZEROS, "position_max", 0.3, "position: ±0.3 ("),
         ("revolute", {"lower": -170.0, "upper": 90.0}, "position_max", np.pi / 2,
          "position: -2.96706 to 1.5708 (repaired: the URDF states -170 to 90, read as degrees)"),
         ("prismatic", {"lower": 0.0, "upper": 800.0}, "position_max", 0.8, "read as mm"),
+        ("revolute", {"lower": -170.0, "upper": 90.0, "velocity": 45.0}, "velocity", np.pi / 4,
+         "velocity: 0.785398 (repaired: the URDF states 45, read as the positions are)"),
         ("revolute", {"lower": -170.0, "upper": 90.0, "velocity": 180.0}, "velocity", np.pi,
          "velocity: 3.14159 (repaired: the URDF states 180, read as the positions are)"),
     ],
@@ -66,6 +68,57 @@ def test_what_cannot_be_meant_is_replaced_and_said(
     one = found(joint(kind, WHOLE | limits))
     assert getattr(one.limits, key) == pytest.approx(expected)
     assert any(told in str(taken) for taken in one.taken)
+
+
+@pytest.mark.promise("unreadable-is-refused")
+@pytest.mark.parametrize(
+    ("kind", "limits"),
+    [
+        ("revolute", {"lower": 0.7, "upper": 0.7}),
+        ("revolute", {"lower": 0.0, "upper": 0.0}),
+        ("revolute", {"lower": 2.0, "upper": -1.0}),
+        ("revolute", {"lower": 5.0, "upper": np.inf}),
+        ("revolute", {"upper": 5e3}),
+        ("revolute", {"velocity": -2.0}),
+        ("revolute", {"velocity": 120.0}),
+        ("revolute", {"velocity": 1e-6}),
+        ("revolute", {"effort": -1.0}),
+        ("revolute", {"effort": 1e-4}),
+        ("revolute", {"acceleration": -1.0}),
+        ("revolute", {"soft_lower": 2.6, "soft_upper": 3.0}),
+        ("continuous", {"lower": 1.0, "upper": 1.0}),
+        ("prismatic", {"lower": 0.1, "upper": 0.1}),
+    ],
+)
+def test_limits_that_no_joint_has_are_refused_and_never_widened(
+    kind: str, limits: dict[str, float]
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        found(joint(kind, WHOLE | limits))
+    assert refused.value.refusal == "RID-URDF-LIMIT"
+    assert str(refused.value).startswith("r:1: ")
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [({"lower": -1.5}, (-1.5, 0.0)), ({"upper": 1.5}, (0.0, 1.5))],
+)
+def test_a_bound_that_is_missing_is_zero(
+    limits: dict[str, float], expected: tuple[float, float]
+) -> None:
+    one = found(joint("revolute", {"velocity": 2.0, "effort": 50.0} | limits))
+    assert (one.limits.position_min, one.limits.position_max) == expected
+    assert any(taken.key == "position" for taken in one.taken)
+
+
+def test_an_acceleration_that_is_stated_is_taken_the_smaller_of_two() -> None:
+    one = found(joint("revolute", WHOLE | {"acceleration": 4.0, "deceleration": 3.0}))
+    assert one.limits.acceleration == 3.0
+
+
+def test_zeros_that_lock_a_joint_give_way_to_a_range_that_is_given() -> None:
+    locked = joint("revolute", WHOLE | {"lower": 0.0, "upper": 0.0})
+    assert found(locked, LimitDefaults(position=(1.0,))).limits.position_max == 1.0
 
 
 def test_options_fill_in_what_is_missing_and_nothing_else() -> None:

@@ -89,7 +89,7 @@ def test_an_inertia_in_another_unit_counts_as_unknown() -> None:
 
 @pytest.mark.parametrize(
     "nothing",
-    ["", '<inertial><mass value="-1"/></inertial>', '<inertial><mass value="0"/></inertial>'],
+    ["", "<inertial/>", '<inertial><mass value="0"/></inertial>'],
 )
 def test_a_moving_link_without_mass_is_a_guess_and_the_others_stay(nothing: str) -> None:
     robot = made(nothing, SOUND)
@@ -103,3 +103,11 @@ def test_a_moving_link_without_mass_is_a_guess_and_the_others_stay(nothing: str)
         "simulated as cylinders" in note and "tool (no mass;" in note for note in robot.notes
     )
     assert "a guess, for the URDF states no mass" in robot.comments["cad", 0]
+
+
+def test_one_inertia_that_is_nan_counts_as_unknown_and_the_link_keeps_its_mass() -> None:
+    robot = made(inertial(2.0, float("nan"), 0.02, 0.03), SOUND)
+    assert robot.robot.cad is not None
+    assert robot.robot.cad[0].mass_kg == 2.0
+    assert robot.robot.cad[0].unknown_inertia_kg_m2 is not None
+    assert any("counts as unknown" in note for note in robot.notes)

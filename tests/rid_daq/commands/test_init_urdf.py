@@ -61,7 +61,7 @@ def test_a_urdf_becomes_a_simulated_cell(
     assert run([*words, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert sorted(said["files"]) == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]
-    assert any("1 angles within" in note for note in said["notes"])
+    assert any("1 rounded angles were" in note for note in said["notes"])
 
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))
     assert loaded.config.simulated
@@ -192,3 +192,32 @@ def test_what_cannot_be_made_is_said_and_nothing_written(
     assert run(["init", str(tmp_path / "cell"), *(w.format(tmp_path) for w in words)]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "cell").exists()
+
+
+@pytest.mark.promise("unreadable-is-refused")
+def test_a_limit_that_cannot_be_read_ends_init_with_exit_code_2_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "two.urdf").write_text(urdf().replace('upper="2"', 'upper="2,0"'))
+    folder = tmp_path / "cell"
+    words = ["init", str(folder), "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]
+    assert run(words) == 2
+    assert "RID-FILE-NUMBER" in capsys.readouterr().err
+    assert not folder.exists()
+
+
+def test_stated_friction_and_direction_are_those_of_the_simulated_cell(tmp_path: Path) -> None:
+    motor = (
+        '<dynamics damping="1.5" friction="2.5"/></joint><transmission name="t">'
+        '<joint name="lift"/><actuator name="m"><mechanicalReduction>-50</mechanicalReduction>'
+        "</actuator></transmission>"
+    )
+    (tmp_path / "two.urdf").write_text(urdf().replace("</joint>", motor, 1))
+    folder = tmp_path / "cell"
+    assert run(["init", str(folder), "--no-rehearsal", "--urdf", str(tmp_path / "two.urdf")]) == 0
+    loaded = load_cell(str(folder / "cell.yaml"))
+    assert loaded.plant is not None
+    axis = loaded.plant.axes[0]
+    assert (axis.coulomb_nm, axis.viscous_nm_s) == (2.5, 1.5)
+    assert [each.direction for each in loaded.config.axes] == [-1, 1]
+    assert loaded.robot.joints[0].gear_ratio == 50.0

@@ -1,0 +1,109 @@
+"""What a URDF's `<transmission>` elements state of gears and rotors, by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from config.errors import ConfigError
+from config.formats.number import NUMBER_CODE, parse_number
+from config.formats.urdf_joint import ROTOR_KEYS, not_negative
+from config.formats.xml_tree import XmlElement
+
+_REDUCTIONS: Final = ("mechanicalReduction", "mechanical_reduction")
+_DRAKE_RATIO: Final = "drake:gear_ratio"
+_LARGEST_RATIO: Final = 1e6
+
+
+@dataclass(frozen=True)
+class Transmissions:
+    """Gear ratios, rotor inertias [kg m²] and what is wrong.
+
+    Attributes
+    ----------
+    ratios : dict of str to float
+        Motor turns per joint turn; negative if the motor turns against its joint.
+    unread : dict of str to str
+        Reductions that are not the ratio of one joint, as the file has them.
+    rotors_kg_m2 : dict of str to float
+        The rotors' inertias, before the gear.
+    errors : list of ConfigError
+        Values that cannot be read.
+    """
+
+    ratios: dict[str, float] = field(default_factory=dict)
+    unread: dict[str, str] = field(default_factory=dict)
+    rotors_kg_m2: dict[str, float] = field(default_factory=dict)
+    errors: list[ConfigError] = field(default_factory=list)
+
+
+def transmissions_of(root: XmlElement) -> Transmissions:
+    """Return the gears and rotors of a URDF.
+
+    Read are those of a joint that has a transmission of its own: in the transmission itself (the
+    oldest form), in its actuator or its joint, in <ros2_control>, and in Drake's elements.
+    """
+    found = Transmissions()
+    places: dict[str, str] = {}
+    holders = [root, *root.all("ros2_control")]
+    for element in (each for holder in holders for each in holder.all("transmission")):
+        joints = [part for part in element.all("joint") if "name" in part.attributes]
+        names = [part.attributes["name"] for part in joints]
+        stated = list(_stated(element))
+        rotors = [part for held in _parts(element) for key in ROTOR_KEYS for part in held.all(key)]
+        try:
+            for name in names if stated or rotors else ():
+                if name in places:
+                    raise ConfigError(
+                        f"{element.where}: a second transmission of joint {name!r}; the first is"
+                        f" at {places[name]}: remove one"
+                    )
+                places[name] = element.where
+            ratio = _ratio(*stated[0]) if len(stated) == len(joints) == 1 else None
+            for name in names if stated else ():
+                if ratio is not None:
+                    found.ratios[name] = ratio
+                else:
+                    found.unread[name] = " ".join(text for _, text in stated)
+            for name in names if len(rotors) == len(names) == 1 else ():
+                rotor = not_negative(rotors[0], "value")
+                if rotor is not None:
+                    found.rotors_kg_m2[name] = rotor
+        except ConfigError as error:
+            found.errors.append(error)
+    return found
+
+
+def _parts(element: XmlElement) -> tuple[XmlElement, ...]:
+    return (element, *element.all("joint"), *element.all("actuator"))
+
+
+def _stated(element: XmlElement) -> Iterator[tuple[XmlElement, str]]:
+    """Yield the reductions of a transmission, and the elements that hold them."""
+    for holder in _parts(element):
+        for tag in _REDUCTIONS:
+            yield from ((part, part.text) for part in holder.all(tag))
+        for part in holder.all(_DRAKE_RATIO):
+            yield part, part.attributes.get("value", "")
+
+
+def _ratio(element: XmlElement, text: str) -> float | None:
+    """Return a reduction; None if nothing or 0 is stated.
+
+    Raises
+    ------
+    ConfigError
+        It is something else than a number, or one that no gear has.
+    """
+    if not text.strip():
+        return None
+    try:
+        ratio = parse_number(text)
+    except ConfigError as error:
+        raise ConfigError(
+            f"{element.where}: the reduction of <{element.tag}> {error}", code=NUMBER_CODE
+        ) from None
+    if abs(ratio) >= _LARGEST_RATIO:
+        raise ConfigError(f"{element.where}: a reduction of {ratio:g} is none of a gear")
+    return ratio if ratio != 0.0 else None

@@ -1,0 +1,59 @@
+"""Elements and attributes of a URDF's joints and links that are not read, often typing errors."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from config.formats.xml_tree import XmlElement
+
+_NOBODY: Final[frozenset[str]] = frozenset()
+_ATTRIBUTES: Final = {
+    "origin": {"xyz", "rpy"},
+    "axis": {"xyz"},
+    "limit": {
+        *("lower", "upper", "velocity", "effort", "acceleration", "deceleration"),
+        *("drake:acceleration", "drake:deceleration"),
+    },
+    "dynamics": {"damping", "friction", "drake:rotor_inertia", "rotor_inertia"},
+    "mimic": {"joint", "multiplier", "offset"},
+    "safety_controller": {"soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"},
+    "mass": {"value"},
+    "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"},
+}
+"""The attributes that are read, or that state nothing of a motion (the gains of a controller)."""
+_CHILDREN: Final = {
+    "robot": {"link", "joint", "transmission", "ros2_control", "material", "gazebo", "sensor"},
+    "joint": {
+        *("parent", "child", "origin", "axis", "limit", "dynamics", "mimic", "safety_controller"),
+        "calibration",
+    },
+    "link": {"inertial", "visual", "collision", "sensor", "gazebo", "self_collision_checking"},
+    "inertial": {"origin", "mass", "inertia"},
+}
+
+
+def unread_parts(root: XmlElement) -> tuple[str, ...]:
+    """Return a line for each element and attribute that may state something and is not read.
+
+    Parameters
+    ----------
+    root : XmlElement
+        The `<robot>`.
+    """
+    found: dict[str, list[str]] = {}
+    waiting = [root]
+    while waiting:
+        element = waiting.pop(0)
+        for part in element.children:
+            if part.tag not in _CHILDREN.get(element.tag, {part.tag}):
+                found.setdefault(f"<{part.tag}> of <{element.tag}>", []).append(part.where)
+            elif part.tag in _CHILDREN or part.tag in _ATTRIBUTES:
+                waiting.append(part)
+        for name in element.attributes if element.tag in _ATTRIBUTES else _NOBODY:
+            if name not in _ATTRIBUTES[element.tag]:
+                found.setdefault(f"{name!r} of <{element.tag}>", []).append(element.where)
+    return tuple(
+        f"{places[0]}: {what} is not read"
+        + (f" (nor at {len(places) - 1} more places)" if len(places) > 1 else "")
+        for what, places in found.items()
+    )

@@ -1,0 +1,40 @@
+"""Angles that a file rounds are the multiples of 15 degrees that it means; others stay."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from config.formats.rounded_angle import AngleReading, angle_notes
+
+DEGREE = math.pi / 180.0
+
+
+@pytest.mark.parametrize(
+    ("written", "degrees"),
+    [
+        *((1.57, 90), (-1.57, -90), (1.571, 90), (1.5708, 90), (1.5707, 90), (3.14, 180)),
+        *((3.1416, 180), (4.71, 270), (4.712, 270), (0.785, 45), (1.047, 60), (0.524, 30)),
+        *((2.356, 135), (0.262, 15), (1.57079632679, 90), (1e-6, 0)),
+    ],
+)
+def test_a_rounded_multiple_of_15_degrees_is_exact(written: float, degrees: float) -> None:
+    reading = AngleReading.of(written)
+    assert reading.taken_rad == pytest.approx(degrees * DEGREE, abs=1e-15)
+    assert not reading.is_doubtful
+
+
+@pytest.mark.parametrize("written", [1.5702964, 1.5701, 1.5711588, 0.0005, 0.7858123])
+def test_a_calibrated_angle_stays_and_is_named(written: float) -> None:
+    reading = AngleReading.of(written)
+    assert reading.taken_rad == written
+    assert reading.is_doubtful
+    assert angle_notes([("r.urdf:3", reading)])
+
+
+@pytest.mark.parametrize("written", [0.0, math.pi, math.pi / 2, math.pi / 4, 0.3, 1.0, 1.6, 0.26])
+def test_an_exact_or_another_angle_is_not_spoken_of(written: float) -> None:
+    reading = AngleReading.of(written)
+    assert reading.taken_rad == written
+    assert angle_notes([("r.urdf:3", reading)]) == []

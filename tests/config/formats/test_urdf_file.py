@@ -1,0 +1,192 @@
+"""Each number of a URDF is read strictly; what is not read is named; what follows is coupled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError
+from config.formats.urdf_file import read_urdf
+from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
+
+INERTIAL = (
+    '<inertial><origin xyz="0.1 0 0" rpy="0 0 0"/><mass value="3"/>'
+    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
+)
+COLLISION = '<collision><geometry><cylinder radius="0.05" length="0.2"/></geometry></collision>'
+TRANSMISSION = (
+    '<transmission name="t"><joint name="j2"/><actuator name="m">'
+    "<mechanicalReduction>50</mechanicalReduction>"
+    '<drake:rotor_inertia value="2e-4"/></actuator></transmission>'
+)
+ARM = f"""<?xml version="1.0"?>
+<robot name="r">
+<link name="base"/>
+<link name="l1">{INERTIAL}</link>
+<link name="l2">{INERTIAL}{COLLISION}</link>
+<joint name="j1" type="revolute"><parent link="base"/><child link="l1"/>
+<limit lower="-2" upper="2" effort="60" velocity="2"/></joint>
+<joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/>
+<origin xyz="0.4 0 0" rpy="1.5708 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-1.5" upper="1.25" effort="50" velocity="2.5" acceleration="7"/>
+<dynamics damping="1.5" friction="2.5"/>
+<safety_controller soft_lower_limit="-1.4" soft_upper_limit="1.2" k_velocity="10"/></joint>
+{TRANSMISSION}
+</robot>
+"""
+
+
+def made(*changes: tuple[str, str]) -> UrdfRobot:
+    """Return the robot of the arm's text with each first text replaced by the second."""
+    text = ARM
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return robot_of_urdf(read_urdf(text.encode(), "r.urdf"))
+
+
+def test_the_sound_arm_is_read_whole() -> None:
+    robot = made()
+    limits = robot.robot.joints[1].limits
+    assert (limits.position_min, limits.position_max) == (-1.4, 1.2)
+    assert (limits.velocity, limits.torque, limits.acceleration) == (2.5, 50.0, 7.0)
+    assert robot.robot.joints[1].gear_ratio == 50.0
+    assert (robot.motors[1].coulomb, robot.motors[1].viscous) == (2.5, 1.5)
+    assert robot.robot.kinematics.rows[1].alpha_rad == np.pi / 2
+    assert any("0.0002 kg m²" in note for note in robot.notes)
+
+
+NUMBERS = [
+    *('lower="-1.5"', 'upper="1.25"', 'effort="50"', 'velocity="2.5"', 'acceleration="7"'),
+    *('damping="1.5"', 'friction="2.5"', 'soft_lower_limit="-1.4"', 'soft_upper_limit="1.2"'),
+    *('mass value="3"', 'ixx="0.02"', 'ixy="0"', 'izz="0.02"', 'radius="0.05"', 'length="0.2"'),
+    'rotor_inertia value="2e-4"',
+]
+LISTS = ['xyz="0.4 0 0"', 'rpy="1.5708 0 0"', 'xyz="0 0 1"', 'xyz="0.1 0 0"']
+
+
+@pytest.mark.promise("unreadable-is-refused")
+@pytest.mark.parametrize("wrong", ["1,5", "1_5", "${pi/6}", "1.5 m", "", "0x1", "1.5°"])
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_number_that_cannot_be_read_is_refused_with_its_line(number: str, wrong: str) -> None:
+    key, _, _ = number.partition("=")
+    with pytest.raises(ConfigError, match=r"r\.urdf:\d+: ") as refused:
+        made((number, f'{key}="{wrong}"'))
+    assert refused.value.refusal == "RID-FILE-NUMBER"
+
+
+@pytest.mark.promise("unreadable-is-refused")
+@pytest.mark.parametrize(
+    "wrong", ["0,4 0 0", "0 0", "0 0 0 0", "nan 0 0", "${pi/2} 0 0", "1_0 0 0"]
+)
+@pytest.mark.parametrize("numbers", LISTS)
+def test_a_list_that_cannot_be_read_is_refused_with_its_line(numbers: str, wrong: str) -> None:
+    key, _, _ = numbers.partition("=")
+    with pytest.raises(ConfigError, match=r"r\.urdf:\d+: ") as refused:
+        made((numbers, f'{key}="{wrong}"'))
+    assert refused.value.refusal == "RID-FILE-NUMBER"
+
+
+@pytest.mark.parametrize("key", ["lower", "upper", "velocity", "effort"])
+def test_nan_is_no_limit_of_any_kind(key: str) -> None:
+    old = next(number for number in NUMBERS if number.startswith(f"{key}="))
+    with pytest.raises(ConfigError) as refused:
+        made((old, f'{key}="nan"'))
+    assert refused.value.refusal == "RID-FILE-NUMBER"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('rpy="1.5708 0 0"', 'rpy="90 0 0"', "RID-URDF-ANGLE"),
+        ('mass value="3"', 'mass value="-3"', "RID-URDF-NEGATIVE"),
+        ('friction="2.5"', 'friction="-2.5"', "RID-URDF-NEGATIVE"),
+        ('damping="1.5"', 'damping="-1.5"', "RID-URDF-NEGATIVE"),
+        ("<mechanicalReduction>50", "<mechanicalReduction>50:1", "RID-FILE-NUMBER"),
+        ("<mechanicalReduction>50", "<mechanicalReduction>N/A", "RID-FILE-NUMBER"),
+        ("<mechanicalReduction>50", "<mechanicalReduction>1e5", "RID-URDF-GEAR"),
+        ("<transmission", f"{TRANSMISSION}<transmission", ""),
+        ('velocity="2.5"', 'velocity="143"', "RID-URDF-LIMIT"),
+        ('xyz="0 0 1"', 'xyz="0 0 0"', ""),
+    ],
+)
+def test_what_no_robot_has_is_refused_with_file_and_line(old: str, new: str, code: str) -> None:
+    with pytest.raises(ConfigError, match=r"r\.urdf:\d+: ") as refused:
+        made((old, new))
+    assert refused.value.refusal == code
+
+
+@pytest.mark.promise("unread-is-reported")
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('upper="1.25"', 'upper="1.25" uper="3"', "'uper' of <limit>"),
+        ("<dynamics", "<dynamix/><dynamics", "<dynamix> of <joint>"),
+        ('rpy="1.5708 0 0"', 'rpy="1.5708 0 0" quat="0 0 0 1"', "'quat' of <origin>"),
+        ('xyz="0 0 1"', 'xyz="0 0 2"', "length 2"),
+        ('rpy="1.5708 0 0"', 'rpy="1.5702 0 0"', "nearly a multiple of 15 degrees"),
+        ('joint name="j2"/>', 'joint name="j9"/>', "j9: there is no such joint"),
+    ],
+)
+def test_what_is_there_and_not_read_is_named(old: str, new: str, named: str) -> None:
+    assert any(named in note for note in made((old, new)).notes)
+    assert not any(named in note for note in made().notes)
+
+
+def test_a_motor_that_turns_against_its_joint_has_one_sign_and_it_is_the_direction() -> None:
+    robot = made(("<mechanicalReduction>50", "<mechanicalReduction>-50"))
+    assert robot.robot.joints[1].gear_ratio == 50.0
+    assert [motor.direction for motor in robot.motors] == [1, -1]
+    assert any("direction -1" in note for note in robot.notes)
+
+
+def finger(joint: str, inertial: str = INERTIAL) -> str:
+    return (
+        f'<link name="finger">{inertial}</link><joint name="jf" type="revolute">'
+        '<parent link="l2"/><child link="finger"/><origin xyz="0 0 0.2"/><axis xyz="0 1 0"/>'
+        f"{joint}</joint></robot>"
+    )
+
+
+def test_a_link_that_moves_with_a_joint_of_the_arm_is_refused_if_it_has_mass() -> None:
+    mimic = '<mimic joint="j2" multiplier="-1" offset="1.2"/>'
+    with pytest.raises(ConfigError, match=r"r\.urdf:\d+: joint 'jf' mimics 'j2'") as refused:
+        made(("</robot>", finger(mimic)))
+    assert refused.value.refusal == "RID-URDF-MIMIC"
+    light = made(("</robot>", finger(mimic, "")))
+    assert any("'jf' (mimics 'j2') is held at 1.2" in note for note in light.notes)
+
+
+@pytest.mark.parametrize("leader", ["jf", "nobody"])
+def test_a_joint_that_follows_itself_or_nobody_is_refused(leader: str) -> None:
+    with pytest.raises(ConfigError, match=r"r\.urdf:\d+: joint 'jf' "):
+        made(("</robot>", finger(f'<mimic joint="{leader}"/>')))
+
+
+def test_a_joint_beside_the_arm_stands_within_its_limits() -> None:
+    tree = read_urdf(
+        ARM.replace(
+            "</robot>", finger('<limit lower="0.5" upper="1" effort="1" velocity="1"/>')
+        ).encode(),
+        "r.urdf",
+    )
+    robot = robot_of_urdf(tree, tip="l2")
+    assert any("'jf' is held at 0.5" in note for note in robot.notes)
+    cad = robot.robot.cad
+    assert cad is not None
+    x = cad[1].centre_m[0]
+    assert x == pytest.approx((0.1 + 0.1 * np.cos(0.5)) / 2.0)
+
+
+def test_friction_beyond_the_motor_is_not_simulated_and_said() -> None:
+    robot = made(('friction="2.5"', 'friction="2500"'))
+    assert robot.motors[1].coulomb is None
+    assert any("friction of j2" in note and "invents" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1", "us-ascii"])
+def test_every_declared_encoding_of_xml_and_comments_are_read(encoding: str) -> None:
+    text = ARM.replace('version="1.0"', f'version="1.0" encoding="{encoding}"')
+    text = text.replace('<link name="base"/>', '<!-- lower="9" --><link name="base"/>')
+    robot = robot_of_urdf(read_urdf(text.encode(encoding), "r.urdf")).robot
+    assert robot.joints[1].limits.position_max == 1.2
