@@ -27,16 +27,6 @@ else:
 
 __all__ = ["can", "not_opened", "open_bus"]
 
-_FAILURES: Final = (  # whatever a driver that is missing, or does not suit, makes python-can raise
-    can.CanError,
-    OSError,
-    ValueError,
-    TypeError,
-    ImportError,
-    AttributeError,
-    NotImplementedError,
-)
-
 
 def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
     """Open a bus; one that somebody else drives, to hear every frame on it, `listening`.
@@ -58,7 +48,7 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
         elif config.interface == "rid_sim" and not listening:
             options["participant"] = True
         return can.Bus(interface=config.interface, ignore_config=True, **options)
-    except _FAILURES as error:
+    except Exception as error:  # a driver that is missing makes python-can raise anything
         raise not_opened(config, error) from error
 
 
@@ -72,8 +62,17 @@ def not_opened(config: CanBusConfig, error: Exception) -> RidDaqError:
             f"can.interface: python-can knows no {config.interface!r}{meant} It knows:"
             f" {', '.join(known)}"
         )
+    missing = isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError)
+    if missing or "library not found" in str(error):
+        return TransportError(
+            f"CAN bus {config.interface}:{config.channel} cannot be opened: the driver library of"
+            f" {config.interface!r} is not installed here, or not made for this system ({error});"
+            " install its maker's library, or name another can.interface in the cell file",
+            code="RID-CAN-LIBRARY",
+        )
     return TransportError(
         f"CAN bus {config.interface}:{config.channel} cannot be opened ({error});"
         " check can.interface and can.channel in the cell file, and that the adapter is"
-        " plugged in and up"
+        " plugged in and up",
+        code="RID-CAN-OPEN",
     )

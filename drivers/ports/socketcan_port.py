@@ -220,15 +220,3 @@ class SocketCanPort:
     def shutdown(self) -> None:
         """Close the socket."""
         self._socket.close()
-
-
-def transmit_queue_frames(channel: str) -> int | None:
-    """Return how many frames may wait in an interface's transmit queue (txqueuelen).
-
-    None where the interface does not say.
-    """
-    try:
-        with open(f"/sys/class/net/{channel}/tx_queue_len", encoding="ascii") as file:
-            return int(file.read())
-    except (OSError, ValueError):
-        return None

@@ -10,7 +10,7 @@ from config.cell.cell import CellConfig
 from drivers.canopen.bus_load import LOAD_LIMIT
 from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
-from drivers.ports.socketcan_port import transmit_queue_frames
+from drivers.ports.can_interface import CanInterface, read_interface, transmit_queue_frames
 from drivers.servo.bring_up import bus_load
 from drivers.servo.watchdog_test import WatchTrial, acts_within_s, takes_power, try_watches
 
@@ -40,10 +40,11 @@ class CheckLine:
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:
-    """Return whether the interface's transmit queue holds a cycle, and little more.
+    """Return the lines of a SocketCAN interface; none for other buses.
 
-    What waits there cannot be taken back: after a pulled cable it would go out when nobody expects
-    it. One that does not hold a cycle refuses frames. Nothing on other buses.
+    What waits in its transmit queue cannot be taken back: after a pulled cable it would go out when
+    nobody expects it. A queue that does not hold a cycle refuses frames. A controller that leaves
+    bus-off by itself would send such frames too.
     """
     if cell.can.interface != "socketcan":
         return []
@@ -51,6 +52,7 @@ def bus_lines(cell: CellConfig) -> list[CheckLine]:
     found = transmit_queue_frames(cell.can.channel)
     good = found is not None and least <= found <= LONGEST_QUEUE
     return [
+        *interface_lines(cell, read_interface(cell.can.channel)),
         CheckLine(
             where=f"socketcan:{cell.can.channel}",
             what="transmit queue (txqueuelen)",
@@ -58,6 +60,47 @@ def bus_lines(cell: CellConfig) -> list[CheckLine]:
             found="unknown" if found is None else str(found),
             verdict="ok" if good else "red",
             next_action=f"ip link set {cell.can.channel} txqueuelen {max(10, least)}",
+        ),
+    ]
+
+
+def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[CheckLine]:
+    """Return the lines on state, bit rate and restart of a SocketCAN interface."""
+    channel, bitrate = cell.can.channel, cell.can.bitrate
+    where = f"socketcan:{channel}"
+    set_up = f"ip link set {channel} down; ip link set {channel} type can bitrate {bitrate}"
+    if interface is None:
+        advice = f"ip -details link show {channel}: is it there, and is iproute2 installed?"
+        return [CheckLine(where, "interface", "known to `ip`", "unknown", "red", advice)]
+    state = (interface.controller or "up") if interface.up else "down"
+    rate, restart = interface.bitrate, interface.restart_ms
+    return [
+        CheckLine(
+            where,
+            "state",
+            "up, ERROR-ACTIVE",
+            state,
+            "ok" if state in ("up", "ERROR-ACTIVE") else "red",
+            f"ip link set {channel} up"
+            if state in ("down", "STOPPED")
+            else "check cable, termination and bit rate of every node; then ip link set"
+            f" {channel} down, and up again",
+        ),
+        CheckLine(
+            where,
+            "bit rate",
+            f"{bitrate} bit/s",
+            "not said by its driver" if rate is None else f"{rate} bit/s",
+            "shown" if rate is None else "ok" if rate == bitrate else "red",
+            f"{set_up} restart-ms 0, or correct can.bitrate in the cell file",
+        ),
+        CheckLine(
+            where,
+            "restart after bus-off (restart-ms)",
+            "0",
+            "not said by its driver" if restart is None else str(restart),
+            "shown" if restart is None else "ok" if restart == 0 else "red",
+            f"{set_up} restart-ms 0",
         ),
     ]
 

@@ -25,8 +25,9 @@ from config.errors import TransportError
 from config.load import LoadedCell, load_cell
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell, open_cell
+from drivers.ports.can_interface import transmit_queue_frames
 from drivers.ports.can_link import CanLink, open_can
-from drivers.ports.socketcan_port import SocketCanPort, transmit_queue_frames
+from drivers.ports.socketcan_port import SocketCanPort
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.bus_check import bus_lines
@@ -234,8 +235,10 @@ def test_the_preflight_looks_at_the_transmit_queue(loaded: LoadedCell) -> None:
     try:
         for frames, verdict in ((4, "red"), (10, "ok"), (1000, "red")):
             run("ip", "link", "set", CHANNEL, "txqueuelen", str(frames))
-            (line,) = bus_lines(loaded.config)
+            lines = {line.what: line for line in bus_lines(loaded.config)}
+            line = lines.pop("transmit queue (txqueuelen)")
             assert (line.found, line.verdict) == (str(frames), verdict)
+            assert {each.verdict for each in lines.values()} <= {"ok", "shown"}
     finally:
         run("ip", "link", "set", CHANNEL, "txqueuelen", str(before))
 

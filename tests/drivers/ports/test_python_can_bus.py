@@ -16,7 +16,6 @@ def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> N
 @pytest.mark.parametrize(
     ("interface", "channel"),
     [
-        ("pcan", "PCAN_USBBUS1"),  # its driver is not there
         ("slcan", "/nowhere/ttyACM0"),
         ("socketcan", "nocan9"),
         ("socketcan", "a name that is too long"),
@@ -28,3 +27,13 @@ def test_a_bus_that_is_not_there_is_named_with_what_to_check(interface: str, cha
     with pytest.raises(TransportError, match=r"check can\.interface and can\.channel") as caught:
         open_can(CanBusConfig(interface=interface, channel=channel))
     assert f"CAN bus {interface}:{channel} cannot be opened" in str(caught.value)
+    assert caught.value.refusal == "RID-CAN-OPEN"
+
+
+@pytest.mark.parametrize(
+    "interface", ["pcan", "kvaser", "ixxat", "vector", "gs_usb", "usb2can", "systec", "neovi"]
+)
+def test_a_driver_library_that_is_missing_is_named_as_that(interface: str) -> None:
+    with pytest.raises(TransportError) as caught:
+        open_can(CanBusConfig(interface=interface, channel="0"))
+    assert caught.value.refusal == "RID-CAN-LIBRARY"

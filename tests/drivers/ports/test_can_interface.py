@@ -1,0 +1,77 @@
+"""What `ip` says of a SocketCAN interface, held against the cell file before any motion."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.load import load_cell
+from drivers.ports.can_interface import CanInterface, read_interface
+from rid_daq.preflight.bus_check import interface_lines
+
+CELL = load_cell("ir361").config.model_copy(
+    update={"can": load_cell("ir361").config.can.model_copy(update={"interface": "socketcan"})}
+)
+
+
+def answer(state: str = "ERROR-ACTIVE", restart_ms: int = 0, bitrate: int = 1_000_000) -> str:
+    """Return what `ip -json -details link show dev can0` prints for an adapter."""
+    data: dict[str, Any] = {
+        "ctrlmode": ["BERR-REPORTING"],
+        "state": state,
+        "berr_counter": {"tx": 0, "rx": 0},
+        "restart_ms": restart_ms,
+        "bittiming": {"bitrate": bitrate, "sample_point": "0.750", "tq": 50},
+        "clock": 80000000,
+    }
+    flags = ["NOARP", "ECHO"] if state == "STOPPED" else ["NOARP", "UP", "LOWER_UP", "ECHO"]
+    link = {"ifname": "can0", "flags": flags, "linkinfo": {"info_kind": "can", "info_data": data}}
+    return json.dumps([link])
+
+
+def red(interface: CanInterface | None) -> list[str]:
+    return [line.what for line in interface_lines(CELL, interface) if line.verdict == "red"]
+
+
+def test_an_interface_as_the_cell_file_wants_it_is_good() -> None:
+    assert red(CanInterface.parse(answer())) == []
+
+
+@pytest.mark.parametrize("state", ["ERROR-WARNING", "ERROR-PASSIVE", "BUS-OFF", "STOPPED"])
+def test_every_state_but_error_active_is_red(state: str) -> None:
+    assert red(CanInterface.parse(answer(state))) == ["state"]
+
+
+def test_another_bit_rate_and_a_restart_by_itself_are_red() -> None:
+    found = CanInterface.parse(answer(bitrate=500_000, restart_ms=100))
+    assert red(found) == ["bit rate", "restart after bus-off (restart-ms)"]
+
+
+def test_what_a_virtual_interface_does_not_have_is_shown() -> None:
+    link = {"ifname": "vcan0", "flags": ["NOARP", "UP"], "linkinfo": {"info_kind": "vcan"}}
+    found = CanInterface.parse(json.dumps([link]))
+    assert found == CanInterface(up=True)
+    assert red(found) == []
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", "[1]", "[{}, {}]", '[{"linkinfo": 3}]', "nan"])
+def test_what_is_no_answer_is_red(text: str) -> None:
+    assert CanInterface.parse(text) is None
+    assert red(None) == ["interface"]
+
+
+def test_the_kernels_word_is_read_by_ip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = tmp_path / "ip"
+    wanted = "-json -details link show dev can0"
+    program.write_text(f'#!/bin/sh\n[ "$*" = "{wanted}" ] && echo \'{answer()}\'\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    assert read_interface("can0") == CanInterface(True, "ERROR-ACTIVE", 1_000_000, 0)
+    assert read_interface("can1") is None
+    assert read_interface("with\0null") is None
+    monkeypatch.setenv("PATH", str(tmp_path / "nowhere"))
+    assert read_interface("can0") is None
