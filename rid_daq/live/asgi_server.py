@@ -19,6 +19,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
 from rid_daq.live.connection import Connection, Door, Limits
+from rid_daq.live.reception import Reception
 
 LAST_WORDS_S = 0.5
 _BACKLOG = 1024
@@ -43,14 +44,21 @@ class AsgiServer:
         How connections by TCP are encrypted, None where they are not.
     limits : Limits
         What clients may take.
+    reception : Reception or None
+        Decides about requests by their heads, before the application sees them.
     """
 
     def __init__(
-        self, app: ASGIApp, tls: ssl.SSLContext | None = None, limits: Limits | None = None
+        self,
+        app: ASGIApp,
+        tls: ssl.SSLContext | None = None,
+        limits: Limits | None = None,
+        reception: Reception | None = None,
     ) -> None:
         self.limits = limits or Limits()
         self._app = app
         self._tls = tls
+        self._reception = reception
         self._state = ServerState()
         self._config = Config(
             self._answer,
@@ -124,7 +132,13 @@ class AsgiServer:
             own = {**state, "local": local, _CONNECTION: connection}
             return H11Protocol(self._config, self._state, own)
 
-        door = Door(self.limits, speaker, None if local else self._tls)
+        door = Door(
+            self.limits,
+            speaker,
+            None if local else self._tls,
+            local=local,
+            reception=self._reception,
+        )
         self._doors.append(door)
         server = await asyncio.get_running_loop().create_server(
             lambda: Connection(door), sock=listener, backlog=_ACCEPTED_AT_ONCE

@@ -6,13 +6,18 @@ import asyncio
 import contextlib
 import socket
 import ssl
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import cast
+from typing import Final, cast
+
+from rid_daq.live.reception import Line, Peer, Reception, Reply
+from rid_daq.live.request_head import RequestHead
 
 _END_OF_HEAD = b"\r\n\r\n"
+_LINGER_S: Final = 1.0
+_USER_TIMEOUT_MS: Final = 10_000
 _STREAM_BUFFER_BYTES = 32 << 10  # what a viewer who does not keep up may be behind by
 
 
@@ -29,6 +34,11 @@ class Limits:
         Connections that are being answered; the oldest goes for a new one.
     streams : int
         WebSockets and streams of events; no more are let in.
+    leaving : int
+        Connections whose answer is given but not yet taken; the oldest goes for a new one.
+    lines, lines_of_one : int
+        Lines of the reception (STOP), of all and of one key; the oldest of a key goes for a new
+        one of it, and the oldest of the key with the most where there is no room for all.
     head_bytes, body_bytes : int
         Of a request.
     message_bytes : int
@@ -42,6 +52,9 @@ class Limits:
     waiting: int = 128
     answering: int = 32
     streams: int = 32
+    leaving: int = 256
+    lines: int = 256
+    lines_of_one: int = 16
     head_bytes: int = 16 << 10
     body_bytes: int = 1 << 20
     message_bytes: int = 64 << 10
@@ -61,6 +74,10 @@ class Door:
         Makes what speaks HTTP with a connection.
     tls : ssl.SSLContext or None
         How they are encrypted.
+    local : bool
+        Whether it is a Unix socket.
+    reception : Reception or None
+        Decides about requests by their heads, before the speaker sees them.
     """
 
     def __init__(
@@ -68,18 +85,29 @@ class Door:
         limits: Limits,
         speaker: Callable[[Connection], asyncio.Protocol],
         tls: ssl.SSLContext | None,
+        *,
+        local: bool = False,
+        reception: Reception | None = None,
     ) -> None:
         self.limits = limits
         self.speaker = speaker
         self.tls = tls
+        self.local = local
+        self.reception = reception
         self.waiting: OrderedDict[Connection, None] = OrderedDict()
         self.answering: OrderedDict[Connection, None] = OrderedDict()
         self.streams: OrderedDict[Connection, None] = OrderedDict()
+        self.leaving: OrderedDict[Connection, None] = OrderedDict()
+        self.lines: OrderedDict[Connection, str] = OrderedDict()
 
     @property
     def connections(self) -> int:
         """How many connections there are."""
-        return len(self.waiting) + len(self.answering) + len(self.streams)
+        return sum(map(len, self._rooms))
+
+    @property
+    def _rooms(self) -> tuple[OrderedDict[Connection, None] | OrderedDict[Connection, str], ...]:
+        return self.waiting, self.answering, self.streams, self.leaving, self.lines
 
     def enter(self, connection: Connection) -> None:
         """Let a new connection in, for the oldest where there is no room."""
@@ -104,9 +132,31 @@ class Door:
             self.streams[connection] = None
         return True
 
+    def line(self, connection: Connection, key: str) -> None:
+        """Move a connection that stays as a line; each key has a few, whatever others hold."""
+        self.waiting.pop(connection, None)
+        self.lines[connection] = key
+        held = Counter(self.lines.values())
+        if held[key] > self.limits.lines_of_one:
+            self._end_oldest_line(key)
+        elif len(self.lines) > self.limits.lines:
+            self._end_oldest_line(held.most_common(1)[0][0])
+
+    def _end_oldest_line(self, key: str) -> None:
+        oldest = next(each for each, of in self.lines.items() if of == key)
+        del self.lines[oldest]
+        oldest.abort()
+
+    def take_leave(self, connection: Connection) -> None:
+        """Move a connection that has its answer, for the oldest where there is no room."""
+        self.waiting.pop(connection, None)
+        self.leaving[connection] = None
+        if len(self.leaving) > self.limits.leaving:
+            self.leaving.popitem(last=False)[0].abort()
+
     def leave(self, connection: Connection) -> None:
         """Forget a connection that has ended."""
-        for room in (self.waiting, self.answering, self.streams):
+        for room in self._rooms:
             room.pop(connection, None)
 
     def dismiss_waiting(self) -> None:
@@ -116,13 +166,14 @@ class Door:
 
     def shut_down(self) -> None:
         """Tell those who are left that it is over."""
-        for connection in (*self.answering, *self.streams):
+        for connection in (*self.answering, *self.streams, *self.lines):
             connection.shut_down()
 
     def abort(self) -> None:
         """End all at once."""
-        for connection in (*self.waiting, *self.answering, *self.streams):
-            connection.abort()
+        for room in self._rooms:
+            for connection in tuple(room):
+                connection.abort()
 
 
 class Connection(asyncio.Protocol):
@@ -207,12 +258,62 @@ class Connection(asyncio.Protocol):
         begin = max(0, seen + 1 - len(_END_OF_HEAD))
         end = self._received.find(_END_OF_HEAD, begin, most + len(_END_OF_HEAD))
         if end >= 0:
-            self._speaker = self._door.speaker(self)
-            self._speaker.connection_made(self._transport)
-            data, self._received = bytes(self._received), bytearray()
-            self._pass_on(data)
+            self._receive(end)
         elif len(self._received) > most:
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
+
+    def _receive(self, end: int) -> None:
+        """Have the request answered from its head, taken over, or passed on to the speaker."""
+        assert self._transport is not None
+        head = (
+            None if self._door.reception is None else RequestHead.parse(bytes(self._received[:end]))
+        )
+        decided = None
+        if head is not None and self._door.reception is not None:
+            decided = self._door.reception.receive(head, self._peer)
+        if isinstance(decided, Reply):
+            left = len(self._received) - end - len(_END_OF_HEAD)
+            self._reply(decided.bytes(), whole=head is not None and head.body_bytes == left)
+            return
+        if isinstance(decided, Line):
+            self._speaker = decided.speaker()
+            self._become_line(decided.key)
+        else:
+            self._speaker = self._door.speaker(self)
+        self._speaker.connection_made(self._transport)
+        data, self._received = bytes(self._received), bytearray()
+        self._pass_on(data)
+
+    @property
+    def _peer(self) -> Peer:
+        assert self._transport is not None
+        name = None if self._door.local else self._transport.get_extra_info("peername")
+        return Peer(self._door.local, "" if name is None else str(name[0]))
+
+    def _become_line(self, key: str) -> None:
+        assert self._transport is not None
+        self._limit(None)
+        self._door.line(self, key)
+        self._transport.set_write_buffer_limits(high=_STREAM_BUFFER_BYTES)
+        line = self._transport.get_extra_info("socket")
+        with contextlib.suppress(OSError):  # a Unix socket has no such option
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _USER_TIMEOUT_MS)
+
+    def _reply(self, answer: bytes, *, whole: bool) -> None:
+        """Answer and close; what a client still sends is read for a while and thrown away.
+
+        Closing before that would discard the answer on its way.
+        """
+        assert self._transport is not None
+        self._answered = True
+        self._received.clear()
+        self._door.take_leave(self)
+        self._limit(_LINGER_S)
+        self._transport.write(answer)
+        if whole:
+            self._transport.close()
+        elif self._transport.can_write_eof():
+            self._transport.write_eof()
 
     def _pass_on(self, data: bytes) -> None:
         assert self._speaker is not None
@@ -275,11 +376,8 @@ class Connection(asyncio.Protocol):
             self._line.abort()
 
     def _refuse(self, status: HTTPStatus) -> None:
-        assert self._transport is not None
         head = f"HTTP/1.1 {status.value} {status.phrase}\r\nConnection: close\r\n"
-        self._transport.write(f"{head}Content-Length: 0\r\n\r\n".encode())
-        self._transport.close()
-        self.answered()
+        self._reply(f"{head}Content-Length: 0\r\n\r\n".encode(), whole=False)
 
     def _limit(self, patience_s: float | None) -> None:
         if self._deadline is not None:

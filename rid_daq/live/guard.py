@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from http import HTTPStatus
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -86,20 +87,41 @@ class Guard:
     def _refusal(self, scope: Scope) -> HTTPStatus | None:
         """Return why a request is refused, None where it is not."""
         lines = [
-            (name.decode("latin-1"), value.decode("latin-1")) for name, value in scope["headers"]
+            (name.decode("latin-1").lower(), value.decode("latin-1"))
+            for name, value in scope["headers"]
         ]
-        counts = Counter(name.lower() for name, _ in lines)
-        if any(counts[name] > 1 for name in _ONCE):
-            return HTTPStatus.BAD_REQUEST
-        headers = {name.lower(): value for name, value in lines}
-        if not scope["state"]["local"]:
-            if not self._access.is_own_name(headers.get("host", "")):
-                return HTTPStatus.MISDIRECTED_REQUEST
-            if not self._access.is_own_page(headers):
-                return HTTPStatus.FORBIDDEN
+        refusal = sender_refusal(self._access, lines, local=scope["state"]["local"])
+        if refusal is not None:
+            return refusal
+        headers = dict(lines)
         if scope["type"] == "websocket" or scope["method"] in _SAFE_METHODS:
             return None
         kind = headers.get("content-type", "").partition(";")[0].strip().lower()
         if kind != "application/json":
             return HTTPStatus.UNSUPPORTED_MEDIA_TYPE
         return None if headers.get(STOP_HEADER) else HTTPStatus.FORBIDDEN
+
+
+def sender_refusal(
+    access: Access, lines: Sequence[tuple[str, str]], *, local: bool
+) -> HTTPStatus | None:
+    """Return why a request is refused by its headers alone, None if it is not.
+
+    Parameters
+    ----------
+    access : Access
+        Our own names and pages.
+    lines : sequence of (str, str)
+        The headers, names in lower case.
+    local : bool
+        Whether it came by a Unix socket, which no browser reaches.
+    """
+    counts = Counter(name for name, _ in lines)
+    if any(counts[name] > 1 for name in _ONCE):
+        return HTTPStatus.BAD_REQUEST
+    if local:
+        return None
+    headers = dict(lines)
+    if not access.is_own_name(headers.get("host", "")):
+        return HTTPStatus.MISDIRECTED_REQUEST
+    return None if access.is_own_page(headers) else HTTPStatus.FORBIDDEN

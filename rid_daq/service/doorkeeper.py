@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import hmac
 import itertools
 import re
 import secrets
-import sqlite3
 import time
 from collections.abc import Mapping
-from http.cookies import CookieError, SimpleCookie
 from types import MappingProxyType
 from typing import Final
 
@@ -82,9 +79,13 @@ class Doorkeeper:
         now_s = time.time()
         if now_s - self._noted.get(token.id, 0.0) > USE_NOTED_EVERY_S:
             self._noted[token.id] = now_s
-            with contextlib.suppress(sqlite3.Error):  # a full disk keeps nobody from a stop
-                self.tokens.note_use(token)
+            self.tokens.note_use(token)
         return Identity(name=token.name, role=token.role, person=token.person, token=token.id)
+
+    def was_let_in(self, headers: Mapping[str, str]) -> bool:
+        """Return whether a request shows a secret that was ever issued, also a revoked one."""
+        secret = self._shown(headers)
+        return secret is not None and self.tokens.was_issued(secret)
 
     def log_in(self, link_secret: str, agent: str = "") -> str:
         """Return the cookie of somebody who has opened the address from the terminal.
@@ -127,11 +128,9 @@ class Doorkeeper:
         kind, _, bearer = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and bearer.strip():
             return bearer.strip()
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
-        except CookieError:
-            return None
-        return None if cookie is None else cookie.value
+        cookies = (each.partition("=") for each in headers.get("cookie", "").split(";"))
+        found = (value.strip() for name, _, value in cookies if name.strip() == self._cookie)
+        return next(found, None)
 
 
 _SYSTEMS: Final = "Android|iPad|iPhone|Windows|Macintosh|Linux"

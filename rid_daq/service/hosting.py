@@ -26,6 +26,7 @@ from rid_daq.service.logs import LOG
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import STATE_FOLDER, CellService
 from rid_daq.service.sockets import local_listener
+from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.session.ownership import owned
 
 LARGEST_BODY_BYTES: Final = 17 << 20
@@ -92,7 +93,10 @@ def serve_cells(
         doorkeeper = Doorkeeper(service.tokens, access.port, secure=secure)
         app = make_api(service, doorkeeper, pages)
         server = AsgiServer(
-            Guard(app, access, PLOT_POLICY), access.tls(), Limits(body_bytes=LARGEST_BODY_BYTES)
+            Guard(app, access, PLOT_POLICY),
+            access.tls(),
+            Limits(body_bytes=LARGEST_BODY_BYTES),
+            StopEntrance(app.state.stop_desk, access),
         )
         link = replace(access, token=doorkeeper.link_secret).url
 

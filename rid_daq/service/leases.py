@@ -101,7 +101,7 @@ class Leases:
         self._check(seconds)
         lease = self.require(cell, key)
         renewed = lease.model_copy(update={"until_s": self._now_s() + seconds})
-        self._store.put(renewed, key)
+        self._store.renew(renewed)
         return renewed
 
     def require(self, cell: str, key: str | None) -> Lease:

@@ -20,10 +20,15 @@ class NotKnownError(ServiceError):
     """Nobody knows who asks: a token is needed."""
 
 
+class StoreBusyError(ServiceError):
+    """The service's file cannot be read or written now."""
+
+
 _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
     (NotKnownError, HTTPStatus.UNAUTHORIZED),
     (NotAllowedError, HTTPStatus.FORBIDDEN),
     (UnknownError, HTTPStatus.NOT_FOUND),
+    (StoreBusyError, HTTPStatus.SERVICE_UNAVAILABLE),
     (errors.LockedError, HTTPStatus.CONFLICT),
     (errors.PreflightError, HTTPStatus.CONFLICT),
     (errors.ConfigError, HTTPStatus.UNPROCESSABLE_ENTITY),

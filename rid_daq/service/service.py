@@ -73,12 +73,12 @@ class CellService:
             raise ConfigError("two of the cells have one name: give each its own")
         state = self.folder / STATE_FOLDER
         state.mkdir(exist_ok=True, mode=0o700)
-        self._database = open_database(state / "service.db")
-        self.jobs = JobStore(self._database)
-        self.tokens = TokenStore(self._database)
-        self.audit = AuditLog(self._database)
-        self.leases = Leases(LeaseStore(self._database))
-        cell_store = CellStore(self._database)
+        self.database = open_database(state / "service.db")
+        self.jobs = JobStore(self.database)
+        self.tokens = TokenStore(self.database)
+        self.audit = AuditLog(self.database)
+        self.leases = Leases(LeaseStore(self.database))
+        cell_store = CellStore(self.database)
         for name in self.cells:
             cell_store.add(name)
         self.readiness = Readiness(cell_store)
@@ -282,7 +282,7 @@ class CellService:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(until.wait(), LOOK_S)
         await self.workshop.close()
-        self._database.close()
+        await asyncio.to_thread(self.database.close)
 
     def _require_free(
         self, cell: ServedCell, kind: JobKind, lease: str | None, *, cleared: bool

@@ -19,6 +19,7 @@ from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG, Mishaps
 from rid_daq.service.readiness import Readiness
 from rid_daq.service.records import Job, JobState
+from rid_daq.service.refusals import StoreBusyError
 from rid_daq.service.running_job import EventTail, RunningJob, StartingJob, WarmWorker
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
@@ -77,6 +78,7 @@ class Workshop:
         self._feed = feed
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
+        self._unsaved: set[str] = set()
         self._starting: dict[str, StartingJob] = {}
         self._mishaps = Mishaps()
         self._warm = WarmWorker(state / "workers.log")
@@ -118,8 +120,10 @@ class Workshop:
         self._publish(job)
         if not job.kind.opens_cell:
             self._queue.append((job, cell))
+            self._unsaved.add(job.id)
+            await self._journal(job)
             await self._begin_next()
-            return self._jobs.get(job.id) or job
+            return self._jobs.kept(job.id) or job
         return await self._start(job, cell, cleared=cleared)
 
     def stop(self, cell: str, why: str) -> Job | None:
@@ -232,8 +236,21 @@ class Workshop:
     async def _begin_next(self) -> None:
         """Begin the next job that only computes, where none does."""
         begun = (*self, *self._starting.values())
-        if self._queue and all(each.job.kind.opens_cell for each in begun):
-            await self._start(*self._queue.popleft(), cleared=False)
+        first = next((each for each in self._queue if each[0].id not in self._unsaved), None)
+        if first is not None and all(each.job.kind.opens_cell for each in begun):
+            self._queue.remove(first)
+            await self._start(*first, cleared=False)
+
+    async def _journal(self, job: Job) -> None:
+        """Wait until a new job is on the disk; it fails if that takes too long."""
+        try:
+            await self._jobs.saved()
+        except StoreBusyError as error:
+            self._queue = deque(each for each in self._queue if each[0].id != job.id)
+            self._change(job, JobState.FAILED, f"it was not begun: {error}")
+            raise
+        finally:
+            self._unsaved.discard(job.id)
 
     def _starting_on(self, cell: str) -> StartingJob | None:
         """Return the job that will have a cell's bus open, None where none is being started."""
@@ -243,6 +260,8 @@ class Workshop:
     async def _start(self, job: Job, cell: ServedCell, *, cleared: bool) -> Job:
         starting = self._starting[job.id] = StartingJob(job)
         try:
+            if job.kind.opens_cell:
+                await self._journal(job)
             process = await self._warm.take()
         except OSError as error:
             reason = f"its process cannot be started: {error.strerror}"

@@ -11,12 +11,13 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.responses import JSONResponse
 
 from config.errors import RidDaqError
-from rid_daq.service.api import cells, jobs, live_socket, people, runs, system
+from rid_daq.service.api import cells, jobs, live_socket, people, runs, stops, system
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import status_of
 from rid_daq.service.request_check import request_schemas
 from rid_daq.service.service import CellService
+from rid_daq.service.stop.stop_desk import StopDesk
 
 API_VERSION = "1.0"
 
@@ -54,7 +55,8 @@ def make_api(
     )
     app.state.service = service
     app.state.doorkeeper = doorkeeper
-    for each in (cells, jobs, runs, people, system, live_socket):
+    app.state.stop_desk = StopDesk(service, doorkeeper)
+    for each in (stops, cells, jobs, runs, people, system, live_socket):
         app.include_router(each.router)
     for router in more:
         app.include_router(router)

@@ -1,16 +1,15 @@
-"""Routes of cells: how they are, who has them, stop."""
+"""Routes of cells: how they are, and who has them."""
 
 from __future__ import annotations
 
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Header, Request
+from fastapi import APIRouter, Body, Header
 
-from rid_daq.service.api.context import Door, OfCell, Operator, Service, Who, is_local
+from rid_daq.service.api.context import OfCell, Operator, Service, Who
 from rid_daq.service.folder_files import folder_files
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Lease, Preflight, Record
-from rid_daq.service.refusals import NotKnownError
 
 router = APIRouter(prefix="/api/v1/cells", tags=["cells"])
 
@@ -31,13 +30,6 @@ class LeaseRenewed(Record):
     """How long a lease holds on [s]."""
 
     seconds: float = 15.0
-
-
-class StopAsked(Record):
-    """Whether something was told to stop; and what to do where nothing was."""
-
-    told: bool
-    sentence: str
 
 
 @router.get("")
@@ -104,17 +96,3 @@ async def give_lease_back(
     """Give the cell back."""
     service.leases.give_back(cell.name, key or "")
     service.audit.note(who.name, "gave the cell back", cell.name)
-
-
-@router.post("/{cell}/stop", status_code=HTTPStatus.ACCEPTED)
-async def stop(cell: str, request: Request, service: Service, door: Door) -> StopAsked:
-    """Stop what moves. Everybody may: no lease, no role, from this computer no token either."""
-    who = door.look(request.headers, local=is_local(request))
-    client = request.client
-    from_here = client is None or client.host in ("127.0.0.1", "::1")
-    if who is None and not from_here:
-        raise NotKnownError("show a token to stop from another computer; or press the stop there")
-    told = service.stop(service.cell(cell).name, "somebody" if who is None else who.name)
-    if told:
-        return StopAsked(told=True, sentence="Stop asked for: watch that the axes come to rest.")
-    return StopAsked(told=False, sentence="Nothing moves here by this service.")

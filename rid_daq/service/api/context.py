@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import Depends
@@ -58,7 +59,8 @@ async def _cell(cell: str, service: Service, who: Who) -> ServedCell:
 
 
 async def _job(job: str, service: Service, who: Who) -> Job:
-    return service.job(job)
+    kept = service.jobs.kept(job)
+    return await asyncio.to_thread(service.job, job) if kept is None else kept
 
 
 OfCell = Annotated[ServedCell, Depends(_cell)]

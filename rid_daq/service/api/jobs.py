@@ -61,7 +61,7 @@ async def begin_job(
 
 
 @router.get("/jobs")
-async def list_jobs(
+def list_jobs(
     service: Service,
     who: Who,
     cell: str | None = None,
@@ -106,7 +106,7 @@ async def answer(
 async def cancel(job: OfJob, service: Service, who: Operator) -> Job:
     """End a job; a motion is stopped."""
     service.cancel(job, who)
-    return service.job(job.id)
+    return service.jobs.kept(job.id) or job
 
 
 @router.get("/requests")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import time
 from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
@@ -17,7 +18,9 @@ from rid_daq.service.api.context import is_local
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
+from rid_daq.service.refusals import UnknownError
 from rid_daq.service.service import CellService
+from rid_daq.service.stop.stop_line import BEAT, BEAT_S, answer_to_stop
 
 router = APIRouter()
 
@@ -37,8 +40,9 @@ TOO_SLOW: Final = 1013
 async def look_on(socket: WebSocket) -> None:
     """Send a viewer what happens until it leaves.
 
-    Messages to it have a `type`: `cell`, `job`, `event` or `samples`. It may send `{"job": ID,
-    "lease": KEY, "held": KEY}` while a key is held, and `tapped` likewise.
+    Messages to it have a `type`: `cell`, `job`, `event`, `samples`, `beat` or `stopped`. It may
+    send `{"job": ID, "lease": KEY, "held": KEY}` while a key is held, `tapped` likewise, and
+    `{"stop": CELL, "number": N}`.
     """
     service: CellService = socket.app.state.service
     door: Doorkeeper = socket.app.state.doorkeeper
@@ -50,12 +54,14 @@ async def look_on(socket: WebSocket) -> None:
         await socket.close(TOO_MANY, "too many look on")
         return
     await socket.accept()
+    sender = _Sender(socket)
     beside = [
-        asyncio.create_task(_send(socket, service)),
+        asyncio.create_task(_send(sender, service)),
         asyncio.create_task(_watch(socket, known)),
+        asyncio.create_task(_beat(sender)),
     ]
     try:
-        await _receive(socket, service, known)
+        await _receive(sender, service, known)
     except (WebSocketDisconnect, RuntimeError, OSError):
         LOG.debug("a viewer has left")
     finally:
@@ -67,7 +73,27 @@ async def look_on(socket: WebSocket) -> None:
                 await task
 
 
-async def _send(socket: WebSocket, service: CellService) -> None:
+class _Sender:
+    """Sends to one viewer, and knows when it did so last."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        self.socket = socket
+        self.last_s = time.monotonic()
+
+    async def send(self, text: str) -> None:
+        self.last_s = time.monotonic()
+        await self.socket.send_text(text)
+
+
+async def _beat(sender: _Sender) -> None:
+    """Show a viewer that its connection is alive while nothing else is sent."""
+    while True:
+        await asyncio.sleep(BEAT_S)
+        if time.monotonic() - sender.last_s >= BEAT_S:
+            await sender.send(BEAT.decode())
+
+
+async def _send(sender: _Sender, service: CellService) -> None:
     statuses = (service.status(cell) for cell in service.cells.values())
     first = [
         json.dumps({"type": "cell", "cell": status.model_dump(mode="json")}).encode()
@@ -75,8 +101,8 @@ async def _send(socket: WebSocket, service: CellService) -> None:
     ]
     async with contextlib.aclosing(service.feed.view(first, SAMPLES_S)) as view:
         async for told in view:
-            await socket.send_text(told.decode())
-    await socket.close(TOO_SLOW, "too slow: events would be lost")
+            await sender.send(told.decode())
+    await sender.socket.close(TOO_SLOW, "too slow: events would be lost")
 
 
 async def _watch(socket: WebSocket, known: Callable[[], Identity | None]) -> None:
@@ -87,14 +113,20 @@ async def _watch(socket: WebSocket, known: Callable[[], Identity | None]) -> Non
 
 
 async def _receive(
-    socket: WebSocket, service: CellService, known: Callable[[], Identity | None]
+    sender: _Sender, service: CellService, known: Callable[[], Identity | None]
 ) -> None:
+    socket = sender.socket
     while True:
         try:
             told = json.loads(await socket.receive_text())
         except ValueError:
             continue
         who = known()
+        if isinstance(told, dict) and isinstance(told.get("stop"), str):
+            name = "somebody with an old token" if who is None else who.name
+            answer = answer_to_stop(socket.app.state.stop_desk, name, told)
+            await sender.send(json.dumps(answer))
+            continue
         if who is None:
             await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
             return
@@ -113,7 +145,9 @@ def _hold(service: CellService, told: dict[str, object]) -> None:
     UnknownError
         There is no such job.
     """
-    job = service.job(str(told.get("job")))
+    job = service.jobs.kept(str(told.get("job")))
+    if job is None:
+        raise UnknownError("no such job is under way")
     lease = told.get("lease")
     if not isinstance(lease, str):
         raise LockedError("show the lease")

@@ -126,7 +126,7 @@ async def confirm_pairing(
 
 
 @router.get("/audit")
-async def list_audit(
+def list_audit(
     who: Administrator, service: Service, limit: Annotated[int, Query(ge=1, le=5000)] = 200
 ) -> list[AuditEntry]:
     """Return who did what, newest first."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sqlite3
 import time
 from collections.abc import Sequence
 
 from rid_daq.service.records import AuditEntry
+from rid_daq.service.store.database import Database
 
 
 class AuditLog:
@@ -14,23 +14,21 @@ class AuditLog:
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Of the service's file.
+    database : Database
+        The service's file.
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def note(self, who: str, what: str, cell: str = "", details: str = "") -> None:
-        """Keep what somebody did."""
+        """Keep what somebody did; it is written afterwards and never waited for."""
         entry = AuditEntry(at_s=time.time(), who=who, what=what, cell=cell, details=details)
-        self._connection.execute(
-            "INSERT INTO audit (at_s, entry) VALUES (?, ?)", (entry.at_s, entry.model_dump_json())
+        self._database.note(
+            "INSERT INTO audit (at_s, entry) VALUES (?, ?)", entry.at_s, entry.model_dump_json()
         )
 
     def newest(self, limit: int = 200) -> Sequence[AuditEntry]:
-        """Return what was done, newest first."""
-        rows = self._connection.execute(
-            "SELECT entry FROM audit ORDER BY number DESC LIMIT ?", (limit,)
-        )
+        """Read what was done, newest first; in a thread."""
+        rows = self._database.read("SELECT entry FROM audit ORDER BY number DESC LIMIT ?", limit)
         return [AuditEntry.model_validate_json(row[0]) for row in rows]

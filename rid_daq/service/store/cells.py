@@ -2,50 +2,55 @@
 
 from __future__ import annotations
 
-import sqlite3
-
 from rid_daq.service.records import Preflight
+from rid_daq.service.store.database import Database
 
 
 class CellStore:
-    """The table of cells.
+    """The table of cells, and all of it in memory.
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Of the service's file.
+    database : Database
+        The service's file.
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._preflights: dict[str, tuple[Preflight, str]] = {}
+        self._faults: dict[str, str] = {}
+        for cell, preflight, files_hash, fault in database.read(
+            "SELECT cell, preflight, files_hash, fault FROM cells"
+        ):
+            self._faults[cell] = str(fault)
+            if preflight is not None:
+                found = Preflight.model_validate_json(preflight)
+                self._preflights[cell] = (found, str(files_hash))
 
     def add(self, cell: str) -> None:
         """Begin to know a cell."""
-        self._connection.execute(
-            "INSERT OR IGNORE INTO cells VALUES (?, NULL, NULL, '')",
-            (cell,),
-        )
+        self._faults.setdefault(cell, "")
+        self._database.write("INSERT OR IGNORE INTO cells VALUES (?, NULL, NULL, '')", cell)
 
     def note_preflight(self, cell: str, preflight: Preflight, files_hash: str) -> None:
         """Keep a preflight, and of which files it was."""
-        self._connection.execute(
+        self._preflights[cell] = (preflight, files_hash)
+        self._database.write(
             "UPDATE cells SET preflight = ?, files_hash = ? WHERE cell = ?",
-            (preflight.model_dump_json(), files_hash, cell),
+            preflight.model_dump_json(),
+            files_hash,
+            cell,
         )
 
     def preflight(self, cell: str) -> tuple[Preflight, str] | None:
-        """Return the newest preflight and of which files it was, None where there is none."""
-        row = self._connection.execute(
-            "SELECT preflight, files_hash FROM cells WHERE cell = ? AND preflight IS NOT NULL",
-            (cell,),
-        ).fetchone()
-        return None if row is None else (Preflight.model_validate_json(row[0]), str(row[1]))
+        """Return the newest preflight and of which files it was, None if there is none."""
+        return self._preflights.get(cell)
 
     def note_fault(self, cell: str, fault: str) -> None:
-        """Keep why a cell must be reset by a person; empty where it has been."""
-        self._connection.execute("UPDATE cells SET fault = ? WHERE cell = ?", (fault, cell))
+        """Keep why a cell must be reset by a person; empty if it has been."""
+        self._faults[cell] = fault
+        self._database.write("UPDATE cells SET fault = ? WHERE cell = ?", fault, cell)
 
     def fault(self, cell: str) -> str:
-        """Return why a cell must be reset, empty where it need not."""
-        row = self._connection.execute("SELECT fault FROM cells WHERE cell = ?", (cell,)).fetchone()
-        return "" if row is None else str(row[0])
+        """Return why a cell must be reset, empty if it need not."""
+        return self._faults.get(cell, "")

@@ -1,15 +1,34 @@
-"""`open_database`: the service's SQLite file, made where there is none."""
+"""`Database`: the service's SQLite file; one thread writes it, so that no request waits for it."""
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import os
 import sqlite3
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from config.errors import RecordingError
+from rid_daq.service.logs import LOG
+from rid_daq.service.refusals import StoreBusyError
 
 VERSION: Final = 1
+PATIENCE_S: Final = 3.0
+"""How long an answer waits for what must be on the disk before it [s]."""
+
+BUSY: Final = "RID-STORE-BUSY"
+LOCK_S: Final = 1.0
+RETRY_S: Final = 0.2
+IDLE_S: Final = 5.0
+LAST_WORDS_S: Final = 5.0
+MOST_NOTES: Final = 10_000
+MOST_AT_ONCE: Final = 200
 
 _SCHEMA = """
 CREATE TABLE jobs (
@@ -26,12 +45,185 @@ CREATE TABLE audit (
 );
 """
 
-_LATER = "CREATE TABLE IF NOT EXISTS lease_tokens (cell TEXT PRIMARY KEY, lease TEXT, token TEXT)"
-"""What came after the first services; a program of before leaves it alone."""
+_LATER = (
+    "CREATE TABLE IF NOT EXISTS lease_tokens (cell TEXT PRIMARY KEY, lease TEXT, token TEXT)",
+    "CREATE TABLE IF NOT EXISTS issued (number INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE)",
+)
+"""Tables that were added after the first services; an older program ignores them."""
+
+_MISTAKES = (sqlite3.IntegrityError, sqlite3.ProgrammingError, sqlite3.DataError)
+"""Errors of one statement: trying it again is of no use."""
 
 
-def open_database(path: Path) -> sqlite3.Connection:
-    """Return a connection to the service's file, which only its owner may read.
+class Database:
+    """Writes in order, by a thread of its own; reads by short connections.
+
+    A write that fails, because the disk is full or another program holds the file, is tried again
+    until it succeeds. The stores therefore answer from memory, and the file follows.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    connection : sqlite3.Connection
+        The writing thread's connection.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self._path = path
+        self._connection = connection
+        self._changed = threading.Condition()
+        self._queue: deque[tuple[str, tuple[object, ...]]] = deque()
+        self._queued = self._written = 0
+        self._waiting: list[tuple[int, asyncio.AbstractEventLoop, asyncio.Future[None]]] = []
+        self._thread: threading.Thread | None = None
+        self._trouble = ""
+        self._close_by_s: float | None = None
+
+    def write(self, sql: str, *values: object) -> None:
+        """Queue a statement; it is written after the statements before it."""
+        with self._changed:
+            self._queue.append((sql, values))
+            self._queued += 1
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._work, name="rid database", daemon=True)
+                self._thread.start()
+            self._changed.notify_all()
+
+    def note(self, sql: str, *values: object) -> None:
+        """Queue a statement that may be lost if the file cannot be written for very long."""
+        if len(self._queue) < MOST_NOTES:
+            self.write(sql, *values)
+
+    def read(self, sql: str, *values: object) -> list[tuple[Any, ...]]:
+        """Return rows, with what was queued before if it can be written soon; not in the loop.
+
+        Raises
+        ------
+        StoreBusyError
+            The file cannot be read.
+        """
+        self.flush(LOCK_S)
+        try:
+            with contextlib.closing(sqlite3.connect(self._path, timeout=PATIENCE_S)) as reader:
+                return reader.execute(sql, values).fetchall()
+        except sqlite3.Error as error:
+            raise StoreBusyError(
+                f"the service's file {self._path.name} cannot be read: {error}; try again later",
+                code=BUSY,
+            ) from None
+
+    def flush(self, patience_s: float) -> bool:
+        """Wait until all that is queued now is written; return whether it is."""
+        with self._changed:
+            wanted = self._queued
+            return self._changed.wait_for(lambda: self._written >= wanted, patience_s)
+
+    async def saved(self, patience_s: float = PATIENCE_S) -> None:
+        """Wait, without holding the loop, until all that is queued now is on the disk.
+
+        Raises
+        ------
+        StoreBusyError
+            It is not, within the patience.
+        """
+        with self._changed:
+            if self._written >= self._queued:
+                return
+            loop = asyncio.get_running_loop()
+            done: asyncio.Future[None] = loop.create_future()
+            self._waiting.append((self._queued, loop, done))
+        try:
+            await asyncio.wait_for(done, patience_s)
+        except TimeoutError:
+            raise StoreBusyError(
+                f"the service's file {self._path.name} was not written within {patience_s:g} s"
+                f" ({self._trouble or 'the disk is slow'}): free the disk, or end the program that"
+                " holds the file; then try again",
+                code=BUSY,
+            ) from None
+
+    def close(self) -> None:
+        """Write what is queued, within some seconds, and close the file."""
+        with self._changed:
+            self._close_by_s = time.monotonic() + LAST_WORDS_S
+            self._changed.notify_all()
+            thread = self._thread
+        if thread is not None:
+            thread.join(LAST_WORDS_S + 2 * LOCK_S)
+        if self._queue:
+            LOG.error("%d notes could not be written: %s", len(self._queue), self._trouble)
+        if thread is None or not thread.is_alive():
+            self._connection.close()
+
+    def _work(self) -> None:
+        at_once = MOST_AT_ONCE
+        while batch := self._next(at_once):
+            try:
+                self._commit(batch)
+            except _MISTAKES as error:
+                if len(batch) > 1:
+                    at_once = 1  # to find out which one it is
+                    continue
+                LOG.error("not written: %s: %s", batch[0][0], error)
+            except sqlite3.Error as error:
+                self._say(str(error))
+                with self._changed:
+                    if self._close_by_s is not None and time.monotonic() > self._close_by_s:
+                        return
+                    self._changed.wait(RETRY_S)
+                continue
+            else:
+                at_once = MOST_AT_ONCE
+                self._say("")
+            self._count(len(batch))
+
+    def _next(self, at_once: int) -> Sequence[tuple[str, tuple[object, ...]]]:
+        """Return what is written next; nothing if the thread is to end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._close_by_s is not None, IDLE_S)
+            if not self._queue:
+                self._thread = None
+            return list(islice(self._queue, at_once))
+
+    def _commit(self, batch: Sequence[tuple[str, tuple[object, ...]]]) -> None:
+        try:
+            self._connection.execute("BEGIN IMMEDIATE")
+            for sql, values in batch:
+                self._connection.execute(sql, values)
+            self._connection.execute("COMMIT")
+        except sqlite3.Error:
+            with contextlib.suppress(sqlite3.Error):
+                self._connection.execute("ROLLBACK")
+            raise
+
+    def _count(self, written: int) -> None:
+        with self._changed:
+            for _ in range(written):
+                self._queue.popleft()
+            self._written += written
+            ready = [each for each in self._waiting if each[0] <= self._written]
+            self._waiting = [each for each in self._waiting if each[0] > self._written]
+            self._changed.notify_all()
+        for _, loop, done in ready:
+            with contextlib.suppress(RuntimeError):  # its loop has ended
+                loop.call_soon_threadsafe(_settle, done)
+
+    def _say(self, trouble: str) -> None:
+        if trouble and not self._trouble:
+            LOG.error("the service's file cannot be written; it is tried again: %s", trouble)
+        elif self._trouble and not trouble:
+            LOG.info("the service's file is written again")
+        self._trouble = trouble
+
+
+def _settle(done: asyncio.Future[None]) -> None:
+    if not done.done():
+        done.set_result(None)
+
+
+def open_database(path: Path) -> Database:
+    """Open the service's file, which only its owner may read; it is made if there is none.
 
     Raises
     ------
@@ -40,7 +232,9 @@ def open_database(path: Path) -> sqlite3.Connection:
     """
     try:
         os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
-        connection = sqlite3.connect(path, isolation_level=None, timeout=5.0)
+        connection = sqlite3.connect(
+            path, isolation_level=None, timeout=LOCK_S, check_same_thread=False
+        )
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
         (version,) = connection.execute("PRAGMA user_version").fetchone()
@@ -51,9 +245,10 @@ def open_database(path: Path) -> sqlite3.Connection:
                 f"{path}: was written by another version of rid-daq (format {version}, this one"
                 f" knows {VERSION}): use that one, or move the file away to begin anew"
             )
-        connection.execute(_LATER)
+        for table in _LATER:
+            connection.execute(table)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
             f"{path}: cannot be opened as the service's file: {error}. Move it away to begin anew"
         ) from None
-    return connection
+    return Database(path, connection)

@@ -2,66 +2,118 @@
 
 from __future__ import annotations
 
-import sqlite3
+from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from rid_daq.service.records import Job, JobState
+from rid_daq.service.store.database import Database
+
+MOST_KEPT: Final = 1000
+"""Jobs of this start that are kept in memory after their end."""
 
 
 class JobStore:
-    """The table of jobs.
+    """The table of jobs; those that are not over, and the newest of this start, are in memory.
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Of the service's file.
+    database : Database
+        The service's file.
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        rows = database.read(
+            "SELECT job FROM jobs WHERE state IN (?, ?) ORDER BY created_s",
+            JobState.ACCEPTED.value,
+            JobState.RUNNING.value,
+        )
+        found = [Job.model_validate_json(row[0]) for row in rows]
+        self._kept = {job.id: job for job in found}
+        counts = database.read("SELECT state, COUNT(*) FROM jobs GROUP BY state")
+        self._counts = Counter({JobState(state): int(count) for state, count in counts})
 
     def add(self, job: Job) -> None:
-        """Journal a new job; it is on the disk when this returns."""
-        self._connection.execute(
+        """Journal a new job; it is on the disk after `saved`."""
+        self._keep(job)
+        self._database.write(
             "INSERT INTO jobs VALUES (?, ?, ?, ?, ?)",
-            (job.id, job.cell, job.state.value, job.created_s, job.model_dump_json()),
+            job.id,
+            job.cell,
+            job.state.value,
+            job.created_s,
+            job.model_dump_json(),
         )
 
     def change(self, job: Job, **fields: Any) -> Job:
         """Write new fields of a job, and return it with them."""
         changed = job.model_copy(update=fields)
-        self._connection.execute(
+        if job.id in self._kept:
+            self._keep(changed)
+        self._database.write(
             "UPDATE jobs SET state = ?, job = ? WHERE id = ?",
-            (changed.state.value, changed.model_dump_json(), job.id),
+            changed.state.value,
+            changed.model_dump_json(),
+            job.id,
         )
         return changed
 
+    async def saved(self) -> None:
+        """Wait until all that was journalled is on the disk.
+
+        Raises
+        ------
+        StoreBusyError
+            It is not, within some seconds.
+        """
+        await self._database.saved()
+
+    def kept(self, job_id: str) -> Job | None:
+        """Return a job that is in memory: every one that is not over is."""
+        return self._kept.get(job_id)
+
     def get(self, job_id: str) -> Job | None:
-        """Return a job, None where there is none of that id."""
-        row = self._connection.execute("SELECT job FROM jobs WHERE id = ?", (job_id,)).fetchone()
-        return None if row is None else Job.model_validate_json(row[0])
+        """Return a job, None if there is none of that id; in a thread if it is an old one."""
+        kept = self._kept.get(job_id)
+        if kept is not None:
+            return kept
+        rows = self._database.read("SELECT job FROM jobs WHERE id = ?", job_id)
+        return Job.model_validate_json(rows[0][0]) if rows else None
 
     def newest(
         self, cell: str | None = None, state: JobState | None = None, limit: int = 100
     ) -> Sequence[Job]:
-        """Return the newest jobs first, of one cell and in one state where told."""
-        rows = self._connection.execute(
+        """Read the newest jobs first, of one cell and in one state if told; in a thread."""
+        kept = dict(self._kept)  # newer than the file
+        rows = self._database.read(
             "SELECT job FROM jobs WHERE (?1 IS NULL OR cell = ?1) AND (?2 IS NULL OR state = ?2)"
             " ORDER BY created_s DESC LIMIT ?3",
-            (cell, None if state is None else state.value, limit),
+            cell,
+            None if state is None else state.value,
+            limit + len(kept),
         )
-        return [Job.model_validate_json(row[0]) for row in rows]
+        found = {job.id: job for job in (Job.model_validate_json(row[0]) for row in rows)} | kept
+        wanted = [
+            job for job in found.values() if cell in (None, job.cell) and state in (None, job.state)
+        ]
+        return sorted(wanted, key=lambda job: job.created_s, reverse=True)[:limit]
 
     def unfinished(self) -> Sequence[Job]:
         """Return the jobs that are not over, oldest first."""
-        rows = self._connection.execute(
-            "SELECT job FROM jobs WHERE state IN (?, ?) ORDER BY created_s",
-            (JobState.ACCEPTED.value, JobState.RUNNING.value),
-        )
-        return [Job.model_validate_json(row[0]) for row in rows]
+        return [job for job in self._kept.values() if not job.state.is_over]
 
     def counts(self) -> dict[str, int]:
         """Return how many jobs are in which state."""
-        rows = self._connection.execute("SELECT state, COUNT(*) FROM jobs GROUP BY state")
-        return {str(state): int(count) for state, count in rows}
+        return {state.value: count for state, count in self._counts.items()}
+
+    def _keep(self, job: Job) -> None:
+        before = self._kept.get(job.id)
+        if before is not None:
+            self._counts[before.state] -= 1
+        self._counts[job.state] += 1
+        self._kept[job.id] = job
+        if len(self._kept) > MOST_KEPT:
+            over = next((each.id for each in self._kept.values() if each.state.is_over), None)
+            if over is not None:
+                del self._kept[over]

@@ -4,29 +4,41 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-import sqlite3
 import time
 from collections.abc import Sequence
+from typing import Final
 
 from rid_daq.service.records import Role, Token
+from rid_daq.service.store.database import Database
+
+MOST_ISSUED: Final = 100_000
+"""Secrets whose hash is kept for ever, so that they may stop; the oldest is forgotten."""
 
 
 def hashed(secret: str) -> str:
     """Return the SHA-256 of a secret; enough for what is 256 random bits."""
-    return hashlib.sha256(secret.encode()).hexdigest()
+    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class TokenStore:
-    """The table of tokens.
+    """The table of tokens, and all of it in memory.
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Of the service's file.
+    database : Database
+        The service's file.
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._tokens = {
+            str(key): Token.model_validate_json(token)
+            for key, token in database.read("SELECT hash, token FROM tokens")
+        }
+        issued = database.read("SELECT hash FROM issued ORDER BY number DESC LIMIT ?", MOST_ISSUED)
+        self._issued = dict.fromkeys(str(key) for (key,) in reversed(issued))
+        for key in self._tokens:  # those of before the table
+            self._note_issued(key)
 
     def add(self, name: str, role: Role, *, person: bool) -> tuple[Token, str]:
         """Make a token; its secret is returned here and nowhere else."""
@@ -34,34 +46,54 @@ class TokenStore:
         token = Token(
             id=secrets.token_hex(8), name=name, role=role, person=person, created_s=time.time()
         )
-        self._connection.execute(
-            "INSERT INTO tokens VALUES (?, ?, ?)",
-            (token.id, hashed(secret), token.model_dump_json()),
+        self._tokens[hashed(secret)] = token
+        self._database.write(
+            "INSERT INTO tokens VALUES (?, ?, ?)", token.id, hashed(secret), token.model_dump_json()
         )
+        self.note_issued(secret)
         return token, secret
 
+    def note_issued(self, secret: str) -> None:
+        """Keep for ever that a secret was given to somebody: whoever shows it may stop."""
+        self._note_issued(hashed(secret))
+
+    def was_issued(self, secret: str) -> bool:
+        """Return whether a secret was ever given to somebody, also one that was revoked."""
+        return hashed(secret) in self._issued
+
     def known(self, secret: str) -> Token | None:
-        """Return the token of a secret, None where it is nobody's."""
-        row = self._connection.execute(
-            "SELECT token FROM tokens WHERE hash = ?", (hashed(secret),)
-        ).fetchone()
-        return None if row is None else Token.model_validate_json(row[0])
+        """Return the token of a secret, None if it is nobody's."""
+        return self._tokens.get(hashed(secret))
 
     def note_use(self, token: Token) -> None:
-        """Write that a token was used now."""
+        """Keep that a token was used now."""
         used = token.model_copy(update={"used_s": time.time()})
-        self._connection.execute(
-            "UPDATE tokens SET token = ? WHERE id = ?", (used.model_dump_json(), token.id)
-        )
+        key = next((key for key, each in self._tokens.items() if each.id == token.id), None)
+        if key is not None:
+            self._tokens[key] = used
+            self._database.note(
+                "UPDATE tokens SET token = ? WHERE id = ?", used.model_dump_json(), token.id
+            )
 
     def all(self) -> Sequence[Token]:
         """Return the tokens, without their secrets."""
-        rows = self._connection.execute("SELECT token FROM tokens")
-        return sorted(
-            (Token.model_validate_json(row[0]) for row in rows), key=lambda each: each.created_s
-        )
+        return sorted(self._tokens.values(), key=lambda each: each.created_s)
 
     def revoke(self, token_id: str) -> bool:
         """Forget a token; return whether there was one."""
-        done = self._connection.execute("DELETE FROM tokens WHERE id = ?", (token_id,))
-        return done.rowcount > 0
+        key = next((key for key, each in self._tokens.items() if each.id == token_id), None)
+        if key is None:
+            return False
+        del self._tokens[key]
+        self._database.write("DELETE FROM tokens WHERE id = ?", token_id)
+        return True
+
+    def _note_issued(self, key: str) -> None:
+        if key in self._issued:
+            return
+        self._issued[key] = None
+        self._database.write("INSERT OR IGNORE INTO issued (hash) VALUES (?)", key)
+        if len(self._issued) > MOST_ISSUED:
+            oldest = next(iter(self._issued))
+            del self._issued[oldest]
+            self._database.write("DELETE FROM issued WHERE hash = ?", oldest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
 from pathlib import Path
 
@@ -10,10 +11,12 @@ import pytest
 from config.errors import LockedError
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.pairing import LASTS_S, MOST_WAITING, Pairing
-from rid_daq.service.records import Role, Token
+from rid_daq.service.records import Role
 from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.tokens import TokenStore
+
+PATIENCE_S = 60.0
 
 
 @pytest.fixture
@@ -35,21 +38,23 @@ def test_a_token_lets_in_until_it_is_revoked(door: Doorkeeper, tokens: TokenStor
         door.identity(shown, local=False)
 
 
-def test_a_disk_that_is_full_keeps_nobody_out(
-    door: Doorkeeper, tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(_token: Token) -> None:
-        raise sqlite3.OperationalError("database or disk is full")
-
+def test_a_database_that_another_program_holds_keeps_nobody_out(tmp_path: Path) -> None:
+    database = open_database(tmp_path / "service.db")
+    tokens = TokenStore(database)
     _, secret = tokens.add("tablet", Role.OPERATOR, person=True)
-    monkeypatch.setattr(tokens, "note_use", full)
-    who = door.look({"authorization": f"Bearer {secret}"}, local=False)
-    assert who is not None
-    assert who.name == "tablet"
+    assert database.flush(PATIENCE_S)
+    with contextlib.closing(sqlite3.connect(tmp_path / "service.db")) as holder:
+        holder.execute("BEGIN IMMEDIATE")
+        door = Doorkeeper(tokens, 8642, secure=False)
+        who = door.look({"authorization": f"Bearer {secret}"}, local=False)
+        assert who is not None
+        assert who.name == "tablet"
 
 
-def test_the_secret_itself_is_not_kept(tokens: TokenStore, tmp_path: Path) -> None:
-    _, secret = tokens.add("CI", Role.OPERATOR, person=False)
+def test_the_secret_itself_is_not_kept(tmp_path: Path) -> None:
+    database = open_database(tmp_path / "service.db")
+    _, secret = TokenStore(database).add("CI", Role.OPERATOR, person=False)
+    assert database.flush(PATIENCE_S)
     kept = b"".join(path.read_bytes() for path in tmp_path.iterdir())
     assert secret.encode() not in kept
 

@@ -93,6 +93,7 @@ def test_a_motion_that_a_killed_service_left_without_a_last_word_is_a_fault(
     ready.jobs.add(left)
     with EventFile(ready.workshop.events(left.id)) as events:
         events.write(MOTION)
+    assert ready.database.flush(60.0)
     again = CellService(ready.folder, list(ready.cells.values()))
     status = again.status(again.cell("ir361"))
     assert status.state is CellState.FAULT

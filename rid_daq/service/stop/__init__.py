@@ -1,0 +1,1 @@
+"""STOP's own path through the service: admission, the HTTP requests, the WebSocket."""

@@ -1,0 +1,153 @@
+"""`StopLine`: the WebSocket that carries STOP alone, with a heartbeat."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from typing import Final, cast
+
+from websockets.frames import Frame, Opcode
+from websockets.http11 import Request
+from websockets.server import ServerProtocol
+
+from rid_daq.service.refusals import UnknownError
+from rid_daq.service.stop.stop_desk import StopDesk
+
+BEAT_S: Final = 0.25
+BEAT: Final = b'{"type": "beat"}'
+MOST_BYTES: Final = 1024
+MOST_MESSAGES: Final = 100
+"""Messages a second, beyond which the line is closed."""
+
+POLICY: Final = 1008
+
+
+class StopLine(asyncio.Protocol):
+    """Speaks with one client: `{"stop": CELL or "*", "number": N}` is answered at once.
+
+    Parameters
+    ----------
+    desk : StopDesk
+        Stops.
+    who : str
+        Who asks.
+    """
+
+    def __init__(self, desk: StopDesk, who: str) -> None:
+        self._desk = desk
+        self._who = who
+        self._speaker = ServerProtocol(max_size=MOST_BYTES)
+        self._transport: asyncio.Transport | None = None
+        self._beat: asyncio.TimerHandle | None = None
+        self._open = False
+        self._second, self._messages = 0, 0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin; the client's request follows as data."""
+        self._transport = cast(asyncio.Transport, transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End."""
+        self._open = False
+        if self._beat is not None:
+            self._beat.cancel()
+
+    def data_received(self, data: bytes) -> None:
+        """Answer what has come."""
+        self._speaker.receive_data(data)
+        for event in self._speaker.events_received():
+            if isinstance(event, Request):
+                response = self._speaker.accept(event)
+                self._speaker.send_response(response)
+                if response.status_code == 101:
+                    self._open = True
+            elif isinstance(event, Frame):
+                self._take(event)
+        self._flush()
+        if self._open and self._beat is None:
+            self._send_beat()
+
+    def eof_received(self) -> bool | None:
+        """Close as the protocol has it."""
+        self._speaker.receive_eof()
+        self._flush()
+        return None
+
+    def shutdown(self) -> None:
+        """Tell the client that the service ends."""
+        if self._open:
+            self._open = False
+            self._speaker.send_close(1012)
+            self._flush()
+        if self._transport is not None:
+            self._transport.close()
+
+    def _take(self, frame: Frame) -> None:
+        if frame.opcode not in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT) or not self._open:
+            return
+        second = int(time.monotonic())
+        self._messages = self._messages + 1 if second == self._second else 1
+        self._second = second
+        answer = self._answer(bytes(frame.data)) if frame.fin else None
+        if answer is None or self._messages > MOST_MESSAGES:
+            self._open = False
+            self._speaker.send_close(POLICY, "send stop and number")
+        else:
+            self._speaker.send_text(json.dumps(answer).encode())
+
+    def _answer(self, message: bytes) -> dict[str, object] | None:
+        return answer_to_stop(self._desk, self._who, read_stop(message))
+
+    def _send_beat(self) -> None:
+        if not self._open:
+            return
+        self._speaker.send_text(BEAT)
+        self._flush()
+        self._beat = asyncio.get_running_loop().call_later(BEAT_S, self._send_beat)
+
+    def _flush(self) -> None:
+        assert self._transport is not None
+        for data in self._speaker.data_to_send():
+            if data:
+                self._transport.write(data)
+            else:
+                self._transport.close()
+        if self._speaker.close_expected() and not self._open:
+            self._transport.close()
+
+
+def read_stop(message: bytes) -> dict[str, object] | None:
+    """Return a message that asks for a stop, None for every other."""
+    try:
+        found = json.loads(message)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) and isinstance(found.get("stop"), str) else None
+
+
+def answer_to_stop(
+    desk: StopDesk, who: str, asked: dict[str, object] | None
+) -> dict[str, object] | None:
+    """Stop what a message of a WebSocket asks for, and return the answer; None if it asks nothing.
+
+    Parameters
+    ----------
+    desk : StopDesk
+        Stops.
+    who : str
+        Who asks.
+    asked : dict or None
+        The message, `{"stop": CELL or "*", "number": N}`.
+    """
+    if asked is None:
+        return None
+    number = asked.get("number")
+    answer: dict[str, object] = {
+        "type": "stopped",
+        "number": number if isinstance(number, int | float | str) else None,
+    }
+    try:
+        return answer | desk.stop(str(asked["stop"]), who).model_dump()
+    except UnknownError as error:
+        return answer | {"told": False, "sentence": str(error)}

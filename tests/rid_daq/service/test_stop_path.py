@@ -1,0 +1,332 @@
+"""STOP's own path: over real sockets, to a service whose database another program holds."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+import sqlite3
+import time
+from collections.abc import Coroutine
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.typing import Origin
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
+from rid_daq.live.access import Access
+from rid_daq.live.asgi_server import AsgiServer
+from rid_daq.live.connection import Limits
+from rid_daq.live.guard import Guard
+from rid_daq.live.reception import Line, Peer, Reply
+from rid_daq.live.request_head import RequestHead
+from rid_daq.service.api.app import make_api
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.records import Role
+from rid_daq.service.service import STATE_FOLDER, CellService
+from rid_daq.service.stop.stop_desk import is_loopback
+from rid_daq.service.stop.stop_entrance import StopEntrance
+from tests.rid_daq.service.conftest import Worker, job
+
+PATIENCE_S = 120.0
+STOP = "/api/v1/cells/ir361/stop"
+FAR = Peer(local=False, address="192.0.2.7")
+LONG = Limits(request_s=PATIENCE_S, answer_s=PATIENCE_S, stream_s=PATIENCE_S)
+
+
+def run(main: Coroutine[Any, Any, None]) -> None:
+    async def within() -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            await main
+
+    asyncio.run(within())
+
+
+@dataclass
+class Place:
+    """A service that is served at a port of this computer."""
+
+    service: CellService
+    server: AsgiServer
+    port: int
+    until: asyncio.Event
+    serving: asyncio.Task[None]
+
+    def head(self, path: str = STOP, *more: str) -> bytes:
+        lines = (f"POST {path} HTTP/1.1", f"Host: 127.0.0.1:{self.port}", "X-Rid-Daq: stop", *more)
+        return "\r\n".join((*lines, "", "")).encode()
+
+    async def ask(self, sent: bytes) -> tuple[int, dict[str, Any]]:
+        reader, writer = await asyncio.open_connection("127.0.0.1", self.port)
+        writer.write(sent)
+        received = await reader.read()
+        writer.close()
+        head, _, body = received.partition(b"\r\n\r\n")
+        return int(head.split()[1]), json.loads(body or b"{}")
+
+    async def end(self) -> None:
+        self.until.set()
+        await self.serving
+
+
+async def answer_on(line: ClientConnection) -> dict[str, Any]:
+    """Return the next message that is no beat."""
+    while True:
+        told: dict[str, Any] = json.loads(await line.recv())
+        if told["type"] != "beat":
+            return told
+
+
+async def place(service: CellService, limits: Limits = LONG) -> Place:
+    listener = socket.create_server(("127.0.0.1", 0))
+    access = Access("127.0.0.1", listener.getsockname()[1], "")
+    app = make_api(service, Doorkeeper(service.tokens, access.port, secure=False))
+    entrance = StopEntrance(app.state.stop_desk, access)
+    server = AsgiServer(Guard(app, access), None, limits, entrance)
+    until = asyncio.Event()
+    serving = asyncio.create_task(server.serve([listener], until))
+    return Place(service, server, access.port, until, serving)
+
+
+@contextlib.asynccontextmanager
+async def moving(service: CellService) -> Any:
+    """Have a motion of this process under way."""
+    await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+    control = ControlBlock.create()
+    try:
+        yield control
+    finally:
+        control.program.declare_task_gone()
+
+
+@pytest.mark.promise("stop-needs-nothing-else")
+def test_a_stop_is_told_while_another_program_holds_the_database(
+    service: CellService, worker: Worker, tmp_path: Path
+) -> None:
+    async def main() -> None:
+        made = await place(service)
+        async with moving(service) as control:
+            assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
+            file = tmp_path / STATE_FOLDER / "service.db"
+            with contextlib.closing(sqlite3.connect(file)) as holder:
+                holder.execute("BEGIN EXCLUSIVE")
+                status, told = await made.ask(made.head())
+                assert (status, told["told"]) == (202, True)
+                assert control.program.stop_code == StopCode.STOP_BUTTON
+                assert holder.in_transaction, "it was held all the time"
+        await made.end()
+        noted = await asyncio.to_thread(service.audit.newest)
+        assert [entry.what for entry in noted] == ["stopped"], "the note was written afterwards"
+
+    run(main())
+
+
+@pytest.mark.promise("stop-needs-nothing-else")
+@pytest.mark.parametrize(
+    "more",
+    [
+        ("Content-Length: 17000000",),
+        ("Transfer-Encoding: chunked",),
+        ("Content-Type: text/plain", "Content-Length: 5"),
+        ("Expect: 100-continue", "Content-Length: 2"),
+    ],
+)
+def test_a_stop_is_answered_before_its_body(
+    service: CellService, worker: Worker, more: tuple[str, ...]
+) -> None:
+    async def main() -> None:
+        made = await place(service)
+        async with moving(service) as control:
+            status, told = await made.ask(made.head(STOP, *more))
+            assert (status, told["told"]) == (202, True)
+            assert control.program.stop_code == StopCode.STOP_BUTTON
+        await made.end()
+
+    run(main())
+
+
+def test_all_cells_are_stopped_at_once_and_an_unknown_one_is_said(
+    service: CellService, worker: Worker
+) -> None:
+    async def main() -> None:
+        made = await place(service)
+        async with moving(service) as control:
+            status, told = await made.ask(made.head("/api/v1/cells/other/stop"))
+            assert (status, told["error"]) == (404, "UnknownError")
+            assert not control.program.stop_code
+            status, told = await made.ask(made.head("/api/v1/stop"))
+            assert (status, told["told"]) == (202, True)
+            assert control.program.stop_code == StopCode.STOP_BUTTON
+        await made.end()
+
+    run(main())
+
+
+def entrance_of(service: CellService) -> tuple[StopEntrance, Doorkeeper]:
+    access = Access("0.0.0.0", 8642, "")
+    door = Doorkeeper(service.tokens, 8642, secure=False)
+    app = make_api(service, door)
+    return StopEntrance(app.state.stop_desk, access), door
+
+
+def asked(*more: str, path: str = STOP) -> RequestHead:
+    lines = (f"POST {path} HTTP/1.1", "Host: 192.0.2.1:8642", "X-Rid-Daq: stop", *more)
+    head = RequestHead.parse("\r\n".join(lines).encode())
+    assert head is not None
+    return head
+
+
+def status_of(found: Reply | Line | None) -> int:
+    assert isinstance(found, Reply)
+    return int(found.status)
+
+
+@pytest.mark.promise("stop-by-any-token-ever-issued")
+def test_from_another_computer_any_token_that_was_ever_issued_stops(service: CellService) -> None:
+    entrance, _ = entrance_of(service)
+    assert status_of(entrance.receive(asked(), FAR)) == 401
+    assert status_of(entrance.receive(asked("Authorization: Bearer guessed"), FAR)) == 401
+    token, secret = service.tokens.add("tablet", Role.VIEWER, person=True)
+    shown = f"Authorization: Bearer {secret}"
+    assert status_of(entrance.receive(asked(shown), FAR)) == 202
+    service.tokens.revoke(token.id)
+    assert status_of(entrance.receive(asked(shown), FAR)) == 202
+    assert service.database.flush(PATIENCE_S)
+    again = CellService(service.folder, list(service.cells.values()))
+    entrance, _ = entrance_of(again)
+    assert status_of(entrance.receive(asked(shown), FAR)) == 202, "also after a restart"
+    cookie = f"Cookie: other=1; rid_daq_service_8642={secret}"
+    assert status_of(entrance.receive(asked(cookie), FAR)) == 202
+
+
+@pytest.mark.parametrize(
+    ("line", "status"),
+    [
+        ("Origin: https://elsewhere.example", 403),
+        ("Sec-Fetch-Site: cross-site", 403),
+        ("X-Rid-Daq: again", 400),
+        ("Host: elsewhere.example", 400),
+    ],
+)
+def test_a_page_from_elsewhere_stops_nothing(service: CellService, line: str, status: int) -> None:
+    entrance, _ = entrance_of(service)
+    here = Peer(local=False, address="127.0.0.1")
+    assert status_of(entrance.receive(asked(line), here)) == status
+    without = RequestHead("POST", STOP, (("host", "192.0.2.1:8642"),))
+    assert status_of(entrance.receive(without, here)) == 403
+    assert status_of(entrance.receive(asked(), here)) == 202
+
+
+@pytest.mark.parametrize(
+    ("address", "here"),
+    [
+        ("127.0.0.1", True),
+        ("127.8.9.1", True),
+        ("::1", True),
+        ("::ffff:127.0.0.1", True),
+        ("::ffff:192.0.2.7", False),
+        ("fe80::1%eth0", False),
+        ("192.0.2.7", False),
+        ("", False),
+    ],
+)
+def test_this_computer_is_known_by_its_address(address: str, here: bool) -> None:
+    assert is_loopback(address) is here
+
+
+@pytest.mark.promise("stop-line")
+def test_the_line_stops_answers_by_number_and_beats(service: CellService, worker: Worker) -> None:
+    async def main() -> None:
+        made = await place(service)
+        url = f"ws://127.0.0.1:{made.port}/api/v1/stop-line"
+        async with moving(service) as control, connect(url) as line:
+            for number, target in enumerate(("other", "ir361", "*", "ir361")):
+                await line.send(json.dumps({"stop": target, "number": number}))
+                told = await answer_on(line)
+                assert (told["type"], told["number"]) == ("stopped", number)
+                assert told["told"] is (target != "other")
+            assert control.program.stop_code == StopCode.STOP_BUTTON
+            before_s = time.monotonic()
+            for _ in range(4):
+                assert json.loads(await line.recv()) == {"type": "beat"}
+            assert time.monotonic() - before_s >= 0.7
+        await made.end()
+
+    run(main())
+
+
+@pytest.mark.parametrize("said", ["nonsense", "[" * 1000, '{"job": "1"}', "x" * 5000])
+def test_what_is_no_stop_ends_the_line(service: CellService, said: str) -> None:
+    async def main() -> None:
+        made = await place(service)
+        async with connect(f"ws://127.0.0.1:{made.port}/api/v1/stop-line") as line:
+            await line.send(said)
+            with pytest.raises(ConnectionClosed):
+                await answer_on(line)
+        async with connect(f"ws://127.0.0.1:{made.port}/api/v1/stop-line") as line:
+            await line.send('{"stop": "*", "number": 1}')
+        await made.end()
+
+    run(main())
+
+
+def test_a_page_from_elsewhere_gets_no_line(service: CellService) -> None:
+    async def main() -> None:
+        made = await place(service)
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(
+                f"ws://127.0.0.1:{made.port}/api/v1/stop-line",
+                origin=Origin("https://elsewhere.example"),
+            )
+        assert refused.value.response.status_code == 403
+        await made.end()
+
+    run(main())
+
+
+@pytest.mark.promise("stop-line")
+def test_lines_of_others_push_nobody_from_the_line(service: CellService) -> None:
+    async def main() -> None:
+        made = await place(service, Limits(lines=6, lines_of_one=4))
+        _, secret = service.tokens.add("tablet", Role.VIEWER, person=True)
+        url = f"ws://127.0.0.1:{made.port}/api/v1/stop-line"
+        shown = {"Authorization": f"Bearer {secret}"}
+        async with contextlib.AsyncExitStack() as stack:
+            own = await stack.enter_async_context(connect(url, additional_headers=shown))
+            for _ in range(20):
+                await stack.enter_async_context(connect(url))
+            await own.send('{"stop": "*", "number": 7}')
+            told = await answer_on(own)
+            assert told["number"] == 7
+        await made.end()
+
+    run(main())
+
+
+def test_the_main_websocket_stops_too_and_beats(service: CellService, worker: Worker) -> None:
+    async def main() -> None:
+        made = await place(service)
+        _, secret = service.tokens.add("tablet", Role.VIEWER, person=True)
+        shown = {"Authorization": f"Bearer {secret}"}
+        url = f"ws://127.0.0.1:{made.port}/api/v1/ws"
+        async with (
+            moving(service) as control,
+            connect(url, additional_headers=shown) as line,
+        ):
+            await line.send('{"stop": "ir361", "number": 3}')
+            kinds = set()
+            while (told := json.loads(await line.recv()))["type"] != "stopped":
+                kinds.add(told["type"])
+            assert (told["number"], told["told"]) == (3, True)
+            assert control.program.stop_code == StopCode.STOP_BUTTON
+            while (told := json.loads(await line.recv()))["type"] != "beat":
+                pass
+        await made.end()
+
+    run(main())
