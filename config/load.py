@@ -24,7 +24,7 @@ from config.formats.file_kinds import wrong_kind
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
 from config.plausible import implausible, key_name
-from config.refusals import described
+from config.refusals import PLACEHOLDER, described
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
@@ -266,17 +266,19 @@ def validate(tree: YamlTree, model: type[T]) -> T:
     except ValidationError as error:
         details = error.errors(include_url=False)
         other = wrong_kind(tree, getattr(model, "__name__", ""))
-        raise _refused(tree, other or [described(tree, d, model) for d in details]) from None
+        code = "RID-FILE-PLACEHOLDER" if any(d["input"] == PLACEHOLDER for d in details) else ""
+        lines = other or [described(tree, d, model) for d in details]
+        raise _refused(tree, lines, code) from None
     found = [f"{tree.where(path)}: {key_name(path)}: {words}" for path, words in implausible(file)]
     if found:
         raise _refused(tree, found)
     return file
 
 
-def _refused(tree: YamlTree, lines: list[str]) -> ConfigError:
+def _refused(tree: YamlTree, lines: list[str], code: str = "") -> ConfigError:
     """Return the error that says what is wrong with a file, a line each, as far as one can read."""
     more = [f"{tree.name}: … and {len(lines) - 20} more"] if len(lines) > 20 else []
-    return ConfigError("\n".join((*lines[:20], *more)))
+    return ConfigError("\n".join((*lines[:20], *more)), code=code)
 
 
 def _is_run_folder(folder: Path) -> bool:

@@ -14,6 +14,9 @@ from pydantic_core import ErrorDetails
 from config.formats.yaml_tree import YamlTree
 from config.plausible import key_name
 
+PLACEHOLDER: Final = "?"
+"""Stands in a file that was made for a person to complete."""
+
 WRITTEN: Final = {
     r"^[A-Za-z0-9][\w.-]{0,63}$": "a name begins with a letter or a digit, and has letters, digits,"
     " '_', '.' and '-' only, 64 at most",
@@ -62,6 +65,8 @@ def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
         )
     message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
+    if given == PLACEHOLDER:
+        return f"{prefix}'?' stands for a value that only you know: put it in its place"
     if detail["type"] == "string_pattern_mismatch":
         return f"{prefix}{_unwritten(str(given), detail.get('ctx', {}).get('pattern', ''))}"
     if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":

@@ -35,6 +35,8 @@ Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
 BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
 
 _INCREMENTS: Final = ("increments_per_s", 1.0)
+RATINGS_AGREE: Final = 1.6
+"""By which factor the torque constant may differ from rated torque over rated current."""
 _TENTHS: Final = {"0.1rpm": 10.0}
 
 
@@ -128,6 +130,7 @@ class ServoProfile(ConfigModel):
             raise ValueError("a drive that follows positions is told increments: no velocity_unit")
         if self.mode == "makers" and not (self.pdos or self.base):
             raise ValueError("mode makers: name the PDO that is told the velocity, in pdos")
+        _check_ratings(self.rated_torque_nm, self.rated_current_a, self.torque_constant_nm_per_a)
         if self.pdos:
             _check_pdos(self.pdos, self.torque, complete=self.base is None)
         return self
@@ -174,6 +177,21 @@ def _per(unit: VelocityUnit, units: float) -> tuple[float, float]:
     if unit == "increments_per_s":
         return units, 0.0
     return 0.0, units * _TENTHS.get(unit, 1.0)
+
+
+def _check_ratings(torque: float | None, current: float | None, constant: float | None) -> None:
+    """Refuse three ratings of a motor of which one contradicts the others.
+
+    The torque constant is the rated torque over the rated current, but for the motor's losses.
+    """
+    if torque is None or current is None or constant is None:
+        return
+    if not 1.0 / RATINGS_AGREE <= constant * current / torque <= RATINGS_AGREE:
+        raise ValueError(
+            f"the motor's ratings contradict one another: {torque:g} N m / {current:g} A ="
+            f" {torque / current:.3g} N m/A, not {constant:g} N m/A; correct the wrong one by the"
+            " motor's data sheet (effective and peak values differ by 1.41)"
+        )
 
 
 def _check_pdos(pdos: tuple[FixedPdo, ...], torque: TorqueObject, *, complete: bool) -> None:

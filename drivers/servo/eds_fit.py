@@ -1,13 +1,15 @@
 """`EdsFit`: what a cell file must say besides, so that a drive's data sheet has what is used.
 
 For each object that an EDS lacks there is a key of the axis's `servo`, or there is none: then the
-drive cannot be used. The numbers in the keys are examples; what the keys are is what is found.
+drive cannot be used. A number that no EDS has stands as `PLACEHOLDER`: a cell file with one is
+refused until a person has looked the number up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, get_args
 
 from config.cell.cell import CellConfig, DriveAxis
@@ -15,11 +17,22 @@ from config.cell.servo_profile import BY_RAMP, Mode, ServoProfile, TorqueObject
 from config.formats.eds import ElectronicDataSheet
 from config.formats.eds_object import EdsObject, is_signed
 from config.formats.yaml_tree import dump_yaml
+from config.refusals import PLACEHOLDER
 from drivers.canopen.sdo import object_name
 from drivers.servo.eds_check import EdsFinding, eds_findings
 from drivers.servo.requirements import GUARD_TIME, LIFE_TIME_FACTOR
 
 MOST_LINES = 10
+LOOKED_UP: Final = MappingProxyType(
+    {
+        "encoder_increments": "increments of 6064h in a motor revolution, by the data sheet",
+        "rated_torque_nm": "N m, by the motor's data sheet",
+        "rated_current_a": "A, by the motor's data sheet",
+        "torque_constant_nm_per_a": "N m/A, by the motor's data sheet",
+        "deceleration_rad_s2": "rad/s² of the joint, as the drive's own tool has it",
+    }
+)
+"""Keys whose number no EDS has, and where a person finds it."""
 
 SAFETY_OBJECTS: Final = frozenset(
     ("100Ch:00", "100Dh:00", "1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00",
@@ -67,14 +80,19 @@ class EdsFit:
     def keys(self) -> dict[str, object]:
         """The keys of the axis's `servo`, as the cell file has them."""
         base: dict[str, object] = {} if self.base is None else {"base": self.base}
-        return base | self.added.model_dump(mode="json", exclude_unset=True)
+        added = self.added.model_dump(mode="json", exclude_unset=True)
+        return base | added | {name: PLACEHOLDER for name in LOOKED_UP if name in added}
 
     @property
     def lines(self) -> tuple[str, ...]:
         """What stands in the cell file."""
         if not self.keys:
             return ()
-        return ("servo:", *(f"  {line}" for line in dump_yaml(self.keys).splitlines()))
+        lines = []
+        for line in dump_yaml(self.keys).splitlines():
+            wanted = LOOKED_UP.get(line.partition(":")[0])
+            lines.append(f"  {line}" if wanted is None else f"  {line} # {wanted}")
+        return ("servo:", *lines)
 
     @property
     def reason(self) -> str:
@@ -170,7 +188,7 @@ def _keys_for(
     elif name == "6075h:00":
         keys = {"rated_current_a": 1.0}
     elif name == profile.torque.object and "in N m" in finding.required:
-        keys = {"torque_constant_nm_per_a": 0.1}
+        keys = {"torque_constant_nm_per_a": 1.0}
     elif name == profile.torque.object and torques:
         keys = {"torque": torques.pop(0)}
     elif limit is not None and name == limit.object:

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.canopen.sdo import SdoAbort, SdoCode
+from config.errors import ConfigError
+from drivers.canopen.sdo import SdoAbort, SdoCode, object_name
 
 Key = tuple[int, int]
 
@@ -47,6 +48,19 @@ class Entry:
     mapping: Literal["", "r", "t", "rt"] = ""
     allowed: range | frozenset[int] | None = None
     hidden: bool = False
+
+    def __post_init__(self) -> None:
+        if isinstance(self.default, bytes):
+            return
+        try:
+            struct.pack(f"<{self.code}", self.default)
+        except struct.error:
+            raise ConfigError(
+                f"a simulated drive cannot hold {self.default} in the {self.bits} bits of"
+                f" {object_name(self.index, self.subindex)} ({self.name}): correct the"
+                " ratings and units of the axis's servo",
+                code="RID-MOCK-RANGE",
+            ) from None
 
     @property
     def key(self) -> Key:

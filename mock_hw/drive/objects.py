@@ -244,7 +244,7 @@ def _makers_entries(identity: DriveIdentity) -> Iterator[Entry]:
     if limit is not None and limit.object != object_name(*TORQUE_LIMIT):
         code = _CODES[limit.bits]
         access: Literal["ro", "rw"] = "rw" if profile.torque_limit_written else "ro"
-        value = motor.limit(limit, _LARGEST)
+        value = min(motor.limit(limit, _LARGEST), (1 << limit.bits) - 1)
         yield Entry(*object_address(limit.object), "torque or current limit", code, value, access)
     if any(each.of != "rated_torque" for each in (torque, limit) if each is not None):
         yield Entry(0x6075, 0, "rated current [mA]", "I", round(1e3 * (motor.current_a or 0.0)))

@@ -9,6 +9,7 @@ import typer
 
 from config.errors import PreflightError
 from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.option_sections import SectionedCommand
 from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Overwrite, RunsFolder
 
@@ -101,6 +102,54 @@ def rollback(
     console = Console(as_json)
     request = RestoreRequest(cell, runs, dry_run, store)
     _print(console, roll_back(run, request), request)
+
+
+@drives.command("fit", cls=SectionedCommand, short_help="the keys that a drive's data sheet needs")
+def fit(
+    eds: Annotated[
+        Path, typer.Argument(metavar="SHEET", help="The drive's data sheet (EDS or DCF).")
+    ],
+    cell: Annotated[
+        str, typer.Option("--cell", help="The cell whose first axis it will move.")
+    ] = "ir361",
+    as_json: AsJson = False,
+) -> None:
+    """Print the keys for a cell file so that the drive of a data sheet can be used.
+
+    Numbers that no data sheet has are printed as '?': a cell file is refused until they are
+    replaced. Exit code 1 if the drive cannot be used; the reason says whether it concerns safety.
+    """
+    from rid_daq.jobs.drives.fit_job import fit_eds_file
+
+    console = Console(as_json)
+    found = fit_eds_file(eds, cell)
+    done = found.fit
+    console.document(
+        {
+            "file": str(eds),
+            "accepted": done.accepted,
+            "profile": done.base,
+            "identity": found.identity,
+            "servo": done.keys,
+            "reason": done.reason,
+            "concerns_safety": done.concerns_safety,
+            "lacks": [
+                {"object": each.object_name, "name": each.name, "safety": done.protects(each)}
+                for each in done.findings
+            ],
+        }
+    )
+    for line in done.lines:
+        console.say(line)
+    for each in done.findings:
+        safety = "safety" if done.protects(each) else "no safety"
+        console.say(f"lacks {each.object_name} {each.name} ({safety})")
+    if not done.accepted:
+        console.verdict(False, f"{eds}: this drive cannot be used: {done.reason}.")
+        raise typer.Exit(ExitCode.VERDICT_FAILED)
+    profile = f"with the bundled profile {done.base}" if done.base else "by CiA 402"
+    keys = f" and the {len(done.lines)} lines above" if done.lines else ""
+    console.verdict(True, f"{eds}: this drive can be used {profile}{keys}.")
 
 
 def _print(console: Console, done: DrivesRestored, request: RestoreRequest) -> None:

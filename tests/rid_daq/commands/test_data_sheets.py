@@ -11,9 +11,11 @@ from typing import Any
 import canopen
 import pytest
 from canopen.objectdictionary import ODRecord
+from pydantic import ValidationError
 
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
+from config.cell.servo_profile import ServoProfile
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.preflight.eds_check import eds_lines, refuse_unfit_eds
@@ -178,3 +180,60 @@ def test_a_run_keeps_the_sheets_and_its_cell_can_be_used_again(
     assert again.config == first.config
     assert RunFolder.open(tmp_path / "copy").verify() == ()
     assert run(["check", str(tmp_path / "copy" / "cell.yaml"), "--seconds", "0.1", *runs]) == 0
+
+
+class TestFit:
+    """`drives fit SHEET`: the keys that a cell file needs; numbers to look up are not examples."""
+
+    def test_the_sheet_of_a_simulated_drive_needs_no_keys(
+        self, workshop: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        sheet = workshop / "sheets" / "node1.eds"
+        assert run(["drives", "fit", str(sheet), "--json"]) == 0
+        told = document(capsys)
+        assert told["accepted"]
+        assert told["servo"] == {}
+
+    def test_numbers_that_no_sheet_has_are_placeholders_that_a_cell_refuses(
+        self, workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        sheet = tmp_path / "drive.eds"
+        text = (workshop / "sheets" / "node1.eds").read_text()
+        for gone, other in (("6076", "2FF0"), ("608F", "2FF1")):
+            text = text.replace(f"0x{gone}", f"0x{other}").replace(f"[{gone}", f"[{other}")
+        sheet.write_text(text)
+        assert run(["drives", "fit", str(sheet), "--json"]) == 0
+        told = document(capsys)
+        assert told["servo"] == {"encoder_increments": "?", "rated_torque_nm": "?"}
+        assert run(["drives", "fit", str(sheet)]) == 0
+        servo = "\n".join(capsys.readouterr().out.splitlines()[: 1 + len(told["servo"])])
+        cell = tmp_path / "cell.yaml"
+        cell.write_text((workshop / "cell.yaml").read_text() + servo + "\n")
+        assert run(["check", str(cell), "--json"]) == 2
+        assert document(capsys)["error"]["code"] == "RID-FILE-PLACEHOLDER"
+
+    def test_a_drive_without_its_protections_is_refused_with_the_reason(
+        self, workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        sheet = tmp_path / "drive.eds"
+        text = (workshop / "sheets" / "node1.eds").read_text()
+        sheet.write_text(text.replace("0x6040", "0x2FF0").replace("[6040", "[2FF0"))
+        assert run(["drives", "fit", str(sheet), "--json"]) == 1
+        told = document(capsys)
+        assert told["concerns_safety"]
+        assert {"object": "6040h:00", "safety": True} in [
+            {key: each[key] for key in ("object", "safety")} for each in told["lacks"]
+        ]
+
+    @pytest.mark.parametrize("content", [None, b"", b"\x00\xff", b"[1000]\nDataType=9999\n"])
+    def test_what_is_no_sheet_is_refused(self, tmp_path: Path, content: bytes | None) -> None:
+        sheet = tmp_path / "drive.eds"
+        if content is not None:
+            sheet.write_bytes(content)
+        assert run(["drives", "fit", str(sheet)]) == 2
+
+
+def test_ratings_that_contradict_one_another_are_refused() -> None:
+    with pytest.raises(ValidationError):
+        ServoProfile(rated_torque_nm=1.0, rated_current_a=1.0, torque_constant_nm_per_a=0.1)
+    ServoProfile(rated_torque_nm=1.0, rated_current_a=5.0, torque_constant_nm_per_a=0.18)
