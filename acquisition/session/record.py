@@ -25,6 +25,7 @@ from acquisition.session.outcome import RecordOutcome, outcome_of
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask
 from acquisition.session.plate_session import PlateSession
+from acquisition.supervision.commanded import verify_command
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
@@ -194,8 +195,9 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
         )
     try:
         verify_limits(samples, robot)
+        verify_command(samples, cell, robot)
     except ConfigError as error:
-        raise PreflightError(f"{error}; nothing was moved") from error
+        raise PreflightError(f"{error}; nothing was moved", code=error.refusal) from error
     clearances = Clearances.of(robot, cell.workspace)
     refuse_collision(clearances, samples.position, samples.sample_period_s, "the motion")
 

@@ -78,6 +78,7 @@ class Supervisor:
         self._wanted = [0.0] * len(position)  # speeds of the cycle before
         self._target = position
         self._target_velocity = [0.0] * len(position)
+        self._ahead = [0.0] * len(position)
 
     def judge(self, cycle: Cycle) -> StopReason | None:
         """Return why the motion must stop, None where it may go on.
@@ -101,6 +102,7 @@ class Supervisor:
         )
         if reason is None:
             self._target, self._target_velocity = cycle.target.position, cycle.target.velocity
+            self._ahead = cycle.target.feedforward
             self._wanted = _wanted_speeds(cycle)
         return reason
 
@@ -135,8 +137,9 @@ class Supervisor:
     def _check_target(self, cycle: Cycle) -> StopReason | None:
         """Check the set-point before anything is measured against it."""
         target_position, target_velocity = cycle.target.position, cycle.target.velocity
+        feedforward = cycle.target.feedforward
         for i in self._joints:
-            target, velocity = target_position[i], target_velocity[i]
+            target, velocity, ahead = target_position[i], target_velocity[i], feedforward[i]
             step = self._step[i] * cycle.periods
             if not -step <= target - self._target[i] <= step:
                 return self._set_point(i, "position jumps by", target - self._target[i], step)
@@ -147,6 +150,11 @@ class Supervisor:
             if not -step <= velocity - self._target_velocity[i] <= step:
                 change = velocity - self._target_velocity[i]
                 return self._set_point(i, "velocity jumps by", change, step)
+            if not -limit <= ahead <= limit:
+                return self._set_point(i, "feedforward is", ahead, limit)
+            if not -step <= ahead - self._ahead[i] <= step:
+                change = ahead - self._ahead[i]
+                return self._set_point(i, "feedforward jumps by", change, step)
         return None
 
     def _check_measured(self, cycle: Cycle) -> StopReason | None:

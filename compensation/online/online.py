@@ -83,7 +83,8 @@ class OnlineFeedforward:
         """Take a model's torque and the velocity loops, joint by joint.
 
         Speed and acceleration limits are the robot's with 1 % on top, since a path's differences
-        are not exact; positions and torques are the robot's.
+        are not exact; positions and torques are the robot's. The path with its compensation has
+        the margin of the cell's supervision.
 
         Parameters
         ----------
@@ -134,6 +135,8 @@ class OnlineFeedforward:
             column[stage.MOST] = LARGEST_CORRECTION * limits.velocity
             column[stage.CYCLES] = math.floor(ahead)
             column[stage.FRACTION] = ahead - math.floor(ahead)
+            most = (1.0 + cell.supervision.limit_margin_fraction) * limits.acceleration
+            column[stage.STEP] = max(most, column[path.ACCELERATION]) * step_s
         axes[stage.PRESLIDING : stage.PRESLIDING + 2] = torque.presliding
         axes.setflags(write=False)
         return cls(robot, step_s, torque, axes)

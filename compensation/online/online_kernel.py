@@ -53,7 +53,8 @@ MOST: Final = 10  # largest correction [rad/s or m/s]
 CYCLES: Final = 11  # whole cycles to look ahead, and the fraction
 FRACTION: Final = 12
 PRESLIDING: Final = 13  # distance, 0 for joints that remember nothing, and share: two rows
-AXES_ROWS: Final = 15
+STEP: Final = 15  # largest change of the feedforward in a cycle [rad/s or m/s]
+AXES_ROWS: Final = 16
 
 # More words of `counts`.
 HEAD: Final = 11  # cycles that the head has gone
@@ -62,7 +63,7 @@ RESTED: Final = 13  # the head's cycle at which the path was at rest, -1 before
 DOUBTED: Final = 14  # the head's cycle until which there is doubt
 DOUBTS: Final = 15  # doubts so far: torque, correction
 LARGE: Final = 16
-LIMITED: Final = 17  # cycles in which torque or speed was limited
+LIMITED: Final = 17  # cycles in which torque, speed or acceleration was limited
 HOLD: Final = 18  # cycles that a doubt lasts
 FADE: Final = 19  # cycles that fading takes
 REMEMBERS: Final = 20  # whether any joint does
@@ -125,6 +126,7 @@ def next_set_point(
     line, state, memory, found, head, out = stage
     n, places = out.shape[1], line.shape[0]
     most = int(np.int64(POINTS_A_CYCLE))  # as a literal it would be compiled for by itself
+    limited_before = counts[LIMITED]
     take_points(counters, rows, model, path, most)
     torque = out[0]
     if counts[SEEING]:
@@ -158,6 +160,7 @@ def next_set_point(
     over = resting and pace[WEIGHT] == 0.0
     change = 1.0 / counts[FADE]
     pace[WEIGHT] = min(max(pace[WEIGHT] + (change if rising else -change), 0.0), 1.0)
+    limited = False
     for j in range(n):
         begin = at + int(axes[CYCLES, j])
         share = axes[FRACTION, j]
@@ -167,7 +170,13 @@ def next_set_point(
         out[0, j] = own[Q, j]
         out[1, j] = own[V, j]
         fed = own[V, j] + pace[WEIGHT] * (wanted - own[V, j])
-        out[2, j] = min(max(fed, -axes[SPEED, j]), axes[SPEED, j])
+        fed = min(max(fed, -axes[SPEED, j]), axes[SPEED, j])
+        # never faster than its joint may accelerate, whatever the model asks for
+        told = min(max(fed, out[2, j] - axes[STEP, j]), out[2, j] + axes[STEP, j])
+        limited = limited or told != fed
+        out[2, j] = told
+    if limited:
+        counts[LIMITED] = limited_before + 1
     return bool(over)
 
 

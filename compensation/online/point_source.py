@@ -136,7 +136,10 @@ class PointSource:
                 f" {counts[stage.LARGE]} times, a cycle late {self._late} times"
             )
         if counts[stage.LIMITED]:
-            notes.append(f"compensation: torque or speed limited in {counts[stage.LIMITED]} cycles")
+            notes.append(
+                "compensation: torque, speed or acceleration limited in"
+                f" {counts[stage.LIMITED]} cycles"
+            )
         return notes
 
     def prepare(self) -> None:

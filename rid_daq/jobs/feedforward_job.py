@@ -12,6 +12,7 @@ import numpy as np
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.runs.catalogue import find_run, find_runs
+from acquisition.supervision.commanded import verify_command
 from compensation.compensated_motion import compensated_motion, refuse_torque, with_period
 from compensation.feedforward.file import Origin, RefinementEntry, TuningEntry, write_feedforward
 from compensation.feedforward.refinement import Refinement, refinement
@@ -178,6 +179,7 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
         samples, estimate, loops, None if tuning is None else tuning.as_tuning()
     )
     verify_limits(compensated, loaded.robot)
+    verify_command(compensated, loaded.config, loaded.robot)
     refuse_torque(motion, samples, estimate, loaded.robot)
     origin = Origin(
         model_sha256=sha256_of(request.model),
@@ -239,6 +241,7 @@ def refine_feedforward(request: RefineRequest) -> Refined:
         ahead = ahead + more
     following = replace(samples, feedforward=ahead)
     verify_limits(following, first.data.robot)
+    verify_command(following, first.cell, first.data.robot)
     write_feedforward(request.output, first.motion, following, origin)
     return refined
 

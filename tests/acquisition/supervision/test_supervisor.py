@@ -133,17 +133,19 @@ def at_rest_in_stiction(feedforward: float) -> Fault:
 
     def fault(cycle: Cycle) -> None:
         where = SPEED * T
-        cycle.target = SetPoint([where] * 3, [0.0] * 3, [feedforward] * 3, cycle.number, 5)
+        ahead = [feedforward * min(1.0, cycle.number / 20)] * 3  # the load comes on gradually
+        cycle.target = SetPoint([where] * 3, [0.0] * 3, ahead, cycle.number, 5)
         cycle.position = [where] * 3
-        cycle.command = [feedforward] * 3
+        cycle.command = ahead
 
     return fault
 
 
 def compensated_to_nothing(cycle: Cycle) -> None:
     """A motion whose pre-compensation takes all its speed out of the command."""
-    cycle.target = SetPoint(cycle.target.position, [SPEED] * 3, [0.0] * 3, cycle.number, 3)
-    cycle.command = [0.0] * 3
+    ahead = [SPEED * max(0.0, 1.0 - cycle.number / 5)] * 3
+    cycle.target = SetPoint(cycle.target.position, [SPEED] * 3, ahead, cycle.number, 3)
+    cycle.command = ahead
     stuck(1, 10)(cycle)
 
 
@@ -370,3 +372,19 @@ def test_the_text_names_joint_value_limit_and_what_to_check(watch: Watch) -> Non
     _, reason = watch.run(set_at("torque_nm", lambda k: k >= 10, 1, -111.0))
     assert reason is not None
     assert reason.text.startswith("joint joint2: its torque is -111 N m, beyond 110 N m. Check")
+
+
+@pytest.mark.promise("sum-verified")
+@pytest.mark.parametrize("joint", [0, 1, 2])
+@pytest.mark.parametrize("ahead", [math.nan, math.inf, -math.inf, 1e3, SPEED + 0.2, SPEED - 0.2])
+def test_a_feedforward_that_jumps_or_is_no_number_is_never_sent(
+    cell: CellConfig, robot: RobotDescription, joint: int, ahead: float
+) -> None:
+    """The last guard, in the cycle itself: for sources that nobody could check in advance."""
+    number, reason = at_speed(cell, robot).run(
+        set_at("target.feedforward", lambda k: k == 5, joint, ahead)
+    )
+    assert number == 5
+    assert reason is not None
+    assert reason.code is StopCode.SET_POINT
+    assert "feedforward" in reason.text

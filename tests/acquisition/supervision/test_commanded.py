@@ -1,0 +1,184 @@
+"""The sum of a motion and its feedforward: computed as drives are commanded, held against limits.
+
+A feedforward within the speed limits row by row can still command any acceleration, and lead a
+joint anywhere: what is held against the limits is what the drives are told in total.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from acquisition.motion.samples import MotionSamples
+from acquisition.supervision.commanded import commanded_motion, verify_command
+from acquisition.task.position_loop import PositionLoop
+from config.arrays import FloatArray
+from config.errors import LimitError
+from config.load import load_cell
+
+CELL = load_cell("ir361")
+LIMITS = [joint.limits for joint in CELL.robot.joints]
+T = CELL.config.cycle_time_s
+GAIN = CELL.config.position_gain_per_s
+MARGIN = 1.0 + CELL.config.supervision.limit_margin_fraction
+
+pytestmark = pytest.mark.promise("sum-verified")
+
+
+def motion(periods: int = 3, offset: float = 0.0) -> MotionSamples:
+    """Return a slow motion of all joints, every row of it held."""
+    joints = tuple(
+        FourierJoint(
+            joint=name, offset=offset if name == "axis1" else 0.1, sine=(0.1,), cosine=(0.0,)
+        )
+        for name in CELL.robot.joint_names
+    )
+    fourier = FourierMotion(
+        kind="fourier", robot="ir361", period_s=2.0, periods=periods, ramp_s=1.0, joints=joints
+    )
+    return fourier.plan(CELL.robot, T).whole()
+
+
+def added(samples: MotionSamples, more: Callable[[FloatArray], FloatArray]) -> MotionSamples:
+    """Return a motion with a feedforward for axis1: its velocity and `more` of the row's number."""
+    ahead = samples.velocity.copy()
+    ahead[:, 0] += more(np.arange(len(samples), dtype=float))
+    return replace(samples, feedforward=ahead)
+
+
+def refusal(samples: MotionSamples) -> str:
+    with pytest.raises(LimitError) as caught:
+        verify_command(samples, CELL.config, CELL.robot)
+    assert caught.value.refusal == "RID-MOTION-COMMAND"
+    return str(caught.value)
+
+
+def window(rows: FloatArray, count: int) -> FloatArray:
+    """Return a factor that rises from 0 and falls to 0 smoothly over a motion's rows."""
+    return np.asarray(np.sin(np.pi * rows / (count - 1)) ** 2)
+
+
+def test_the_commands_are_those_of_the_position_loop_to_drives_that_obey() -> None:
+    samples = motion()
+    samples = added(samples, lambda k: 0.2 * window(k, len(samples)) * np.sin(0.3 * k))
+    assert samples.feedforward is not None
+    driven = commanded_motion(samples, GAIN)
+    loop = PositionLoop.of_cell(CELL.config, CELL.robot)
+    deviation = np.zeros(3)
+    for k in range(len(samples)):
+        at = samples.position[k] + deviation
+        command = loop.velocity_command(
+            samples.position[k].tolist(), samples.feedforward[k].tolist(), at.tolist()
+        )
+        np.testing.assert_allclose(driven.position[k], at, atol=1e-12)
+        np.testing.assert_allclose(driven.velocity[k], command, atol=1e-12)
+        deviation = deviation + T * (np.array(command) - samples.velocity[k])
+
+
+def test_a_motion_without_feedforward_is_its_own_command() -> None:
+    samples = motion()
+    assert commanded_motion(samples, GAIN) is samples
+    verify_command(samples, CELL.config, CELL.robot)
+
+
+def test_a_small_smooth_feedforward_is_accepted() -> None:
+    samples = motion()
+    verify_command(
+        added(samples, lambda k: 0.1 * window(k, len(samples)) * np.sin(0.05 * k)),
+        CELL.config,
+        CELL.robot,
+    )
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.999])
+def test_a_feedforward_that_changes_its_sign_in_every_cycle_is_refused(share: float) -> None:
+    samples = motion()
+    ahead = np.zeros_like(samples.velocity)
+    ahead[:, 0] = share * LIMITS[0].velocity * (-1.0) ** np.arange(len(samples))
+    words = refusal(replace(samples, feedforward=ahead))
+    assert "acceleration of joint 'axis1' reaches" in words
+    assert f"its limit is {MARGIN * LIMITS[0].acceleration:.6g} rad/s^2" in words.replace("-", "")
+
+
+def test_a_joint_that_the_feedforward_pushes_beyond_its_position_limit_is_refused() -> None:
+    samples = motion(offset=LIMITS[0].position_max - 0.101)
+    words = refusal(added(samples, lambda k: 0.6 * window(k, len(samples))))
+    assert "position of joint 'axis1' reaches" in words
+    assert f"its limit is {LIMITS[0].position_max:.6g} rad" in words
+
+
+def test_a_command_beyond_the_speed_limit_is_refused() -> None:
+    samples = motion()
+    most = MARGIN * LIMITS[0].velocity
+
+    def fast(k: FloatArray) -> FloatArray:
+        # fast enough that the position loop does not take it back
+        return np.asarray(1.05 * most * window(k, len(samples)) * np.sin(0.4 * k))
+
+    assert "velocity of joint 'axis1' reaches" in refusal(added(samples, fast))
+
+
+@pytest.mark.parametrize("row", [0, -1])
+def test_a_feedforward_must_begin_and_end_at_rest(row: int) -> None:
+    samples = motion()
+    ahead = samples.velocity.copy()
+    ahead[row, 1] = 2.0 * LIMITS[1].acceleration * T
+    assert "of joint 'axis2' reaches" in refusal(replace(samples, feedforward=ahead))
+
+
+def test_a_step_from_one_period_to_the_run_out_is_refused_where_periods_may_be_left_out() -> None:
+    """Each row follows the one before it smoothly; leaving out periods does not."""
+    samples = motion(periods=4)
+    rows = samples.samples_per_period
+    assert rows is not None
+    ends = sorted(samples.period_ends)
+
+    def swelling(k: FloatArray) -> FloatArray:
+        # swells until the first period ends, and is gone when the last one does
+        return np.asarray(0.3 * np.exp(-0.5 * ((k - ends[0]) / 60.0) ** 2))
+
+    words = refusal(added(samples, swelling))
+    assert "change of the feedforward of joint 'axis1' reaches" in words
+    assert f"(row {ends[0]})" in words
+
+
+def test_a_repeated_period_is_looked_at_like_one_that_is_held() -> None:
+    samples = motion()
+    rows = samples.samples_per_period
+    assert rows is not None
+    ahead = samples.velocity.copy()
+    first = min(samples.period_ends) - rows
+    ahead[first::rows, 2] += 2.0 * LIMITS[2].acceleration * T  # the first row of each period
+    assert "of joint 'axis3' reaches" in refusal(replace(samples, feedforward=ahead))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 1.0), st.floats(0.01, 3.1), st.floats(0.0, 6.2), st.integers(0, 2))
+def test_what_is_accepted_is_commanded_within_the_limits(
+    size: float, pace: float, phase: float, joint: int
+) -> None:
+    """Whatever the feedforward: it is refused, or a simulated loop stays within every limit."""
+    samples = motion(periods=1)
+    k = np.arange(len(samples))
+    ahead = samples.velocity.copy()
+    ahead[:, joint] += size * LIMITS[joint].velocity * window(k, len(k)) * np.sin(pace * k + phase)
+    samples = replace(samples, feedforward=ahead)
+    try:
+        verify_command(samples, CELL.config, CELL.robot)
+    except LimitError:
+        return
+    at, before = samples.position[0].copy(), np.zeros(3)
+    for position, told in zip(samples.position, ahead, strict=True):
+        command = GAIN * (position - at) + told
+        for number, limits in enumerate(LIMITS):
+            assert limits.position_min - 2e-3 <= at[number] <= limits.position_max + 2e-3
+            assert abs(command[number]) <= 1.01 * MARGIN * limits.velocity
+            change = abs(command[number] - before[number]) / T
+            assert change <= 1.5 * limits.acceleration
+        at, before = at + T * command, command
