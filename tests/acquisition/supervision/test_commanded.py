@@ -165,7 +165,7 @@ def test_what_is_accepted_is_commanded_within_the_limits(
 ) -> None:
     """Whatever the feedforward: it is refused, or a simulated loop stays within every limit."""
     samples = motion(periods=1)
-    k = np.arange(len(samples))
+    k = np.arange(len(samples), dtype=float)
     ahead = samples.velocity.copy()
     ahead[:, joint] += size * LIMITS[joint].velocity * window(k, len(k)) * np.sin(pace * k + phase)
     samples = replace(samples, feedforward=ahead)
