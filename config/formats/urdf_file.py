@@ -84,9 +84,9 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
         code = next((error.refusal for error in errors if error.refusal), "")
         raise ConfigError("\n".join((*map(str, errors), *structure)), code=code)
     children = {joint.child for joint in whole}
-    strangers = sorted({*gears.ratios, *gears.rotors_kg_m2} - {joint.name for joint in whole})
-    if strangers:
-        reader.notes.append(f"transmissions of {', '.join(strangers)}: there is no such joint")
+    unknown = sorted({*gears.ratios, *gears.rotors_kg_m2} - {joint.name for joint in whole})
+    if unknown:
+        reader.notes.append(f"transmissions of {', '.join(unknown)}: there is no such joint")
     return UrdfTree(
         name=root.attributes.get("name", ""),
         file=file,

@@ -11,9 +11,11 @@ import contextlib
 import logging
 import socket
 import ssl
+import termios
 import time
 from collections.abc import Callable
 
+import serial
 from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient, ModbusTlsClient
 from pymodbus.client.base import ModbusBaseSyncClient
@@ -37,9 +39,23 @@ _EXCEPTIONS = {
     10: "the gateway has no path to it",
     11: "it does not answer its gateway",
 }
+_SHOWN_BYTES = 8
 _PARITY = {"even": "E", "odd": "O", "none": "N"}
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it has to say is raised here
+
+
+class Received:
+    """Keeps the bytes that came since the last request; given to a client as `trace_packet`."""
+
+    def __init__(self) -> None:
+        self.data = b""
+
+    def __call__(self, sending: bool, data: bytes) -> bytes:
+        """Take the bytes that are sent, or all that came so far; they are passed on unchanged."""
+        if not sending:
+            self.data = data
+        return data
 
 
 class ModbusLink:
@@ -55,6 +71,8 @@ class ModbusLink:
         How long an answer may take [s].
     pause : callable
         How to let time pass.
+    received : Received, optional
+        Keeps what has come since the last request; the client's `trace_packet`.
     """
 
     def __init__(
@@ -63,8 +81,10 @@ class ModbusLink:
         name: str,
         timeout_s: float,
         pause: Callable[[float], None] = time.sleep,
+        received: Received | None = None,
     ) -> None:
         self._client = client
+        self._received = received or Received()
         self._timeout_s = timeout_s
         self._pause = pause
         self._serial = isinstance(client, ModbusSerialClient)
@@ -86,6 +106,7 @@ class ModbusLink:
         ask = client.read_holding_registers
         if read.table == "input":
             ask = client.read_input_registers
+        self._received.data = b""
         try:
             response = ask(read.address, count=read.count, device_id=unit)
         except ConnectionException as error:
@@ -99,9 +120,19 @@ class ModbusLink:
                 raise ProtocolError(
                     f"{self.name}, unit {unit}: something else was answered: {error}"
                 ) from error
+            if garbage := self._received.data:
+                shown = garbage[:_SHOWN_BYTES].hex(" ").upper()
+                more = " …" if len(garbage) > _SHOWN_BYTES else ""
+                raise ProtocolError(
+                    f"{self.name}, unit {unit}: {len(garbage)} bytes came that are no Modbus answer"
+                    f" ({shown}{more}); compare baud rate, parity and stop bits with the drive's,"
+                    " and look at termination and for another sender on the line",
+                    code="RID-MODBUS-GARBAGE",
+                ) from error
             raise DeviceTimeoutError(
                 f"{self.name}, unit {unit}: no answer within {self._timeout_s:g} s; check the"
-                " address and the wiring, or raise monitor.timeout_s"
+                " address, the baud rate and the wiring, or raise monitor.timeout_s",
+                code="RID-MODBUS-SILENT",
             ) from error
         except (ModbusException, OSError, ValueError) as error:
             self._forget_late_answer()
@@ -159,7 +190,8 @@ def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sle
         name = f"Modbus line {link.address}"
     else:
         name = f"Modbus {link.host}:{link.port}"
-    client = _client(link, config.timeout_s)
+    received = Received()
+    client = _client(link, config.timeout_s, received)
     try:
         connected = client.connect()
     except (OSError, ssl.SSLError) as error:
@@ -167,13 +199,34 @@ def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sle
         raise TransportError(f"{name} cannot be opened ({error}); check monitor.link") from error
     if not connected:
         raise TransportError(
-            f"{name} cannot be opened; check monitor.link, that the drives are on and that no other"
-            " program has the line"
+            f"{name} cannot be opened ({_reason(link, config.timeout_s)}); check monitor.link, that"
+            " the drives are on and that no other program has the line",
+            code="RID-MODBUS-OPEN",
         )
-    return ModbusLink(client, name, config.timeout_s, pause)
+    return ModbusLink(client, name, config.timeout_s, pause, received)
 
 
-def _client(link: ModbusTcp | ModbusRtu, timeout_s: float) -> ModbusBaseSyncClient:
+def _reason(link: ModbusTcp | ModbusRtu, timeout_s: float) -> str:
+    """Return why a line cannot be opened, which pymodbus writes into its log only."""
+    try:
+        if isinstance(link, ModbusRtu):
+            serial.Serial(
+                link.address,
+                link.baud_rate,
+                parity=_PARITY[link.parity],
+                stopbits=link.stop_bits,
+                exclusive=True,
+            ).close()
+        else:
+            socket.create_connection((link.host, link.port), timeout_s).close()
+    except (OSError, ValueError, termios.error) as error:  # serial's own is an OSError
+        return str(error)
+    return "it can be opened now: try again"
+
+
+def _client(
+    link: ModbusTcp | ModbusRtu, timeout_s: float, received: Received
+) -> ModbusBaseSyncClient:
     if isinstance(link, ModbusRtu):
         return ModbusSerialClient(
             link.address,
@@ -183,9 +236,12 @@ def _client(link: ModbusTcp | ModbusRtu, timeout_s: float) -> ModbusBaseSyncClie
             stopbits=link.stop_bits,
             timeout=timeout_s,
             retries=0,
+            trace_packet=received,
         )
     if link.tls is None:
-        return ModbusTcpClient(link.host, port=link.port, timeout=timeout_s, retries=0)
+        return ModbusTcpClient(
+            link.host, port=link.port, timeout=timeout_s, retries=0, trace_packet=received
+        )
     return _VerifyingTlsClient(link, link.tls, timeout_s)
 
 
