@@ -92,6 +92,13 @@ class ServoProfile(ConfigModel):
     `commands` are taken up at the next SYNC, or, of a drive whose RPDOs know no SYNC, when they
     come. `pdos` are those of a drive that does not let them be mapped; they are used as they are.
 
+    `cycle_time_written: false` is for a drive that takes the period of its set-points from SYNC, or
+    from its own tool: 60C2h is then compared if it has it, and not written.
+
+    `enable_timeout_s` is how long the drive may take from Switch On Disabled to Operation Enabled,
+    brakes and precharge included. `follows_bit: false` is for a drive that never sets bit 12 of
+    6041h (drive follows the command value).
+
     `watch` is how drive and computer notice each other's silence: by heartbeats (1016h, 1017h), or,
     of a drive without 1016h, by life guarding (100Ch, 100Dh), in which it is asked for its state.
 
@@ -117,6 +124,9 @@ class ServoProfile(ConfigModel):
     deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")] | None = None
     commands: Literal["at_sync", "on_arrival"] = "at_sync"
     pdos: tuple[FixedPdo, ...] = ()
+    cycle_time_written: bool = True
+    enable_timeout_s: Annotated[Positive, Plausible(0.1, 60.0, "s")] = 4.0
+    follows_bit: bool = True
     watch: Watch = "heartbeat"
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()

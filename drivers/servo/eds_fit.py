@@ -197,6 +197,8 @@ def _keys_for(
         keys = {"watch": "life_guarding"}
     elif name == "6085h:00":
         keys = {"deceleration_rad_s2": 10.0}
+    elif name.startswith("60C2h") and profile.by_position:
+        keys = {"cycle_time_written": False}
     elif name in _OF_MODES and profile.mode in _MODES[:-1]:
         keys = {"mode": _MODES[_MODES.index(profile.mode) + 1]}
     elif any(name == extra.object for extra in profile.settings):

@@ -26,7 +26,6 @@ from drivers.servo.drive_watch import DriveWatch, other_senders
 from drivers.servo.stop_ramp import longest_ramp_s
 
 START_TIMEOUT_S = 2.0
-ENABLE_TIMEOUT_S = 4.0
 HALT_MARGIN_S = 0.5
 DISABLE_S = 0.25
 DISABLE_CYCLES = 5
@@ -95,8 +94,12 @@ class PowerSequence:
         self._run_cycle = run_cycle
         self._stopped = stopped
         self._period_s = cell.cycle_time_s
-        modes = [cell.servo_of(axis).mode for axis in axes]
-        self._follows = [FOLLOWS_COMMAND * mode.startswith("cyclic") for mode in modes]
+        profiles = [cell.servo_of(axis) for axis in axes]
+        self._follows = [
+            FOLLOWS_COMMAND if each.follows_bit and each.mode.startswith("cyclic") else 0
+            for each in profiles
+        ]
+        self._enable_s = max(each.enable_timeout_s for each in profiles)
         self._halt_s = longest_ramp_s(cell, robot) + HALT_MARGIN_S
 
     def wait_until_operational(self) -> None:
@@ -127,14 +130,14 @@ class PowerSequence:
         Raises
         ------
         DeviceTimeoutError
-            A drive does not get there in `ENABLE_TIMEOUT_S`, or does not follow its command (6041h
-            bit 12).
+            A drive does not get there in its `enable_timeout_s`, or does not say that it follows
+            its command (6041h bit 12).
         DeviceFaultError
             A drive is in fault or reports one, or has left Operation Enabled.
         SafetyStop
             A stop was ordered.
         """
-        until_s = self._clock.now_s() + ENABLE_TIMEOUT_S
+        until_s = self._clock.now_s() + self._enable_s
         words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
         waiting = [axis.joint for axis in self._axes]
         enabled: set[str] = set()
@@ -213,11 +216,30 @@ class PowerSequence:
             states = "; ".join(str(a) for a in self._answers() if a.joint in waiting)
             raise DeviceTimeoutError(
                 f"the drives could not {verb} in time: {'; '.join((states, *self.bus_notes()))};"
-                " check supply, brakes, enable inputs and emergency stop"
+                f" {self._advice(waiting)}",
+                code="RID-DRIVE-NOT-ENABLED" if verb == "be enabled" else "RID-DRIVE-NOT-STARTED",
             )
         self._run_cycle(words)
         if faults := self._watch.faults():
             raise DeviceFaultError("; ".join(event.text for event in faults))
+
+    def _advice(self, waiting: Sequence[str]) -> str:
+        """Return what to do about drives that do not get there in time."""
+        without_bit = [
+            answer.joint
+            for answer in self._answers()
+            if answer.joint in waiting and answer.state is PowerState.OPERATION_ENABLED
+        ]
+        if without_bit:
+            return (
+                "6041h bit 12 (follows the command) is missing: check mode 6060h and the drive's"
+                " own limits; or, if its manual says that it never sets that bit, name follows_bit:"
+                " false in the axis's servo"
+            )
+        return (
+            "check supply, brakes, enable inputs and emergency stop; or, if the drive needs longer"
+            f" than {self._enable_s:g} s, name enable_timeout_s in the axis's servo"
+        )
 
     def _answers(self) -> list[AxisAnswer]:
         answers = self._exchange.answers

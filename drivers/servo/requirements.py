@@ -366,6 +366,12 @@ def _torque_limit(
 
 
 def _cycle_time(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
-    if not profile.by_ramp:
-        yield Requirement(0x60C2, 1, 1, "cycle time [ms]", cell.cycle_time_ms)
-        yield Requirement(0x60C2, 2, 1, "cycle time, power of ten", -3, signed=True)
+    if profile.by_ramp:
+        return
+    parts = (("cycle time [ms]", cell.cycle_time_ms), ("cycle time, power of ten", -3))
+    written = profile.cycle_time_written
+    lack: Literal["red", "shown"] = "red" if written else "shown"
+    for subindex, (name, value) in enumerate(parts, 1):
+        yield Requirement(
+            0x60C2, subindex, 1, name, value, signed=subindex == 2, lack=lack, write=written
+        )

@@ -44,7 +44,8 @@ REPLACED_BY: Final[dict[str, str]] = {
     "6072": "name torque_limit: null, or the drive's own limit, in the axis's servo",
     "60FF": "name mode: cyclic_position, or interpolated_position, in the axis's servo",
     "6077": "name torque, the object that tells it or the current, in the axis's servo",
-    "60C2": "name mode: profile_velocity in the axis's servo, or the drive's profile",
+    "60C2": "name cycle_time_written: false in the axis's servo, if the drive's manual says that it"
+    " takes the period from SYNC; or mode: profile_velocity, if it has that mode",
     "6085": "name deceleration_rad_s2, of the joint, as the drive's own tool has it, in the axis's"
     " servo",
 }

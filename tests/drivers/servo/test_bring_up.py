@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from config.cell.cell import CellConfig, DeviceIdentity
+from config.cell.servo_profile import ServoProfile
 from config.errors import (
     ConfigError,
     DeviceTimeoutError,
@@ -351,3 +352,33 @@ class TestWhoADriveIs:
         assert all(drive.writes for drive in bench.drives if drive is not bench.drive)
         with pytest.raises(DriverError, match="bring_up"):
             bench.axes.start()
+
+
+@pytest.mark.parametrize(("written", "red"), [(True, True), (False, False)])
+def test_a_drive_without_60c2h_is_used_if_the_cell_file_says_so(
+    make_bench: Callable[[CellConfig], Bench], cell: CellConfig, written: bool, red: bool
+) -> None:
+    servo = ServoProfile(cycle_time_written=written)
+    bench = make_bench(cell.model_copy(update={"servo": servo}))
+    for sub in (1, 2):
+        del bench.drives[0].objects[0x60C2, sub]
+    if red:
+        with pytest.raises(PreflightError):
+            bench.axes.bring_up()
+    else:
+        for drive in bench.drives[1:]:
+            drive.objects[0x60C2, 1] = bytes([cell.cycle_time_ms])
+        bench.axes.bring_up()
+    assert bench.found("60C2h:01").verdict == ("red" if red else "shown")
+
+
+def test_a_period_that_is_left_to_the_drive_must_still_be_the_cells(
+    make_bench: Callable[[CellConfig], Bench], cell: CellConfig
+) -> None:
+    bench = make_bench(cell.model_copy(update={"servo": ServoProfile(cycle_time_written=False)}))
+    for drive in bench.drives[:2]:
+        drive.objects[0x60C2, 1] = bytes([cell.cycle_time_ms])
+    with pytest.raises(PreflightError):
+        bench.axes.bring_up()
+    verdicts = [bench.found("60C2h:01", node_id=node).verdict for node in (1, 2, 3)]
+    assert verdicts == ["ok", "ok", "red"]
