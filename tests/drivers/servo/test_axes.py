@@ -10,7 +10,6 @@ import can
 import numpy as np
 import pytest
 
-from config.cell.servo_profile import ServoProfile
 from config.errors import (
     DeviceFaultError,
     DeviceTimeoutError,
@@ -25,9 +24,6 @@ from drivers.interfaces.servo_axes import EventKind, ServoAxes
 from drivers.servo.cia402 import PowerState
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from config.cell.cell import CellConfig
     from tests.drivers.conftest import Bench
 
 STILL = (0.0, 0.0, 0.0)
@@ -103,40 +99,6 @@ class TestEnabling:
         bench.axes.start()
         with pytest.raises(DeviceTimeoutError, match=r"base is operation enabled \(6041h=0027h\)"):
             bench.axes.enable()
-
-    def test_a_drive_that_never_says_that_it_follows_is_enabled_if_the_cell_file_says_so(
-        self, make_bench: Callable[[CellConfig], Bench], cell: CellConfig
-    ) -> None:
-        bench = make_bench(cell.model_copy(update={"servo": ServoProfile(follows_bit=False)}))
-        for drive in bench.drives:
-            drive.follows = 0
-        bench.enabled()
-        assert all(drive.state is PowerState.OPERATION_ENABLED for drive in bench.drives)
-
-    @pytest.mark.parametrize(("timeout_s", "enabled"), [(4.0, False), (6.0, True)])
-    def test_a_drive_that_takes_five_seconds_is_waited_for_if_the_cell_file_says_so(
-        self,
-        make_bench: Callable[[CellConfig], Bench],
-        cell: CellConfig,
-        monkeypatch: pytest.MonkeyPatch,
-        timeout_s: float,
-        enabled: bool,
-    ) -> None:
-        servo = ServoProfile(enable_timeout_s=timeout_s)
-        bench = make_bench(cell.model_copy(update={"servo": servo}))
-        bench.axes.bring_up()
-        bench.axes.start()
-        drive = bench.drives[1]
-        obey, begun_s = drive.obey, bench.bus.now_s
-        late = lambda word: obey(word) if bench.bus.now_s - begun_s > 5.0 else None  # noqa: E731
-        monkeypatch.setattr(drive, "obey", late)
-        if enabled:
-            bench.axes.enable()
-            assert drive.state is PowerState.OPERATION_ENABLED
-        else:
-            with pytest.raises(DeviceTimeoutError) as caught:
-                bench.axes.enable()
-            assert caught.value.refusal == "RID-DRIVE-NOT-ENABLED"
 
     def test_a_fault_on_the_way_is_not_reset(self, bench: Bench) -> None:
         bench.axes.bring_up()
