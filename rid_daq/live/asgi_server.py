@@ -18,8 +18,10 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from rid_daq.live.connection import Connection, Door, Limits
+from rid_daq.live.connection import Connection
+from rid_daq.live.door import Door, Limits
 from rid_daq.live.reception import Reception
+from rid_daq.live.turns import NoTurnError, Turn, Turns
 
 LAST_WORDS_S = 0.5
 _BACKLOG = 1024
@@ -60,6 +62,7 @@ class AsgiServer:
         self._tls = tls
         self._reception = reception
         self._state = ServerState()
+        self._turns = Turns()
         self._config = Config(
             self._answer,
             http="h11",
@@ -188,7 +191,7 @@ class AsgiServer:
         self, connection: Connection, scope: Scope, receive: Receive, send: Send
     ) -> None:
         try:
-            body = await self._body(scope, receive)
+            body = await self._body(scope, receive, connection.body_bytes)
         except _TooLongError:
             await _refuse(send, HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
             return
@@ -196,6 +199,22 @@ class AsgiServer:
             return
         connection.request_is_whole()
         body_messages = [{"type": "http.request", "body": body, "more_body": False}]
+        try:
+            async with self._turns.of(connection.owner) as turn:
+                await self._ask(connection, turn, scope, (body_messages, receive), send)
+        except NoTurnError:
+            await _refuse(send, HTTPStatus.TOO_MANY_REQUESTS, (b"retry-after", b"1"))
+
+    async def _ask(
+        self,
+        connection: Connection,
+        turn: Turn,
+        scope: Scope,
+        told: tuple[list[Message], Receive],
+        send: Send,
+    ) -> None:
+        """Ask the application; the turn ends with its work, before the client takes the answer."""
+        body_messages, receive = told
         refused = False
 
         async def replayed() -> Message:
@@ -204,6 +223,7 @@ class AsgiServer:
         async def reply(message: Message) -> None:
             nonlocal refused
             if message["type"] == "http.response.start":
+                turn.give_back()
                 headers = [(name.lower(), value) for name, value in message["headers"]]
                 stream = any(n == b"content-type" and v.startswith(_EVENTS) for n, v in headers)
                 if stream and not connection.become_stream():
@@ -240,15 +260,15 @@ class AsgiServer:
             if not refused:  # else the application was told, by an error, that nobody is there
                 raise
 
-    async def _body(self, scope: Scope, receive: Receive) -> bytes | None:
-        """Return a request's whole body, None where the client has gone."""
+    async def _body(self, scope: Scope, receive: Receive, most: int) -> bytes | None:
+        """Return a request's whole body, None if the client has gone."""
         announced = dict(scope["headers"]).get(b"content-length", b"0")
-        if int(announced) > self.limits.body_bytes:
+        if int(announced) > most:
             raise _TooLongError
         body = bytearray()
         while (message := await receive())["type"] == "http.request":
             body += message.get("body", b"")
-            if len(body) > self.limits.body_bytes:
+            if len(body) > most:
                 raise _TooLongError
             if not message.get("more_body"):
                 return bytes(body)

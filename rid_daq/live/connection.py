@@ -1,4 +1,4 @@
-"""`Connection`, `Door`, `Limits`: who may hold a connection, how long, and who goes for whom."""
+"""`Connection`: one client, from its first byte to its end."""
 
 from __future__ import annotations
 
@@ -6,174 +6,21 @@ import asyncio
 import contextlib
 import socket
 import ssl
-from collections import Counter, OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
 from http import HTTPStatus
 from typing import Final, cast
 
-from rid_daq.live.reception import Line, Peer, Reception, Reply
+from rid_daq.live.door import Door
+from rid_daq.live.reception import Admitted, Line, Peer, Reply
 from rid_daq.live.request_head import RequestHead
 
 _END_OF_HEAD = b"\r\n\r\n"
 _LINGER_S: Final = 1.0
+_LINGER_BYTES: Final = 256 << 10
+_FRAMING_BYTES: Final = 8 << 10
+_PIECE_BYTES: Final = 4096  # what is read at once: many small frames must not hold the loop
 _USER_TIMEOUT_MS: Final = 10_000
 _STREAM_BUFFER_BYTES = 32 << 10  # what a viewer who does not keep up may be behind by
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What clients may take, at each listener.
-
-    Attributes
-    ----------
-    waiting : int
-        Connections whose request is not whole yet, TLS handshakes among them; the oldest goes for
-        a new one.
-    answering : int
-        Connections that are being answered; the oldest goes for a new one.
-    streams : int
-        WebSockets and streams of events; no more are let in.
-    leaving : int
-        Connections whose answer is given but not yet taken; the oldest goes for a new one.
-    lines, lines_of_one : int
-        Lines of the reception (STOP), of all and of one key; the oldest of a key goes for a new
-        one of it, and the oldest of the key with the most where there is no room for all.
-    head_bytes, body_bytes : int
-        Of a request.
-    message_bytes : int
-        Of a WebSocket's message.
-    request_s : float
-        From the connection to the request's last byte [s].
-    answer_s, stream_s : float
-        How long a client may take nothing of what is there for it [s].
-    """
-
-    waiting: int = 128
-    answering: int = 32
-    streams: int = 32
-    leaving: int = 256
-    lines: int = 256
-    lines_of_one: int = 16
-    head_bytes: int = 16 << 10
-    body_bytes: int = 1 << 20
-    message_bytes: int = 64 << 10
-    request_s: float = 2.0
-    answer_s: float = 5.0
-    stream_s: float = 10.0
-
-
-class Door:
-    """A listener's connections, by what they are at.
-
-    Parameters
-    ----------
-    limits : Limits
-        How many there may be.
-    speaker : callable
-        Makes what speaks HTTP with a connection.
-    tls : ssl.SSLContext or None
-        How they are encrypted.
-    local : bool
-        Whether it is a Unix socket.
-    reception : Reception or None
-        Decides about requests by their heads, before the speaker sees them.
-    """
-
-    def __init__(
-        self,
-        limits: Limits,
-        speaker: Callable[[Connection], asyncio.Protocol],
-        tls: ssl.SSLContext | None,
-        *,
-        local: bool = False,
-        reception: Reception | None = None,
-    ) -> None:
-        self.limits = limits
-        self.speaker = speaker
-        self.tls = tls
-        self.local = local
-        self.reception = reception
-        self.waiting: OrderedDict[Connection, None] = OrderedDict()
-        self.answering: OrderedDict[Connection, None] = OrderedDict()
-        self.streams: OrderedDict[Connection, None] = OrderedDict()
-        self.leaving: OrderedDict[Connection, None] = OrderedDict()
-        self.lines: OrderedDict[Connection, str] = OrderedDict()
-
-    @property
-    def connections(self) -> int:
-        """How many connections there are."""
-        return sum(map(len, self._rooms))
-
-    @property
-    def _rooms(self) -> tuple[OrderedDict[Connection, None] | OrderedDict[Connection, str], ...]:
-        return self.waiting, self.answering, self.streams, self.leaving, self.lines
-
-    def enter(self, connection: Connection) -> None:
-        """Let a new connection in, for the oldest where there is no room."""
-        self.waiting[connection] = None
-        if len(self.waiting) > self.limits.waiting:
-            self.waiting.popitem(last=False)[0].abort()
-
-    def answer(self, connection: Connection) -> None:
-        """Move a connection whose request is whole, for the oldest where there is no room."""
-        if connection in self.waiting:
-            del self.waiting[connection]
-            self.answering[connection] = None
-        if len(self.answering) > self.limits.answering:
-            self.answering.popitem(last=False)[0].abort()
-
-    def stream(self, connection: Connection) -> bool:
-        """Move a connection that stays; False where there is no room."""
-        if len(self.streams) >= self.limits.streams:
-            return False
-        if connection in self.answering:
-            del self.answering[connection]
-            self.streams[connection] = None
-        return True
-
-    def line(self, connection: Connection, key: str) -> None:
-        """Move a connection that stays as a line; each key has a few, whatever others hold."""
-        self.waiting.pop(connection, None)
-        self.lines[connection] = key
-        held = Counter(self.lines.values())
-        if held[key] > self.limits.lines_of_one:
-            self._end_oldest_line(key)
-        elif len(self.lines) > self.limits.lines:
-            self._end_oldest_line(held.most_common(1)[0][0])
-
-    def _end_oldest_line(self, key: str) -> None:
-        oldest = next(each for each, of in self.lines.items() if of == key)
-        del self.lines[oldest]
-        oldest.abort()
-
-    def take_leave(self, connection: Connection) -> None:
-        """Move a connection that has its answer, for the oldest where there is no room."""
-        self.waiting.pop(connection, None)
-        self.leaving[connection] = None
-        if len(self.leaving) > self.limits.leaving:
-            self.leaving.popitem(last=False)[0].abort()
-
-    def leave(self, connection: Connection) -> None:
-        """Forget a connection that has ended."""
-        for room in self._rooms:
-            room.pop(connection, None)
-
-    def dismiss_waiting(self) -> None:
-        """End those whose request is not whole."""
-        for connection in tuple(self.waiting):
-            connection.abort()
-
-    def shut_down(self) -> None:
-        """Tell those who are left that it is over."""
-        for connection in (*self.answering, *self.streams, *self.lines):
-            connection.shut_down()
-
-    def abort(self) -> None:
-        """End all at once."""
-        for room in self._rooms:
-            for connection in tuple(room):
-                connection.abort()
 
 
 class Connection(asyncio.Protocol):
@@ -191,12 +38,21 @@ class Connection(asyncio.Protocol):
         self._patience_s = door.limits.answer_s
         self._answered = False
         self._lost = False
+        self._came_bytes = 0
+        self._most_bytes = 0
+        self._in_second = (0, 0)
+        self.owner = ""
+        self.body_bytes = door.limits.body_bytes
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin with a socket's connection; TLS follows."""
         self._line = cast(asyncio.Transport, transport)
+        self._line.max_size = _PIECE_BYTES  # type: ignore[attr-defined]
         self._limit(self._limits.request_s)
-        self._door.enter(self)
+        name = None if self._door.local else self._line.get_extra_info("peername")
+        self._peer = Peer(self._door.local, "" if name is None else str(name[0]))
+        self.owner = self._peer.address
+        self._door.move(self, self._door.waiting, self.owner)
         if self._door.tls is None:
             self._transport = self._line
         else:
@@ -238,14 +94,28 @@ class Connection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Keep what belongs to a head, pass on what follows."""
-        if self._speaker is None:
-            if self._lost or self._answered:
-                return
+        self._came_bytes += len(data)
+        if self._speaker is not None:
+            if self._is_within_bounds(len(data)):
+                self._pass_on(data)
+            else:
+                self.abort()
+        elif self._answered:
+            if self._came_bytes > _LINGER_BYTES:
+                self.abort()
+        elif not self._lost:
             before = len(self._received)
             self._received += data
             self._look_at_head(before)
-        else:
-            self._pass_on(data)
+
+    def _is_within_bounds(self, new: int) -> bool:
+        """Return whether a client sends no more than it may, framing included."""
+        if self not in self._door.streams and self not in self._door.lines:
+            return self._came_bytes <= self._most_bytes
+        second, came = self._in_second
+        now = int(time.monotonic())
+        self._in_second = (now, came + new if now == second else new)
+        return self._in_second[1] <= self._limits.stream_bytes_s
 
     def eof_received(self) -> bool | None:
         """Let the speaker decide."""
@@ -265,35 +135,35 @@ class Connection(asyncio.Protocol):
     def _receive(self, end: int) -> None:
         """Have the request answered from its head, taken over, or passed on to the speaker."""
         assert self._transport is not None
-        head = (
-            None if self._door.reception is None else RequestHead.parse(bytes(self._received[:end]))
-        )
-        decided = None
-        if head is not None and self._door.reception is not None:
-            decided = self._door.reception.receive(head, self._peer)
-        if isinstance(decided, Reply):
-            left = len(self._received) - end - len(_END_OF_HEAD)
-            self._reply(decided.bytes(), whole=head is not None and head.body_bytes == left)
-            return
-        if isinstance(decided, Line):
-            self._speaker = decided.speaker()
-            self._become_line(decided.key)
-        else:
-            self._speaker = self._door.speaker(self)
+        reception = self._door.reception
+        head = None if reception is None else RequestHead.parse(bytes(self._received[:end]))
+        decided = None if reception is None or head is None else reception.receive(head, self._peer)
+        left = len(self._received) - end - len(_END_OF_HEAD)
+        match decided:
+            case Reply():
+                self._reply(decided.bytes(), whole=head is not None and head.body_bytes == left)
+                return
+            case Line():
+                self._speaker = decided.speaker()
+                self._become_line(decided.owner)
+            case Admitted():
+                self._speaker = self._door.speaker(self)
+                self.owner, self.body_bytes = decided.owner, decided.body_bytes
+                self._door.move(self, self._door.waiting, self.owner)
+                if decided.body_s is not None:
+                    self._limit(decided.body_s)
+            case None:
+                self._speaker = self._door.speaker(self)
+        self._most_bytes = self.body_bytes + self.body_bytes // 8 + _FRAMING_BYTES
+        self._came_bytes = left
         self._speaker.connection_made(self._transport)
         data, self._received = bytes(self._received), bytearray()
         self._pass_on(data)
 
-    @property
-    def _peer(self) -> Peer:
-        assert self._transport is not None
-        name = None if self._door.local else self._transport.get_extra_info("peername")
-        return Peer(self._door.local, "" if name is None else str(name[0]))
-
-    def _become_line(self, key: str) -> None:
+    def _become_line(self, owner: str) -> None:
         assert self._transport is not None
         self._limit(None)
-        self._door.line(self, key)
+        self._door.move(self, self._door.lines, owner)
         self._transport.set_write_buffer_limits(high=_STREAM_BUFFER_BYTES)
         line = self._transport.get_extra_info("socket")
         with contextlib.suppress(OSError):  # a Unix socket has no such option
@@ -307,7 +177,7 @@ class Connection(asyncio.Protocol):
         assert self._transport is not None
         self._answered = True
         self._received.clear()
-        self._door.take_leave(self)
+        self._door.move(self, self._door.leaving, self.owner)
         self._limit(_LINGER_S)
         self._transport.write(answer)
         if whole:
@@ -342,14 +212,15 @@ class Connection(asyncio.Protocol):
         """Say that the client is to be answered now, however long that takes."""
         if not self._lost:
             self._limit(None)
-            self._door.answer(self)
+            self._door.move(self, self._door.answering, self.owner)
 
     def become_stream(self) -> bool:
         """Say that the answer has no end; False where no more such are let in."""
         if self._lost:
             return True
-        if not self._door.stream(self):
+        if not self._door.streams.has_place(self.owner):
             return False
+        self._door.move(self, self._door.streams, self.owner)
         assert self._transport is not None
         self._patience_s = self._limits.stream_s
         self._transport.set_write_buffer_limits(high=_STREAM_BUFFER_BYTES)

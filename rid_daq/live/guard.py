@@ -21,7 +21,7 @@ PLOT_POLICY = PAGE_POLICY.replace("style-src 'self'", "style-src 'self' 'unsafe-
 )
 """The same for a page with a plot library that writes styles and makes pictures."""
 
-_SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _ONCE = ("host", "origin", "sec-fetch-site", "content-type", "cookie", "authorization", STOP_HEADER)
 
 
@@ -94,7 +94,7 @@ class Guard:
         if refusal is not None:
             return refusal
         headers = dict(lines)
-        if scope["type"] == "websocket" or scope["method"] in _SAFE_METHODS:
+        if scope["type"] == "websocket" or scope["method"] in SAFE_METHODS:
             return None
         kind = headers.get("content-type", "").partition(";")[0].strip().lower()
         if kind != "application/json":

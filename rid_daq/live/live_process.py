@@ -15,7 +15,7 @@ from config.process.own_process import keep_from_collections
 from config.process.termination import leave_terminal
 from rid_daq.live.access import Access
 from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.connection import Limits
+from rid_daq.live.door import Limits
 from rid_daq.live.feed import Feed
 from rid_daq.live.live_app import live_app
 from rid_daq.live.picture import MotionPicture, ShownMotion

@@ -63,18 +63,37 @@ class Line:
 
     Attributes
     ----------
-    key : str
+    owner : str
         Whose it is: everybody has a few.
     speaker : callable
         Makes the protocol that speaks with the client, the head included.
     """
 
-    key: str
+    owner: str
     speaker: Callable[[], asyncio.Protocol]
+
+
+@dataclass(frozen=True)
+class Admitted:
+    """A request that the application may see.
+
+    Attributes
+    ----------
+    owner : str
+        Whose it is.
+    body_bytes : int
+        How large its body may be.
+    body_s : float or None
+        How long the body may take from now on [s]; None for the usual time.
+    """
+
+    owner: str
+    body_bytes: int
+    body_s: float | None = None
 
 
 class Reception(Protocol):
     """What decides about requests by their heads."""
 
-    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | None:
-        """Return the answer, or the protocol that takes over; None to ask the application."""
+    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted:
+        """Return the answer, the protocol that takes over, or that the application is asked."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import resource
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,9 +18,10 @@ from config.process.own_process import keep_from_collections
 from config.process.termination import ending_signals
 from rid_daq.live.access import Access
 from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.connection import Limits
+from rid_daq.live.door import Limits
 from rid_daq.live.guard import PLOT_POLICY, Guard
 from rid_daq.live.live_page import listen_on
+from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
@@ -29,7 +31,16 @@ from rid_daq.service.sockets import local_listener
 from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.session.ownership import owned
 
-LARGEST_BODY_BYTES: Final = 17 << 20
+LIMITS: Final = Limits(
+    waiting=1024,
+    answering=128,
+    streams=64,
+    streams_of_one=8,
+    message_bytes=8 << 10,
+    stream_bytes_s=64 << 10,
+)
+DESCRIPTORS: Final = 4096
+"""Open files that the service asks the system for: a thousand slow clients must not take all."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +106,8 @@ def serve_cells(
         server = AsgiServer(
             Guard(app, access, PLOT_POLICY),
             access.tls(),
-            Limits(body_bytes=LARGEST_BODY_BYTES),
-            StopEntrance(app.state.stop_desk, access),
+            LIMITS,
+            Admission(StopEntrance(app.state.stop_desk, access), doorkeeper, access),
         )
         link = replace(access, token=doorkeeper.link_secret).url
 
@@ -116,8 +127,16 @@ def serve_cells(
                 await serving
             LOG.info("ended")
 
+        _allow_descriptors()
         keep_from_collections()
         asyncio.run(serve())
+
+
+def _allow_descriptors() -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = DESCRIPTORS if hard == resource.RLIM_INFINITY else min(DESCRIPTORS, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
 @contextlib.contextmanager

@@ -199,7 +199,7 @@ class CellService:
             raise LockedError("the service is ending: nothing more is begun")
         request = paced(kind, request, cell.pace_here())
         of_cells = [path for each in self.cells.values() for path in each.loaded.paths]
-        check_request(kind, request, self.folder, of_cells)
+        await asyncio.to_thread(check_request, kind, request, self.folder, of_cells)
         if kind.opens_cell:
             self._require_free(cell, kind, lease, cleared=cleared)
         held = self.leases.of(cell.name)

@@ -10,6 +10,7 @@ from fastapi import APIRouter, Body, Header
 from rid_daq.service.api.context import OfCell, Operator, Service, Who
 from rid_daq.service.folder_files import folder_files
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Lease, Preflight, Record
+from rid_daq.service.refusals import StoreBusyError
 
 router = APIRouter(prefix="/api/v1/cells", tags=["cells"])
 
@@ -72,6 +73,11 @@ async def take_lease(
     """Take the cell, or take it over: a person's confirmation is the cell's name."""
     before = service.leases.of(cell.name)
     lease = service.leases.take(cell.name, who, wanted.note, wanted.seconds, wanted.confirmed)
+    try:
+        await service.database.saved()
+    except StoreBusyError:
+        service.leases.give_back(cell.name, lease.key)
+        raise
     over = "" if before is None else f"over from {before.owner}"
     service.audit.note(who.name, "took the cell", cell.name, f"{over} {wanted.note}".strip())
     return lease

@@ -30,6 +30,13 @@ SAMPLES_S: Final = 0.05
 KNOWN_S: Final = 1.0
 """How often a viewer's token is looked at again [s]."""
 
+MOST_MESSAGES: Final = 200
+MESSAGES_PER_S: Final = 60
+"""Messages of one viewer: a burst after a stalled link, and afterwards so many a second."""
+
+MOST_MISTAKES: Final = 10
+_KEYS: Final = ("stop", "job", "held", "tapped")
+
 MOST_VIEWERS: Final = 64
 TOO_MANY: Final = 1013
 NO_TOKEN: Final = 1008
@@ -115,14 +122,16 @@ async def _watch(socket: WebSocket, known: Callable[[], Identity | None]) -> Non
 async def _receive(
     sender: _Sender, service: CellService, known: Callable[[], Identity | None]
 ) -> None:
-    socket = sender.socket
+    socket, budget = sender.socket, _Budget()
     while True:
-        try:
-            told = json.loads(await socket.receive_text())
-        except ValueError:
+        told = _message(await socket.receive_text())
+        if not budget.has_room(is_message=told is not None):
+            await socket.close(NO_TOKEN, "too many messages, or none that is known here")
+            return
+        if told is None:
             continue
         who = known()
-        if isinstance(told, dict) and isinstance(told.get("stop"), str):
+        if isinstance(told.get("stop"), str):
             name = "somebody with an old token" if who is None else who.name
             answer = answer_to_stop(socket.app.state.stop_desk, name, told)
             await sender.send(json.dumps(answer))
@@ -130,9 +139,35 @@ async def _receive(
         if who is None:
             await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
             return
-        if isinstance(told, dict) and who.role.includes(Role.OPERATOR):
+        if who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
                 _hold(service, told)
+
+
+def _message(text: str) -> dict[str, object] | None:
+    """Return a message of a viewer, None if it is none."""
+    try:
+        told = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    is_message = isinstance(told, dict) and any(isinstance(told.get(key), str) for key in _KEYS)
+    return told if is_message else None
+
+
+class _Budget:
+    """Messages that a viewer may still send; every second brings new ones."""
+
+    def __init__(self) -> None:
+        self._messages, self._mistakes = float(MOST_MESSAGES), MOST_MISTAKES
+        self._at_s = time.monotonic()
+
+    def has_room(self, *, is_message: bool) -> bool:
+        """Count a message, and return whether it is allowed."""
+        now_s = time.monotonic()
+        come = MESSAGES_PER_S * (now_s - self._at_s)
+        self._messages, self._at_s = min(MOST_MESSAGES, self._messages + come) - 1.0, now_s
+        self._mistakes -= not is_message
+        return self._messages >= 0.0 and self._mistakes >= 0
 
 
 def _hold(service: CellService, told: dict[str, object]) -> None:

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Body, Query, Request, Response
 from rid_daq.service.api.context import Administrator, Door, Service, Who
 from rid_daq.service.pairing import WaitingDevice
 from rid_daq.service.records import AuditEntry, Identity, Record, Role, Token
-from rid_daq.service.refusals import UnknownError
+from rid_daq.service.refusals import StoreBusyError, UnknownError
 
 router = APIRouter(prefix="/api/v1", tags=["people"])
 
@@ -74,6 +74,11 @@ async def make_token(
 ) -> NewToken:
     """Make a token; its secret is shown this once."""
     token, secret = service.tokens.add(wanted.name, wanted.role, person=wanted.person)
+    try:
+        await service.database.saved()
+    except StoreBusyError:
+        service.tokens.revoke(token.id)
+        raise
     service.audit.note(who.name, "made a token", details=f"{token.name}, {token.role.value}")
     return NewToken(**token.model_dump(), secret=secret)
 
@@ -86,6 +91,7 @@ async def revoke_token(token: str, who: Administrator, service: Service) -> None
     service.audit.note(who.name, "revoked a token", details=token)
     for cell in service.leases.end_of(token):
         service.audit.note(who.name, "ended the lease", cell, "its token was revoked")
+    await service.database.saved()
 
 
 @router.post("/pairing", status_code=HTTPStatus.CREATED)

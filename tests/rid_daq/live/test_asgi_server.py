@@ -27,7 +27,7 @@ from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.connection import Limits
+from rid_daq.live.door import Limits
 
 PATIENCE_S = 120.0
 SHORT = Limits(waiting=4, answering=4, streams=2, request_s=0.3, answer_s=0.3, stream_s=0.6)

@@ -22,10 +22,11 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from rid_daq.live.access import Access
 from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.connection import Limits
+from rid_daq.live.door import Limits
 from rid_daq.live.guard import Guard
 from rid_daq.live.reception import Line, Peer, Reply
 from rid_daq.live.request_head import RequestHead
+from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Role
@@ -86,8 +87,9 @@ async def answer_on(line: ClientConnection) -> dict[str, Any]:
 async def place(service: CellService, limits: Limits = LONG) -> Place:
     listener = socket.create_server(("127.0.0.1", 0))
     access = Access("127.0.0.1", listener.getsockname()[1], "")
-    app = make_api(service, Doorkeeper(service.tokens, access.port, secure=False))
-    entrance = StopEntrance(app.state.stop_desk, access)
+    door = Doorkeeper(service.tokens, access.port, secure=False)
+    app = make_api(service, door)
+    entrance = Admission(StopEntrance(app.state.stop_desk, access), door, access)
     server = AsgiServer(Guard(app, access), None, limits, entrance)
     until = asyncio.Event()
     serving = asyncio.create_task(server.serve([listener], until))

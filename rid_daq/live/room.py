@@ -1,0 +1,70 @@
+"""`Room`: connections of one kind, of which nobody can take the places of all."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from typing import Generic, TypeVar
+
+Member = TypeVar("Member")
+
+
+class Room(Generic[Member]):
+    """Members by the key of their owner; the fullest owner makes room for others.
+
+    Parameters
+    ----------
+    most : int
+        Places in all.
+    most_of_one : int
+        Places of one owner.
+    """
+
+    def __init__(self, most: int, most_of_one: int | None = None) -> None:
+        self._most = most
+        self._most_of_one = most if most_of_one is None else most_of_one
+        self._keys: dict[Member, str] = {}
+        self._of: dict[str, OrderedDict[Member, None]] = {}
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(tuple(self._keys))
+
+    def __contains__(self, member: object) -> bool:
+        return member in self._keys
+
+    def add(self, member: Member, key: str) -> Member | None:
+        """Add a member; return who has to go for it: the oldest of the owner with the most."""
+        self._keys[member] = key
+        own = self._of.setdefault(key, OrderedDict())
+        own[member] = None
+        if len(own) > self._most_of_one:
+            return self._remove_oldest(own)
+        if len(self._keys) > self._most:
+            return self._remove_oldest(max(self._of.values(), key=len))
+        return None
+
+    def has_place(self, key: str) -> bool:
+        """Return whether an owner may have one more without having more than the others."""
+        own = len(self._of.get(key, ()))
+        if own >= self._most_of_one:
+            return False
+        return len(self._keys) < self._most or own + 1 < max(map(len, self._of.values()))
+
+    def remove(self, member: Member) -> bool:
+        """Remove a member; return whether it was here."""
+        key = self._keys.pop(member, None)
+        if key is None:
+            return False
+        own = self._of[key]
+        del own[member]
+        if not own:
+            del self._of[key]
+        return True
+
+    def _remove_oldest(self, own: OrderedDict[Member, None]) -> Member:
+        oldest = next(iter(own))
+        self.remove(oldest)
+        return oldest

@@ -1,0 +1,125 @@
+"""`Admission`: who may send a body of which size, decided by the request's head."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Final
+
+from rid_daq.live.access import Access
+from rid_daq.live.guard import SAFE_METHODS, sender_refusal
+from rid_daq.live.reception import Admitted, Line, Peer, Reply
+from rid_daq.live.request_head import RequestHead
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.records import Identity, Role
+from rid_daq.service.stop.stop_entrance import StopEntrance
+
+JSON_BYTES: Final = 64 << 10
+SMALL_BYTES: Final = 4 << 10
+"""The largest body of somebody who may only look, or who is not known."""
+
+FILE_BYTES: Final = (16 << 20) + JSON_BYTES
+FILE_S: Final = 60.0
+FILES_PATH: Final = "/api/v1/files/"
+OPEN_PATHS: Final = frozenset({"/api/v1/pairing", "/api/v1/pairing/state"})
+"""Requests that change something without a token."""
+
+OPEN_BURST: Final = 30.0
+OPEN_PER_S: Final = 5.0
+MOST_ADDRESSES: Final = 1000
+
+
+class Rate:
+    """How often each owner may do something: a burst, then so many a second.
+
+    Parameters
+    ----------
+    burst, per_s : float
+        Requests at once, and per second afterwards.
+    now_s : callable
+        A monotonic time [s].
+    """
+
+    def __init__(
+        self, burst: float, per_s: float, now_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._burst, self._per_s, self._now_s = burst, per_s, now_s
+        self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def allows(self, owner: str) -> bool:
+        """Count one, and return whether it is allowed."""
+        now_s = self._now_s()
+        left, since_s = self._left.pop(owner, (self._burst, now_s))
+        left = min(self._burst, left + self._per_s * (now_s - since_s))
+        allowed = left >= 1.0
+        self._left[owner] = (left - 1.0 if allowed else left, now_s)
+        if len(self._left) > MOST_ADDRESSES:
+            self._left.popitem(last=False)
+        return allowed
+
+
+class Admission:
+    """Answers STOP, refuses bodies that nobody may send, and names the owner of a request.
+
+    Parameters
+    ----------
+    stop : StopEntrance
+        Comes first.
+    door : Doorkeeper
+        Who is who.
+    access : Access
+        Our own names and pages.
+    """
+
+    def __init__(self, stop: StopEntrance, door: Doorkeeper, access: Access) -> None:
+        self._stop = stop
+        self._door = door
+        self._access = access
+        self._open = Rate(OPEN_BURST, OPEN_PER_S)
+
+    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted:
+        """Decide about a request."""
+        stop = self._stop.receive(head, peer)
+        if stop is not None:
+            return stop
+        refusal = sender_refusal(self._access, head.lines, local=peer.local)
+        if refusal is not None:
+            return _refused(refusal, "RID-ACCESS-SENDER", "this is not our own page or name")
+        who = self._door.look(head.headers, local=peer.local)
+        if head.method in SAFE_METHODS:
+            most = 0
+        elif who is not None:
+            most = _most_bytes(head, who)
+        elif head.path not in OPEN_PATHS:
+            message = "show a token (Authorization: Bearer ...), or pair this device on its page"
+            return _refused(HTTPStatus.UNAUTHORIZED, "RID-ACCESS-UNKNOWN", message)
+        elif not self._open.allows(peer.address):
+            message = "too many requests from this address: wait some seconds"
+            return _refused(HTTPStatus.TOO_MANY_REQUESTS, "RID-REQUEST-RATE", message)
+        else:
+            most = SMALL_BYTES
+        if _is_too_long(head, most):
+            message = f"the body of this request may have {most} bytes at most"
+            return _refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "RID-REQUEST-SIZE", message)
+        owner = f"address {peer.address}" if who is None else f"token {who.token}"
+        return Admitted(owner, most, FILE_S if most == FILE_BYTES else None)
+
+
+def _most_bytes(head: RequestHead, who: Identity) -> int:
+    if not who.role.includes(Role.OPERATOR):
+        return SMALL_BYTES
+    is_file = head.method == "PUT" and head.path.startswith(FILES_PATH)
+    return FILE_BYTES if is_file else JSON_BYTES
+
+
+def _is_too_long(head: RequestHead, most: int) -> bool:
+    """Return whether the announced body is too long; one of unknown length is counted later."""
+    if "transfer-encoding" in head.headers:
+        return most == 0
+    return head.body_bytes is None or head.body_bytes > most
+
+
+def _refused(status: HTTPStatus, code: str, message: str) -> Reply:
+    return Reply(status, {"error": "Refused", "message": message, "code": code})

@@ -1,0 +1,188 @@
+"""Bodies: nobody sends one before it is known who asks, and nobody more than they may."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from rid_daq.live.access import Access
+from rid_daq.live.reception import Admitted, Line, Peer, Reply
+from rid_daq.live.request_head import RequestHead
+from rid_daq.service.api.admission import (
+    FILE_BYTES,
+    JSON_BYTES,
+    OPEN_BURST,
+    SMALL_BYTES,
+    Admission,
+    Rate,
+)
+from rid_daq.service.api.app import make_api
+from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.hosting import LIMITS
+from rid_daq.service.records import Role
+from rid_daq.service.service import CellService
+from rid_daq.service.stop.stop_entrance import StopEntrance
+from tests.rid_daq.service.test_stop_path import Place, place, run
+
+HERE = Peer(local=False, address="127.0.0.1")
+JOBS = "/api/v1/cells/ir361/jobs"
+FILE = "/api/v1/files/model.json"
+PAIRING = "/api/v1/pairing/state"
+
+
+class Asked:
+    """Requests of everybody, as an admission decides about them."""
+
+    def __init__(self, service: CellService) -> None:
+        access = Access("127.0.0.1", 8642, "")
+        door = Doorkeeper(service.tokens, 8642, secure=False)
+        app = make_api(service, door)
+        stop = StopEntrance(app.state.stop_desk, access)
+        self.admission = Admission(stop, door, access)
+        self.secrets = {role: service.tokens.add(role.value, role, person=True)[1] for role in Role}
+
+    def ask(self, role: Role | None, method: str, path: str, *more: str) -> Reply | Line | Admitted:
+        lines = [f"{method} {path} HTTP/1.1", "Host: 127.0.0.1:8642", "X-Rid-Daq: 1", *more]
+        if role is not None:
+            lines.append(f"Authorization: Bearer {self.secrets[role]}")
+        head = RequestHead.parse("\r\n".join(lines).encode())
+        assert head is not None
+        return self.admission.receive(head, HERE)
+
+    def most(self, role: Role | None, method: str, path: str) -> int:
+        found = self.ask(role, method, path)
+        assert isinstance(found, Admitted)
+        refused = self.ask(role, method, path, f"Content-Length: {found.body_bytes + 1}")
+        assert isinstance(refused, Reply)
+        assert refused.document["code"] == "RID-REQUEST-SIZE"
+        return found.body_bytes
+
+
+@pytest.fixture
+def asked(service: CellService) -> Asked:
+    return Asked(service)
+
+
+@pytest.mark.promise("known-before-a-body-is-read")
+@pytest.mark.parametrize("length", ["Content-Length: 17000000", "Transfer-Encoding: chunked"])
+@pytest.mark.parametrize(("method", "path"), [("POST", JOBS), ("PUT", FILE), ("POST", "/any")])
+def test_who_is_not_known_sends_no_body(asked: Asked, method: str, path: str, length: str) -> None:
+    refused = asked.ask(None, method, path, length)
+    assert isinstance(refused, Reply)
+    assert (refused.status, refused.document["code"]) == (401, "RID-ACCESS-UNKNOWN")
+
+
+@pytest.mark.promise("known-before-a-body-is-read")
+def test_everybody_has_a_bound(asked: Asked) -> None:
+    assert asked.most(Role.OPERATOR, "POST", JOBS) == JSON_BYTES
+    assert asked.most(Role.ADMINISTRATOR, "POST", JOBS) == JSON_BYTES
+    assert asked.most(Role.OPERATOR, "PUT", FILE) == FILE_BYTES
+    assert asked.most(Role.VIEWER, "PUT", FILE) == SMALL_BYTES
+    assert asked.most(Role.VIEWER, "POST", JOBS) == SMALL_BYTES
+    assert asked.most(None, "POST", PAIRING) == SMALL_BYTES
+    assert asked.most(Role.ADMINISTRATOR, "GET", JOBS) == 0
+
+
+@pytest.mark.parametrize("length", ["-1", "1e3", "١", "", "0x10"])
+def test_a_length_that_is_no_number_is_refused(asked: Asked, length: str) -> None:
+    assert isinstance(asked.ask(Role.OPERATOR, "POST", JOBS, f"Content-Length: {length}"), Reply)
+
+
+def test_requests_without_a_token_are_rare(asked: Asked) -> None:
+    found = [asked.ask(None, "POST", PAIRING) for _ in range(int(OPEN_BURST) + 20)]
+    refused = [each for each in found if isinstance(each, Reply)]
+    assert refused
+    assert refused[0].document["code"] == "RID-REQUEST-RATE"
+
+
+def test_a_rate_is_each_owners_own_and_comes_back() -> None:
+    now_s = 0.0
+    rate = Rate(2.0, 1.0, lambda: now_s)
+    assert [rate.allows("a") for _ in range(3)] == [True, True, False]
+    assert rate.allows("b")
+    now_s = 1.0
+    assert [rate.allows("a") for _ in range(2)] == [True, False]
+
+
+@contextlib.asynccontextmanager
+async def served(service: CellService) -> AsyncIterator[tuple[Place, dict[str, str]]]:
+    made = await place(service, LIMITS)
+    _, secret = service.tokens.add("viewer", Role.VIEWER, person=True)
+    yield made, {"Authorization": f"Bearer {secret}"}
+    await made.end()
+
+
+@pytest.mark.promise("known-before-a-body-is-read")
+def test_a_refusal_arrives_although_the_body_is_still_on_its_way(service: CellService) -> None:
+    async def main() -> None:
+        async with served(service) as (made, _):
+            body = b"x" * 200_000
+            head = made.head(JOBS, "Content-Type: application/json", "Content-Length: 200000")
+            status, told = await made.ask(head + body)
+            assert (status, told["code"]) == (401, "RID-ACCESS-UNKNOWN")
+
+    run(main())
+
+
+@pytest.mark.promise("sockets-of-one")
+def test_a_viewer_cannot_take_the_websockets_of_all(service: CellService) -> None:
+    async def main() -> None:
+        async with served(service) as (made, viewer), contextlib.AsyncExitStack() as stack:
+            url = f"ws://127.0.0.1:{made.port}/api/v1/ws"
+            for _ in range(LIMITS.streams_of_one):
+                await stack.enter_async_context(connect(url, additional_headers=viewer))
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(url, additional_headers=viewer)
+            assert refused.value.response.status_code == 503
+            _, secret = service.tokens.add("operator", Role.OPERATOR, person=True)
+            other = connect(url, additional_headers={"Authorization": f"Bearer {secret}"})
+            line = await stack.enter_async_context(other)
+            assert json.loads(await line.recv())["type"] == "cell"
+
+    run(main())
+
+
+async def until_closed(line: ClientConnection) -> int:
+    try:
+        while True:
+            await line.recv()
+    except ConnectionClosed as closed:
+        return 0 if closed.rcvd is None else closed.rcvd.code
+
+
+@pytest.mark.promise("sockets-of-one")
+@pytest.mark.parametrize("said", ["x", "[" * 2000, '{"other": 1}', '{"job": "none"}'])
+def test_nonsense_and_floods_end_a_websocket(service: CellService, said: str) -> None:
+    async def main() -> None:
+        async with served(service) as (made, viewer):
+            url = f"ws://127.0.0.1:{made.port}/api/v1/ws"
+            async with connect(url, additional_headers=viewer) as line:
+                closed = asyncio.create_task(until_closed(line))
+                with contextlib.suppress(ConnectionClosed):
+                    while not closed.done():
+                        await line.send(said)
+                        await asyncio.sleep(0)
+                assert await closed in (0, 1006, 1008)
+
+    run(main())
+
+
+@pytest.mark.promise("sockets-of-one")
+def test_a_flood_of_pings_ends_a_websocket(service: CellService) -> None:
+    async def main() -> None:
+        async with served(service) as (made, viewer):
+            for path in ("ws", "stop-line"):
+                url = f"ws://127.0.0.1:{made.port}/api/v1/{path}"
+                async with connect(url, additional_headers=viewer) as line:
+                    closed = asyncio.create_task(until_closed(line))
+                    pings = b"\x89\x80\x00\x00\x00\x00" * 20_000
+                    line.transport.write(pings)
+                    assert await closed in (0, 1006)
+
+    run(main())
