@@ -198,10 +198,14 @@ class AsgiServer:
         if body is None:
             return
         connection.request_is_whole()
-        body_messages = [{"type": "http.request", "body": body, "more_body": False}]
+        body_messages: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
+
+        async def replayed() -> Message:
+            return body_messages.pop() if body_messages else await receive()
+
         try:
             async with self._turns.of(connection.owner) as turn:
-                await self._ask(connection, turn, scope, (body_messages, receive), send)
+                await self._ask(connection, turn, scope, replayed, send)
         except NoTurnError:
             await _refuse(send, HTTPStatus.TOO_MANY_REQUESTS, (b"retry-after", b"1"))
 
@@ -210,15 +214,11 @@ class AsgiServer:
         connection: Connection,
         turn: Turn,
         scope: Scope,
-        told: tuple[list[Message], Receive],
+        receive: Receive,
         send: Send,
     ) -> None:
         """Ask the application; the turn ends with its work, before the client takes the answer."""
-        body_messages, receive = told
         refused = False
-
-        async def replayed() -> Message:
-            return body_messages.pop() if body_messages else await receive()
 
         async def reply(message: Message) -> None:
             nonlocal refused
@@ -236,7 +236,7 @@ class AsgiServer:
                 if message["type"] == "http.response.body" and not message.get("more_body"):
                     connection.answered()
 
-        await self._app(scope, replayed, reply)
+        await self._app(scope, receive, reply)
 
     async def _answer_websocket(
         self, connection: Connection, scope: Scope, receive: Receive, send: Send
