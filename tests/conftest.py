@@ -5,6 +5,7 @@ import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")  # sockets: short paths
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")
 
 from tests.builders.measured_lines import write_lines  # before all that it counts
 
@@ -31,7 +32,8 @@ from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from tests.builders.compiled_kernels import forget_stale_kernels
 
 STEP_S = 0.02
-atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
+for folder in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
+    atexit.register(shutil.rmtree, os.environ[folder], ignore_errors=True)
 LONG_TESTS = [
     Path(__file__).parent / place
     for place in (

@@ -56,6 +56,8 @@ class AxisTestRequest:
         Whether a person has cleared the cell.
     practise : bool
         Whether a simulated cell is asked about like a real one.
+    tester : str
+        Who tests, as the service knows them; the user of this process if empty.
     """
 
     cell: str
@@ -65,6 +67,7 @@ class AxisTestRequest:
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False
     practise: bool = False
+    tester: str = ""
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
             verdicts.append(tested)
             console.verdict(tested.passed, tested.sentence)
             if tested.passed:
-                sign_axis(loaded, name, bench.last.folder.run_id)
+                sign_axis(loaded, name, bench.last.folder.run_id, request.tester)
     return AxesTested(loaded.config.name, verdicts, None, axis_test_file(loaded))
 
 

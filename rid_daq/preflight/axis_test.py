@@ -1,23 +1,36 @@
-"""The axis test of a cell: signed beside the cell file, and good until a file changes."""
+"""The axis test of a cell: signed in this account's state, and good until a file changes.
+
+The record stands in no folder that a service serves: no request reaches it. Each axis is signed
+with a secret of this account on this computer, together with the cell, the hashes of its files, who
+tested it and when: a record that was copied, edited or made by others does not count.
+"""
 
 from __future__ import annotations
 
 import getpass
 import hashlib
+import hmac
+import json
+import socket
 from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
 from typing import Final
 
-from config.errors import PreflightError
+from config.errors import PreflightError, RecordingError, system_errors
 from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell
 from config.model import ConfigModel
+from config.process.own_state import own_secret, own_state_folder
 from rid_daq.preflight.bus_check import CheckLine, Verdict
 
 LARGEST_FILE_BYTES: Final = 1 << 20
+AXIS_TEST: Final = "axis test (direction, encoder, gear) since cell and robot file changed"
+"""The preflight's line on the axis test, by its `what`."""
+
 _WHAT: Final = "an axis test of `rid-daq axes`"
+_SECRET: Final = "axis-test.key"
 
 
 class AxisTestRule(Enum):
@@ -40,36 +53,74 @@ class SignedAxis(ConfigModel):
     who: str
     when_utc: str
     run: str
+    signature: str = ""
 
 
 class AxisTest(ConfigModel):
     """The axes that were tested with a cell file and a robot file, by those files' SHA-256."""
 
+    cell: str
     cell_sha256: str
     robot_sha256: str
     axes: tuple[SignedAxis, ...] = ()
 
+    def signature_of(self, axis: SignedAxis) -> str:
+        """Return the signature of an axis of this test, by this account on this computer."""
+        bound = {"cell": self.cell, "cell_sha256": self.cell_sha256}
+        bound |= {"robot_sha256": self.robot_sha256, "computer": _computer()}
+        text = json.dumps(axis.model_dump(exclude={"signature"}) | bound, sort_keys=True)
+        return hmac.new(own_secret(_SECRET), text.encode(), "sha256").hexdigest()
+
+    def is_signed(self, axis: SignedAxis) -> bool:
+        """Return whether this account on this computer has signed an axis as it stands here."""
+        return hmac.compare_digest(axis.signature.encode(), self.signature_of(axis).encode())
+
 
 def axis_test_file(loaded: LoadedCell) -> Path | None:
-    """Return where the axis test of a cell is signed; None for a bundled cell, which needs none."""
-    return None if loaded.path is None else loaded.path.with_suffix(".axes.json")
-
-
-def sign_axis(loaded: LoadedCell, joint: str, run: str) -> Path | None:
-    """Note that an axis was found right, beside the cell file; return where.
+    """Return where the axis test of a cell is signed; None for a bundled cell, which needs none.
 
     Raises
     ------
     RecordingError
-        The file cannot be written.
+        The folder of this account's state cannot be used.
+    """
+    if loaded.path is None:
+        return None
+    blank = _blank(loaded)
+    both = hashlib.sha256(f"{blank.cell_sha256} {blank.robot_sha256}".encode()).hexdigest()
+    return own_state_folder() / "axis-tests" / f"{both}.json"
+
+
+def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path | None:
+    """Note that an axis was found right; return where.
+
+    Parameters
+    ----------
+    loaded : LoadedCell
+        The cell as it was tested.
+    joint : str
+        The axis.
+    run : str
+        The run of its test.
+    who : str
+        Who has tested it; the user of this process if not given.
+
+    Raises
+    ------
+    RecordingError
+        The record cannot be written.
     """
     path = axis_test_file(loaded)
     if path is None:
         return None
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    tested = SignedAxis(joint=joint, who=getpass.getuser(), when_utc=now, run=run)
+    test = _blank(loaded)
+    axis = SignedAxis(joint=joint, who=who or getpass.getuser(), when_utc=now, run=run)
+    axis = axis.model_copy(update={"signature": test.signature_of(axis)})
     others = (each for each in _signed(loaded) if each.joint != joint)
-    test = AxisTest(**_hashes(loaded), axes=(*others, tested))
+    test = test.model_copy(update={"axes": (*others, axis)})
+    with system_errors(RecordingError, f"{path.parent}: cannot be made"):
+        path.parent.mkdir(exist_ok=True, mode=0o700)
     write_whole(path, f"{test.model_dump_json(indent=2)}\n".encode())
     return path
 
@@ -82,7 +133,7 @@ def axis_test_line(loaded: LoadedCell, rule: AxisTestRule) -> CheckLine:
         verdict = "red" if rule is AxisTestRule.REQUIRED else "allowed"
     return CheckLine(
         where="axes",
-        what="axis test (direction, encoder, gear) since cell and robot file changed",
+        what=AXIS_TEST,
         required="" if loaded.config.simulated else "each axis",
         found=_found(loaded),
         verdict=verdict,
@@ -135,17 +186,27 @@ def _untested(loaded: LoadedCell) -> list[str]:
 
 
 def _signed(loaded: LoadedCell) -> tuple[SignedAxis, ...]:
-    """Return the axes that were tested with these very files."""
+    """Return the axes that this account has tested with these very files on this computer."""
     path = axis_test_file(loaded)
     if path is None or not path.exists():
         return ()
     test = read_json_file(path, AxisTest, LARGEST_FILE_BYTES, _WHAT)
-    hashes = {"cell_sha256": test.cell_sha256, "robot_sha256": test.robot_sha256}
-    return test.axes if hashes == _hashes(loaded) else ()
+    if test.model_copy(update={"axes": ()}) != _blank(loaded):
+        return ()
+    return tuple(each for each in test.axes if test.is_signed(each))
 
 
-def _hashes(loaded: LoadedCell) -> dict[str, str]:
-    return {
-        f"{kind}_sha256": hashlib.sha256(loaded.files[f"{kind}.yaml"]).hexdigest()
-        for kind in ("cell", "robot")
-    }
+def _blank(loaded: LoadedCell) -> AxisTest:
+    """Return the test of a cell's files in which no axis was tested yet."""
+    cell, robot = (
+        hashlib.sha256(loaded.files[f"{kind}.yaml"]).hexdigest() for kind in ("cell", "robot")
+    )
+    return AxisTest(cell=loaded.config.name, cell_sha256=cell, robot_sha256=robot)
+
+
+def _computer() -> str:
+    """Return what tells this computer from others that share the account's folder."""
+    try:
+        return Path("/etc/machine-id").read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return socket.gethostname()

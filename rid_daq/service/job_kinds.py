@@ -43,6 +43,11 @@ class JobKind(StrEnum):
         """Whether the robot moves in it."""
         return self in _ON_CELL - {JobKind.CHECK, JobKind.RESET}
 
+    @property
+    def needs_axis_test(self) -> bool:
+        """Whether a real cell's axes must have been tested before; else a key is held."""
+        return self.moves and self not in {JobKind.AXES, JobKind.JOG}
+
 
 _ON_CELL = frozenset(
     {

@@ -5,12 +5,16 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from math import inf
 from typing import Final
 
 from config.errors import ConfigError, LockedError
+from config.process.safety_clock import boot_id, safety_now_s
 from rid_daq.service.records import HeldLease, Identity, Lease
 from rid_daq.service.refusals import NotAllowedError
-from rid_daq.service.store.leases import LeaseStore
+from rid_daq.service.store.leases import KeptLease, LeaseStore
+from rid_daq.service.store.tokens import hashed
 
 LEAST_S: Final = 2.0
 MOST_S: Final = 3600.0
@@ -19,22 +23,37 @@ MOST_S: Final = 3600.0
 class Leases:
     """The leases of the service's cells.
 
+    A lease outlives a restart of the service, not one of the computer.
+
     Parameters
     ----------
     store : LeaseStore
         Where they are kept over a restart.
     now_s : callable
-        The time since 1970 [s].
+        The safety clock [s].
+    boot : str, optional
+        The start of the computer that `now_s` belongs to; this one if not given.
     """
 
-    def __init__(self, store: LeaseStore, now_s: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        store: LeaseStore,
+        now_s: Callable[[], float] = safety_now_s,
+        boot: str | None = None,
+    ) -> None:
         self._store = store
         self._now_s = now_s
+        self._boot = boot_id() if boot is None else boot
 
     def of(self, cell: str) -> Lease | None:
         """Return the lease of a cell, None where nobody has one that runs."""
-        lease = self._store.get(cell)
-        return lease if lease is not None and lease.until_s > self._now_s() else None
+        held = self._held(cell)
+        return None if held is None else held.lease
+
+    def end_s(self, cell: str, lease: str | None) -> float:
+        """Return when a lease ends on the safety clock [s]; minus infinity where it has ended."""
+        held = self._held(cell)
+        return held.ends_s if held is not None and held.lease.id == lease else -inf
 
     def take(
         self, cell: str, who: Identity, note: str, seconds: float, confirmed: str | None = None
@@ -64,9 +83,10 @@ class Leases:
             The time is too short or too long, or the confirmation is not the cell's name.
         """
         self._check(seconds)
-        held = self.of(cell)
-        if held is not None and confirmed is None:
-            left_s = held.until_s - self._now_s()
+        running = self._held(cell)
+        held = None if running is None else running.lease
+        if running is not None and held is not None and confirmed is None:
+            left_s = running.ends_s - self._now_s()
             raise LockedError(
                 f"cell {cell}: {held.owner} has it ({held.note or 'no note'}; {left_s:.0f} s left"
                 " unless renewed): wait, ask them, or take it over on the page"
@@ -83,11 +103,11 @@ class Leases:
             owner=who.name,
             note=note,
             person=who.person,
-            until_s=self._now_s() + seconds,
+            until_s=time.time() + seconds,
         )
         key = secrets.token_urlsafe(24)
         self._store.note_token(lease, who.token)
-        self._store.put(lease, key)
+        self._store.put(KeptLease(lease, hashed(key), self._now_s() + seconds, self._boot))
         return HeldLease(**lease.model_dump(), key=key)
 
     def renew(self, cell: str, key: str, seconds: float) -> Lease:
@@ -99,9 +119,9 @@ class Leases:
             It has run out, or somebody else has the cell.
         """
         self._check(seconds)
-        lease = self.require(cell, key)
-        renewed = lease.model_copy(update={"until_s": self._now_s() + seconds})
-        self._store.renew(renewed)
+        held = self._require(cell, key)
+        renewed = held.lease.model_copy(update={"until_s": time.time() + seconds})
+        self._store.renew(replace(held, lease=renewed, ends_s=self._now_s() + seconds))
         return renewed
 
     def require(self, cell: str, key: str | None) -> Lease:
@@ -112,12 +132,7 @@ class Leases:
         LockedError
             It is no key of the lease that runs.
         """
-        lease = self.of(cell)
-        if lease is None:
-            raise LockedError(f"cell {cell}: take it first (a lease); nobody has it now")
-        if key is None or not self._store.has_key(cell, key):
-            raise LockedError(f"cell {cell}: {lease.owner} has it: this lease is not theirs")
-        return lease
+        return self._require(cell, key).lease
 
     def give_back(self, cell: str, key: str) -> None:
         """End a lease.
@@ -127,7 +142,7 @@ class Leases:
         LockedError
             It is not this one.
         """
-        self.require(cell, key)
+        self._require(cell, key)
         self._store.remove(cell)
 
     def end_of(self, token: str) -> list[str]:
@@ -136,6 +151,25 @@ class Leases:
         for cell in cells:
             self._store.remove(cell)
         return cells
+
+    def _held(self, cell: str) -> KeptLease | None:
+        """Return the lease of a cell that runs; None where there is none."""
+        kept = self._store.get(cell)
+        runs = kept is not None and kept.boot == self._boot and kept.ends_s > self._now_s()
+        return kept if runs else None
+
+    def _require(self, cell: str, key: str | None) -> KeptLease:
+        held = self._held(cell)
+        if held is None:
+            raise LockedError(
+                f"cell {cell}: take it first (a lease); nobody has it now", code="RID-LEASE-NONE"
+            )
+        if key is None or not held.has_key(key):
+            raise LockedError(
+                f"cell {cell}: {held.lease.owner} has it: this lease is not theirs",
+                code="RID-LEASE-OTHER",
+            )
+        return held
 
     def _check(self, seconds: float) -> None:
         if not LEAST_S <= seconds <= MOST_S:

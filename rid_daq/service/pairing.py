@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from config.errors import LockedError
+from config.process.safety_clock import safety_now_s
 from rid_daq.service.records import Record, Role, Token
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.store.tokens import TokenStore, hashed
@@ -32,6 +33,7 @@ class _Waiting:
     secret_hash: str
     device: str
     since_s: float
+    began_s: float
     secret: str = ""
     token: Token | None = None
 
@@ -44,10 +46,10 @@ class Pairing:
     tokens : TokenStore
         Where a confirmed device gets its token.
     now_s : callable
-        The time since 1970 [s].
+        The safety clock [s].
     """
 
-    def __init__(self, tokens: TokenStore, now_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, tokens: TokenStore, now_s: Callable[[], float] = safety_now_s) -> None:
         self._tokens = tokens
         self._now_s = now_s
         self._waiting: list[_Waiting] = []
@@ -68,7 +70,7 @@ class Pairing:
             continue
         secret = secrets.token_urlsafe(24)
         clean = "".join(c for c in device[:80] if c.isprintable())
-        self._waiting.append(_Waiting(code, hashed(secret), clean, self._now_s()))
+        self._waiting.append(_Waiting(code, hashed(secret), clean, time.time(), self._now_s()))
         return self.waiting()[-1], secret
 
     def waiting(self) -> Sequence[WaitingDevice]:
@@ -115,4 +117,4 @@ class Pairing:
 
     def _forget_old(self) -> None:
         oldest_s = self._now_s() - LASTS_S
-        self._waiting = [each for each in self._waiting if each.since_s > oldest_s]
+        self._waiting = [each for each in self._waiting if each.began_s > oldest_s]

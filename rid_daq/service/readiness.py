@@ -6,11 +6,15 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from config.process.safety_clock import safety_now_s
+from rid_daq.preflight.axis_test import AXIS_TEST
+from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Preflight
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.cells import CellStore
 
 PREFLIGHT_LIMIT_S: Final = 1800.0
+NOT_SINCE_START: Final = "the service has been started since: check it again."
 SINCE_FAULT: Final = "a fault has stopped a motion since: check it again."
 
 _NO_FAULT = frozenset(
@@ -19,6 +23,7 @@ _NO_FAULT = frozenset(
         "STOP_COMMAND",
         "STOP_BUTTON",
         "CLIENT_LOST",
+        "SERVICE_LOST",
         "PROGRAM_GONE",
         "RECORDER",
         "LATE_CYCLE",
@@ -32,32 +37,46 @@ _NO_FAULT = frozenset(
 class Readiness:
     """Whether cells are ready.
 
+    A preflight counts in the service that has seen its end, and as long as that one goes on: the
+    store keeps its lines for people.
+
     Parameters
     ----------
     store : CellStore
         Where preflights and faults are kept.
     now_s : callable
-        The time since 1970 [s].
+        The safety clock [s].
     """
 
-    def __init__(self, store: CellStore, now_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, store: CellStore, now_s: Callable[[], float] = safety_now_s) -> None:
         self._store = store
         self._now_s = now_s
+        self._checked_s: dict[str, float] = {}
+        self._void_since = NOT_SINCE_START
 
     def age_s(self, cell: ServedCell) -> float | None:
-        """Return how old the newest preflight is [s], None where there is none."""
-        found = self._store.preflight(cell.name)
-        return None if found is None else self._now_s() - found[0].at_s
+        """Return how old the newest preflight is [s], None where there is none that counts."""
+        checked_s = self._checked_s.get(cell.name)
+        return None if checked_s is None else self._now_s() - checked_s
 
     def preflight(self, cell: ServedCell) -> Preflight | None:
         """Return the newest preflight, with why it does not count where it does not."""
         found = self._store.preflight(cell.name)
         if found is None:
             return None
-        return found[0].model_copy(update={"void_because": self._void(cell, *found)})
+        told = {"void_because": self._void(cell, *found), "age_s": self.age_s(cell)}
+        return found[0].model_copy(update=told)
 
-    def obstacle(self, cell: ServedCell) -> str:
-        """Return why the cell is not ready to move, in a sentence; empty where it is."""
+    def obstacle(self, cell: ServedCell, kind: JobKind | None = None) -> str:
+        """Return why the cell is not ready to move, in a sentence; empty where it is.
+
+        Parameters
+        ----------
+        cell : ServedCell
+            The cell.
+        kind : JobKind, optional
+            The motion that is wanted: some need no axis test. Any motion if not given.
+        """
         fault = self._store.fault(cell.name)
         if fault:
             return f"stopped by a fault: {fault} Find its cause, then reset the cell."
@@ -66,7 +85,12 @@ class Readiness:
         found = self._store.preflight(cell.name)
         if found is None:
             return "it was not checked yet: check it."
-        return self._void(cell, *found)
+        return self._void(cell, *found, kind=kind)
+
+    def void_all(self, why: str) -> None:
+        """Let no preflight of before count, for a reason in a sentence."""
+        self._checked_s.clear()
+        self._void_since = why
 
     def fault(self, cell: ServedCell) -> str:
         """Return the open fault, empty where there is none."""
@@ -79,12 +103,13 @@ class Readiness:
             return
         problem = document.get("problem")
         preflight = Preflight(
-            at_s=self._now_s(),
+            at_s=time.time(),
             passed=bool(document.get("passed")),
             problem=None if problem is None else str(problem),
             lines=tuple(told),
         )
         self._store.note_preflight(cell.name, preflight, str(document.get("files_hash")))
+        self._checked_s[cell.name] = self._now_s()
 
     def note_end(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
         """Keep the fault that has stopped a motion, where one has; its preflight is void."""
@@ -108,14 +133,29 @@ class Readiness:
             void = preflight.model_copy(update={"void_because": SINCE_FAULT})
             self._store.note_preflight(cell, void, files_hash)
 
-    def _void(self, cell: ServedCell, preflight: Preflight, files_hash: str) -> str:
+    def _void(
+        self,
+        cell: ServedCell,
+        preflight: Preflight,
+        files_hash: str,
+        kind: JobKind | None = None,
+    ) -> str:
         if preflight.void_because:
             return preflight.void_because
-        if not preflight.passed:
+        if not (preflight.passed or _suffices(preflight, kind)):
             return "its preflight is red: see there what to do, then check again."
-        age_s = self._now_s() - preflight.at_s
+        age_s = self.age_s(cell)
+        if age_s is None:
+            return self._void_since
         if age_s > PREFLIGHT_LIMIT_S:
             return f"its preflight is {age_s / 60.0:.0f} min old: check it again."
         if files_hash != cell.loaded.files_hash:
             return "its files have changed since the preflight: check it again."
         return ""
+
+
+def _suffices(preflight: Preflight, kind: JobKind | None) -> bool:
+    """Return whether a red preflight lacks nothing that a kind of motion needs."""
+    red = [line.get("what") for line in preflight.lines if line.get("verdict") == "red"]
+    lacks_test_only = preflight.problem is None and set(red) == {AXIS_TEST}
+    return kind is not None and not kind.needs_axis_test and lacks_test_only

@@ -86,6 +86,7 @@ class Job(Record):
 class Lease(Record):
     """Who may move a cell, and until when unless it is renewed [s since 1970].
 
+    That time is for people: the service counts by a clock that no change of the date moves.
     A lease that is renewed keeps its `id`; one that is taken anew, or over, has another.
     """
 
@@ -136,9 +137,14 @@ class CellState(StrEnum):
 
 
 class Preflight(Record):
-    """The newest preflight of a cell: when, whether green, its lines, and what it is void by."""
+    """The newest preflight of a cell: when, whether green, its lines, and what it is void by.
+
+    `at_s` is for people [s since 1970]; `age_s` is what counts, None where the service has been
+    started, or stood still, since.
+    """
 
     at_s: float
+    age_s: float | None = None
     passed: bool
     problem: str | None
     lines: tuple[dict[str, object], ...]
@@ -148,7 +154,9 @@ class Preflight(Record):
 class CellStatus(Record):
     """A cell, as everybody may see it; `simulated` stands in every answer.
 
-    `preflight_age_s` is None where there is none that counts.
+    `preflight_age_s` is None where there is none that counts. `not_ready_because` is of motions in
+    general, `not_held_because` of those in which a key is held, axis test and jog: they need no axis
+    test before.
     """
 
     cell: str
@@ -161,6 +169,7 @@ class CellStatus(Record):
     preflight_age_s: float | None = None
     preflight_limit_s: float
     not_ready_because: str = ""
+    not_held_because: str = ""
     job: Job | None = None
     lease: Lease | None = None
 

@@ -149,6 +149,7 @@ class CellService:
             preflight_age_s=None if obstacle and not fault else self.readiness.age_s(cell),
             preflight_limit_s=PREFLIGHT_LIMIT_S,
             not_ready_because=obstacle,
+            not_held_because=self.readiness.obstacle(cell, JobKind.AXES),
             job=None if running is None else running.job,
             lease=self.leases.of(cell.name),
         )
@@ -297,9 +298,11 @@ class CellService:
             )
         if not kind.moves:
             return
-        obstacle = self.readiness.obstacle(cell)
+        obstacle = self.readiness.obstacle(cell, kind)
         if obstacle:
-            raise PreflightError(f"cell {cell.name} is not ready: {obstacle}")
+            raise PreflightError(
+                f"cell {cell.name} is not ready: {obstacle}", code="RID-CELL-NOT-READY"
+            )
         if not (cleared or cell.loaded.config.simulated):
             raise PreflightError(
                 f"cell {cell.name} is real: say that nobody is in it and the emergency stop is at"

@@ -283,6 +283,7 @@ class Workshop:
             folder=str(self._folder),
             events=str(self.events(job.id)),
             cleared=cleared,
+            owner=job.owner,
             niceness=0 if job.kind.opens_cell else NICENESS,
         )
         LOG.info("job begun", extra={"job": job})

@@ -16,7 +16,7 @@ from config.plausible import implausible_fields, key_name
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import Console
 
-OWNED: Final = frozenset({"cell", "runs", "cleared", "live"})
+OWNED: Final = frozenset({"cell", "runs", "cleared", "live", "tester"})
 """Fields of requests that the service fills in."""
 
 _MODULES = {
@@ -50,7 +50,13 @@ def request_type(kind: JobKind) -> type[Any]:
 
 
 def request_of(
-    kind: JobKind, told: dict[str, object], cell: str, runs: Path, *, cleared: bool
+    kind: JobKind,
+    told: dict[str, object],
+    cell: str,
+    runs: Path,
+    *,
+    cleared: bool,
+    owner: str = "",
 ) -> Any:
     """Return the request of a job.
 
@@ -66,6 +72,8 @@ def request_of(
         The folder of the run folders.
     cleared : bool
         Whether a person has just said that the cell is clear.
+    owner : str
+        Who has begun the job.
 
     Raises
     ------
@@ -74,7 +82,7 @@ def request_of(
     """
     request = request_type(kind)
     fields = request.__dataclass_fields__
-    owned = {"cell": cell, "runs": runs, "cleared": cleared}
+    owned = {"cell": cell, "runs": runs, "cleared": cleared, "tester": owner}
     filled = {**told, **{name: value for name, value in owned.items() if name in fields}}
     try:
         asked = TypeAdapter(request).validate_python(filled)

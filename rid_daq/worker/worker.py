@@ -34,6 +34,8 @@ class WorkOrder(BaseModel):
         The folder of the run folders, the one that relative paths are of, the file of the events.
     cleared : bool
         Whether a person has just said that the cell is clear.
+    owner : str
+        Who has begun it.
     niceness : int
         How far it stands back for others.
     """
@@ -47,6 +49,7 @@ class WorkOrder(BaseModel):
     folder: Path
     events: Path
     cleared: bool
+    owner: str = ""
     niceness: int = 0
 
 
@@ -78,7 +81,14 @@ def work(order: WorkOrder, source: IO[str]) -> int:
 
         def job() -> None:
             told = order.request
-            request = request_of(order.kind, told, order.cell, order.runs, cleared=order.cleared)
+            request = request_of(
+                order.kind,
+                told,
+                order.cell,
+                order.runs,
+                cleared=order.cleared,
+                owner=order.owner,
+            )
             performer(order.kind)(request, console)
 
         orders.start()

@@ -34,6 +34,9 @@ REPORT_HEADERS: Final = {
 """A report runs its own scripts, and may have come with a run from elsewhere: as a page of nobody,
 without our cookies, that can reach nothing. Browsers refuse a sandbox with an opener policy."""
 MOST_FILE_BYTES = 16 << 20
+AXIS_TEST_SUFFIX: Final = ".axes.json"
+"""Names under which axis tests lay in folders once."""
+
 _KINDS = frozenset({".yaml", ".json"})
 _SAVED = _KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
 _SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf"}
@@ -161,6 +164,12 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
     found = _named(service, path)
     if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
         raise ConfigError(f"{path}: runs are made by recording; put files beside them")
+    if found.name.endswith(AXIS_TEST_SUFFIX):
+        raise ConfigError(
+            f"{path}: an axis test is signed by the job that made it: run `axes`; a file counts for"
+            " nothing, choose another name",
+            code="RID-FILE-AXIS-TEST",
+        )
     if found.exists():
         raise ConfigError(f"{path}: is there already; choose another name")
     content = bytearray()

@@ -48,6 +48,8 @@ CREATE TABLE audit (
 _LATER = (
     "CREATE TABLE IF NOT EXISTS lease_tokens (cell TEXT PRIMARY KEY, lease TEXT, token TEXT)",
     "CREATE TABLE IF NOT EXISTS issued (number INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE)",
+    "CREATE TABLE IF NOT EXISTS lease_ends (cell TEXT PRIMARY KEY, lease TEXT, ends_s REAL,"
+    " boot TEXT)",
 )
 """Tables that were added after the first services; an older program ignores them."""
 

@@ -4,10 +4,37 @@ from __future__ import annotations
 
 import hmac
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from rid_daq.service.records import Lease
 from rid_daq.service.store.database import Database
 from rid_daq.service.store.tokens import hashed
+
+
+@dataclass(frozen=True)
+class KeptLease:
+    """A lease as the service keeps it.
+
+    Attributes
+    ----------
+    lease : Lease
+        As everybody may see it; its `until_s` is for people and decides nothing.
+    key_hash : str
+        Hash of its key.
+    ends_s : float
+        Its end on the safety clock [s].
+    boot : str
+        The start of the computer that `ends_s` belongs to.
+    """
+
+    lease: Lease
+    key_hash: str
+    ends_s: float
+    boot: str
+
+    def has_key(self, key: str) -> bool:
+        """Return whether this is the key of the lease."""
+        return hmac.compare_digest(self.key_hash, hashed(key))
 
 
 class LeaseStore:
@@ -22,27 +49,45 @@ class LeaseStore:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._leases = {
-            str(cell): (Lease.model_validate_json(lease), str(key_hash))
-            for cell, key_hash, lease in database.read("SELECT cell, key_hash, lease FROM leases")
+            str(cell): KeptLease(Lease.model_validate_json(lease), key_hash, ends_s, boot)
+            for cell, key_hash, lease, ends_s, boot in database.read(
+                "SELECT cell, key_hash, leases.lease, ends_s, boot FROM leases JOIN lease_ends"
+                " USING (cell) WHERE json_extract(leases.lease, '$.id') = lease_ends.lease"
+            )
         }
         rows = database.read("SELECT cell, lease, token FROM lease_tokens")
         self._tokens = {str(cell): (str(lease), str(token)) for cell, lease, token in rows}
 
-    def put(self, lease: Lease, key: str) -> None:
+    def put(self, kept: KeptLease) -> None:
         """Keep the lease of a cell, in place of the one before."""
-        self._leases[lease.cell] = (lease, hashed(key))
+        lease = kept.lease
+        self._leases[lease.cell] = kept
         self._database.write(
             "INSERT OR REPLACE INTO leases VALUES (?, ?, ?)",
             lease.cell,
-            hashed(key),
+            kept.key_hash,
             lease.model_dump_json(),
         )
+        self._database.write(
+            "INSERT OR REPLACE INTO lease_ends VALUES (?, ?, ?, ?)",
+            lease.cell,
+            lease.id,
+            kept.ends_s,
+            kept.boot,
+        )
 
-    def renew(self, lease: Lease) -> None:
-        """Keep until when a lease holds; its key stays."""
-        self._leases[lease.cell] = (lease, self._leases[lease.cell][1])
+    def renew(self, kept: KeptLease) -> None:
+        """Keep the new end of a lease."""
+        lease = kept.lease
+        self._leases[lease.cell] = kept
         self._database.note(
             "UPDATE leases SET lease = ? WHERE cell = ?", lease.model_dump_json(), lease.cell
+        )
+        self._database.note(
+            "UPDATE lease_ends SET ends_s = ? WHERE cell = ? AND lease = ?",
+            kept.ends_s,
+            lease.cell,
+            lease.id,
         )
 
     def note_token(self, lease: Lease, token: str) -> None:
@@ -55,17 +100,12 @@ class LeaseStore:
     def of_token(self, token: str) -> Sequence[Lease]:
         """Return the leases that were taken with a token, also those that have run out."""
         of_token = {cell: lease for cell, (lease, each) in self._tokens.items() if each == token}
-        return [lease for lease, _ in self._leases.values() if of_token.get(lease.cell) == lease.id]
+        leases = (kept.lease for kept in self._leases.values())
+        return [lease for lease in leases if of_token.get(lease.cell) == lease.id]
 
-    def get(self, cell: str) -> Lease | None:
+    def get(self, cell: str) -> KeptLease | None:
         """Return the lease of a cell as it was kept, also one that has run out."""
-        found = self._leases.get(cell)
-        return None if found is None else found[0]
-
-    def has_key(self, cell: str, key: str) -> bool:
-        """Return whether this is the key of the cell's lease."""
-        found = self._leases.get(cell)
-        return found is not None and hmac.compare_digest(found[1], hashed(key))
+        return self._leases.get(cell)
 
     def remove(self, cell: str) -> None:
         """Forget the lease of a cell."""

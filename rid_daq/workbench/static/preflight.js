@@ -18,11 +18,11 @@ export async function loadPreflight(section, words) {
     section.replaceChildren();
     return;
   }
-  const age = duration(Math.max(0, Date.now() / 1000 - found.at_s));
+  const age = found.age_s === null ? "before the service was started" : `${duration(found.age_s)} ago`;
   const red = found.lines.filter((line) => !GREEN.includes(line.verdict));
   const count = `${found.lines.length} lines, ${red.length} red`;
   const voided = found.void_because ? ` It does not count: ${found.void_because}` : "";
-  words.textContent = `${found.passed ? "Green" : "Red"}: ${count}, ${age} ago.${voided} ${found.problem ?? ""}`;
+  words.textContent = `${found.passed ? "Green" : "Red"}: ${count}, ${age}.${voided} ${found.problem ?? ""}`;
   words.className = `verdict ${found.passed && !found.void_because ? "good" : "bad"}`;
   const devices = Map.groupBy ? Map.groupBy(found.lines, (line) => line.where) : grouped(found.lines);
   const parts = [...devices].map(([where, lines]) => device(where, lines));

@@ -16,7 +16,7 @@ const LOST = {
 watchStop();
 
 // ---- what needs something: data-needs="lease" (the cell is ours and no job has it) or "ready" (the
-// same, and it may move), or "role" (we may do more than look). Elements with data-why="lease" or "ready" say what is missing.
+// same, and it may move), or "held" (the same, and it may move while a key is held), or "role" (we may do more than look). Elements with data-why="lease" or "ready" say what is missing.
 export function missing(need) {
   const status = now.status;
   if (!status) return "The service does not answer yet.";
@@ -25,6 +25,7 @@ export function missing(need) {
   if (!lease.key) return status.lease ? `${status.lease.owner} has the cell.` : "Take the cell first.";
   if (status.job) return `${status.job.kind} is under way: wait for its end, or stop it.`;
   if (need === "ready" && status.not_ready_because) return `Not ready: ${status.not_ready_because}`;
+  if (need === "held" && status.not_held_because) return `Not ready: ${status.not_held_because}`;
   return "";
 }
 

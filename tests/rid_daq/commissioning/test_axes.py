@@ -51,7 +51,7 @@ def test_a_reversed_axis_is_found_within_two_degrees_and_the_others_are_signed(
     (line,) = told["axes"][0]["problems"]
     assert "axes, axis1: direction: 1 (is -1)" in line
     assert all(abs(each["motion"]["measured"]) < 2.3 for each in told["axes"])
-    signed = json.loads((tmp_path / "cell.axes.json").read_text())
+    signed = json.loads(Path(told["signed"]).read_text())
     assert [each["joint"] for each in signed["axes"]] == ["axis2", "axis3"]
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from config.errors import ConfigError, PreflightError
+from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell, read_named
 from rid_daq.preflight.axis_test import (
     AxisTestRule,
@@ -16,6 +19,13 @@ from rid_daq.preflight.axis_test import (
     require_axis_test,
     sign_axis,
 )
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of this account's state, new."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "rid-daq"
 
 
 def real(folder: Path) -> LoadedCell:
@@ -81,6 +91,117 @@ def test_a_simulated_cell_needs_none() -> None:
 
 def test_a_file_that_is_no_axis_test_is_refused_by_its_name(tmp_path: Path) -> None:
     loaded = real(tmp_path)
-    (tmp_path / "cell.axes.json").write_text("{}")
-    with pytest.raises(ConfigError, match=r"cell\.axes\.json"):
+    sign_all(loaded)
+    path = axis_test_file(loaded)
+    assert path is not None
+    path.write_text("{}")
+    with pytest.raises(ConfigError, match=path.name):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
+
+
+def record(loaded: LoadedCell) -> Path:
+    found = axis_test_file(loaded)
+    assert found is not None
+    return found
+
+
+@pytest.mark.promise("axis-test-signed")
+def test_no_file_beside_the_cell_counts(tmp_path: Path) -> None:
+    loaded = real(tmp_path)
+    sign_all(loaded)
+    record(loaded).rename(tmp_path / "cell.axes.json")
+    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red"
+
+
+def another_joint(told: dict[str, object], axis: dict[str, object]) -> None:
+    axis["joint"] = "axis1"
+
+
+def another_person(told: dict[str, object], axis: dict[str, object]) -> None:
+    axis["who"] = "anna"
+
+
+def another_signature(told: dict[str, object], axis: dict[str, object]) -> None:
+    axis["signature"] = "0" * 64
+
+
+def no_signature(told: dict[str, object], axis: dict[str, object]) -> None:
+    del axis["signature"]
+
+
+def another_cell(told: dict[str, object], axis: dict[str, object]) -> None:
+    told["cell"] = "kr15"
+
+
+@pytest.mark.promise("axis-test-signed")
+@pytest.mark.parametrize(
+    "edit", [another_joint, another_person, another_signature, no_signature, another_cell]
+)
+def test_a_record_that_was_edited_does_not_count(
+    edit: Callable[[dict[str, object], dict[str, object]], None], tmp_path: Path
+) -> None:
+    loaded = real(tmp_path)
+    sign_axis(loaded, "axis2", "a run")
+    path = record(loaded)
+    told = json.loads(path.read_text())
+    edit(told, told["axes"][0])
+    path.write_text(json.dumps(told))
+    line = axis_test_line(loaded, AxisTestRule.REQUIRED)
+    assert line.found == "missing: axis1, axis2, axis3"
+    assert line.verdict == "red"
+
+
+@pytest.mark.promise("axis-test-signed")
+def test_a_record_that_was_copied_for_other_files_does_not_count(tmp_path: Path) -> None:
+    loaded = real(tmp_path)
+    sign_all(loaded)
+    changed = replace(loaded, files=loaded.files | {"cell.yaml": b"# another\n"})
+    record(loaded).rename(record(changed))
+    told = json.loads(record(changed).read_text())
+    assert axis_test_line(changed, AxisTestRule.REQUIRED).verdict == "red"
+    sign_axis(changed, "axis1", "a run")
+    true = json.loads(record(changed).read_text())
+    told |= {name: true[name] for name in ("cell_sha256", "robot_sha256")}
+    record(changed).write_text(json.dumps(told))
+    found = axis_test_line(changed, AxisTestRule.REQUIRED).found
+    assert found == "missing: axis1, axis2, axis3", "its axes are signed with the other hashes"
+
+
+@pytest.mark.promise("axis-test-signed")
+def test_a_record_of_another_account_or_computer_does_not_count(
+    tmp_path: Path, state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = real(tmp_path)
+    sign_all(loaded)
+    monkeypatch.setattr("rid_daq.preflight.axis_test._computer", lambda: "another")
+    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red"
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_STATE_HOME", str(state.parent))
+    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "ok"
+    (state / "axis-test.key").unlink()
+    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red", "a new secret"
+
+
+@pytest.mark.promise("axis-test-signed")
+def test_the_secret_is_this_accounts_alone(tmp_path: Path, state: Path) -> None:
+    loaded = real(tmp_path)
+    sign_all(loaded)
+    secret = state / "axis-test.key"
+    assert secret.stat().st_mode & 0o777 == 0o600
+    assert state.stat().st_mode & 0o777 == 0o700
+    os.chmod(secret, 0o640)
+    with pytest.raises(RecordingError) as refused:
+        axis_test_line(loaded, AxisTestRule.REQUIRED)
+    assert refused.value.refusal == "RID-STATE-FOREIGN"
+    os.chmod(secret, 0o600)
+    os.chmod(state, 0o770)
+    with pytest.raises(RecordingError) as refused:
+        axis_test_line(loaded, AxisTestRule.REQUIRED)
+    assert refused.value.refusal == "RID-STATE-FOREIGN"
+
+
+def test_who_has_tested_is_named(tmp_path: Path) -> None:
+    loaded = real(tmp_path)
+    for name in loaded.robot.joint_names:
+        sign_axis(loaded, name, "a run", "Anna")
+    assert axis_test_line(loaded, AxisTestRule.REQUIRED).found.endswith(", Anna")

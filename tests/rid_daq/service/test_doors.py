@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
+import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from rid_daq.service.records import Role
 from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.tokens import TokenStore
+from tests.builders.clock import Clock
 
 PATIENCE_S = 60.0
 
@@ -122,6 +124,32 @@ def test_a_code_runs_out_and_a_wrong_one_lets_nobody_in(tokens: TokenStore) -> N
     with pytest.raises(UnknownError, match="run out"):
         pairing.collect(secret)
     assert tokens.all() == []
+
+
+@pytest.mark.promise("safety-clock")
+def test_a_jump_of_the_date_neither_extends_nor_ends_a_code(
+    tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    pairing = Pairing(tokens, clock)
+    for date_s in (0.0, 4e9):
+        monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
+        pairing.begin("Tablet")
+    assert len(pairing.waiting()) == 2
+    clock.now_s += LASTS_S + 1.0
+    assert pairing.waiting() == []
+
+
+@pytest.mark.promise("safety-clock")
+def test_codes_are_timed_by_the_safety_clock(
+    tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pairing = Pairing(tokens)
+    pairing.begin("Tablet")
+    assert pairing.waiting() != []
+    later_s = time.clock_gettime(time.CLOCK_BOOTTIME) + LASTS_S + 60.0
+    monkeypatch.setattr("time.clock_gettime", lambda _number: later_s)
+    assert pairing.waiting() == []
 
 
 def test_strangers_cannot_fill_the_list_of_waiting_devices(tokens: TokenStore) -> None:

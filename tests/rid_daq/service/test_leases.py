@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,72 @@ def test_a_program_takes_nothing_over(leases: Leases) -> None:
 def test_a_lease_is_neither_a_moment_nor_a_day(leases: Leases, seconds: float) -> None:
     with pytest.raises(ConfigError, match="give 2 to 3600"):
         leases.take("ir361", ANNA, "", seconds)
+
+
+@pytest.mark.promise("safety-clock")
+def test_a_jump_of_the_date_neither_extends_nor_ends_a_lease(
+    leases: Leases, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lease = leases.take("ir361", ANNA, "", 10.0)
+    for date_s in (0.0, 4e9):
+        monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
+        assert leases.renew("ir361", lease.key, 10.0).owner == "Anna"
+    clock.now_s += 9.9
+    assert leases.of("ir361") is not None
+    clock.now_s += 0.2
+    assert leases.of("ir361") is None
+
+
+@pytest.mark.promise("safety-clock")
+def test_leases_are_timed_by_the_safety_clock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def clock_gettime(number: int) -> float:
+        asked.append(number)
+        return 5.0 + 100.0 * len(asked)
+
+    leases = Leases(LeaseStore(open_database(tmp_path / "service.db")))
+    monkeypatch.setattr("time.clock_gettime", clock_gettime)
+    leases.take("ir361", ANNA, "", 10.0)
+    assert leases.of("ir361") is None
+    assert set(asked) == {time.CLOCK_BOOTTIME}
+
+
+@pytest.mark.promise("safety-clock")
+def test_a_lease_of_another_start_of_the_computer_is_void(tmp_path: Path) -> None:
+    clock = Clock()
+    first = open_database(tmp_path / "service.db")
+    lease = Leases(LeaseStore(first), clock, boot="a").take("ir361", ANNA, "", 60.0)
+    first.close()
+    again = Leases(LeaseStore(open_database(tmp_path / "service.db")), clock, boot="b")
+    assert again.of("ir361") is None
+    with pytest.raises(LockedError) as refused:
+        again.renew("ir361", lease.key, 60.0)
+    assert refused.value.refusal == "RID-LEASE-NONE"
+
+
+@pytest.mark.promise("safety-clock")
+def test_a_lease_of_an_older_program_is_void(tmp_path: Path) -> None:
+    database = open_database(tmp_path / "service.db")
+    lease = Leases(LeaseStore(database), Clock()).take("ir361", ANNA, "", 60.0)
+    database.write("DELETE FROM lease_ends")
+    database.close()
+    again = Leases(LeaseStore(open_database(tmp_path / "service.db")), Clock())
+    assert again.of(lease.cell) is None
+
+
+def test_a_renewed_lease_is_there_after_a_restart(tmp_path: Path) -> None:
+    clock = Clock()
+    database = open_database(tmp_path / "service.db")
+    leases = Leases(LeaseStore(database), clock)
+    lease = leases.take("ir361", ANNA, "", 10.0)
+    leases.renew("ir361", lease.key, 60.0)
+    database.close()
+    clock.now_s += 30.0
+    again = Leases(LeaseStore(open_database(tmp_path / "service.db")), clock)
+    assert again.require("ir361", lease.key).owner == "Anna"
 
 
 def test_a_lease_is_there_after_a_restart(tmp_path: Path) -> None:

@@ -1,0 +1,85 @@
+"""`own_state_folder`, `own_secret`: what this account keeps on this computer, for itself alone."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import stat
+from pathlib import Path
+from typing import Final
+
+from config.errors import RecordingError, system_errors
+
+SECRET_BYTES: Final = 32
+FOREIGN: Final = "RID-STATE-FOREIGN"
+
+
+def own_state_folder() -> Path:
+    """Return this account's folder for the program's state; it is made where there is none.
+
+    It is ``$XDG_STATE_HOME/rid-daq``, or ``~/.local/state/rid-daq``.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be made, or another account owns it or can write to it.
+    """
+    told = os.environ.get("XDG_STATE_HOME", "")
+    home = Path(told) if Path(told).is_absolute() else Path("~/.local/state").expanduser()
+    folder = home / "rid-daq"
+    with system_errors(RecordingError, f"{folder}: cannot be made"):
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _require_own(folder, os.stat(folder), forbidden=0o022)
+    return folder
+
+
+def own_secret(name: str) -> bytes:
+    """Return a secret of this account; it is made where there is none.
+
+    Parameters
+    ----------
+    name : str
+        The name of its file in `own_state_folder`.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read or made, or another account owns it or can read it.
+    """
+    path = own_state_folder() / name
+    with system_errors(RecordingError, f"{path}: cannot be read"):
+        if not path.exists():
+            _make(path)
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        with open(descriptor, "rb") as file:
+            _require_own(path, os.fstat(descriptor), forbidden=0o077)
+            secret = file.read(SECRET_BYTES + 1)
+    if len(secret) != SECRET_BYTES:
+        raise RecordingError(f"{path}: is no secret of rid-daq: move it away, and it is made anew")
+    return secret
+
+
+def _make(path: Path) -> None:
+    """Make a secret whole, unless another process has made it meanwhile."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW
+    try:
+        with open(os.open(temporary, flags, 0o600), "wb") as file:
+            file.write(secrets.token_bytes(SECRET_BYTES))
+            file.flush()
+            os.fsync(file.fileno())
+        with contextlib.suppress(FileExistsError):
+            os.link(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _require_own(path: Path, status: os.stat_result, forbidden: int) -> None:
+    if status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & forbidden:
+        raise RecordingError(
+            f"{path}: belongs to user {status.st_uid} with mode {stat.S_IMODE(status.st_mode):03o}:"
+            f" only user {os.geteuid()} may own, read and write it. Find out who made it, then"
+            " move it away or correct owner and mode",
+            code=FOREIGN,
+        )

@@ -1,0 +1,108 @@
+"""What lets a cell move: a preflight of this service, not too old, that lacks nothing needed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rid_daq.preflight.axis_test import AXIS_TEST
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.readiness import NOT_SINCE_START, PREFLIGHT_LIMIT_S, Readiness
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.store.cells import CellStore
+from rid_daq.service.store.database import open_database
+from tests.builders.clock import Clock
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def cell() -> ServedCell:
+    return ServedCell("ir361", 1.0)
+
+
+def opened(folder: Path, clock: Clock) -> Readiness:
+    """Return the readiness of a service that begins now."""
+    store = CellStore(open_database(folder / "service.db"))
+    store.add("ir361")
+    return Readiness(store, clock)
+
+
+@pytest.fixture
+def readiness(tmp_path: Path, clock: Clock) -> Readiness:
+    return opened(tmp_path, clock)
+
+
+def checked(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str, object]:
+    """Return what a check says that has found red lines."""
+    lines = [{"what": what, "verdict": "red"} for what in red]
+    return {
+        "passed": not red and problem is None,
+        "problem": problem,
+        "lines": [*lines, {"what": "heartbeat", "verdict": "ok"}],
+        "files_hash": cell.loaded.files_hash,
+    }
+
+
+@pytest.mark.promise("safety-clock")
+def test_a_jump_of_the_date_neither_extends_nor_voids_a_preflight(
+    cell: ServedCell, readiness: Readiness, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    readiness.note_check(cell, checked(cell))
+    for date_s in (0.0, 4e9):
+        monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
+        assert readiness.obstacle(cell) == ""
+    clock.now_s += PREFLIGHT_LIMIT_S + 1.0
+    assert readiness.obstacle(cell).startswith("its preflight is 30 min old")
+    assert readiness.age_s(cell) == PREFLIGHT_LIMIT_S + 1.0
+
+
+@pytest.mark.promise("safety-clock")
+def test_a_restart_of_the_service_voids_a_preflight(
+    cell: ServedCell, tmp_path: Path, clock: Clock
+) -> None:
+    database = open_database(tmp_path / "service.db")
+    store = CellStore(database)
+    store.add("ir361")
+    Readiness(store, clock).note_check(cell, checked(cell))
+    database.close()
+    again = opened(tmp_path, clock)
+    assert again.obstacle(cell) == NOT_SINCE_START
+    told = again.preflight(cell)
+    assert told is not None
+    assert told.passed, "its lines can still be read"
+    assert told.void_because == NOT_SINCE_START
+    assert told.age_s is None
+
+
+@pytest.mark.promise("served-axis-test")
+@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.moves])
+def test_only_axis_test_and_jog_begin_without_an_axis_test(
+    kind: JobKind, cell: ServedCell, readiness: Readiness
+) -> None:
+    readiness.note_check(cell, checked(cell, AXIS_TEST))
+    held = kind in (JobKind.AXES, JobKind.JOG)
+    assert (readiness.obstacle(cell, kind) == "") is held
+    assert "red" in readiness.obstacle(cell)
+
+
+@pytest.mark.promise("served-axis-test")
+@pytest.mark.parametrize("kind", [JobKind.AXES, JobKind.JOG])
+def test_any_other_red_line_refuses_them_too(
+    kind: JobKind, cell: ServedCell, readiness: Readiness, clock: Clock
+) -> None:
+    readiness.note_check(cell, checked(cell, AXIS_TEST, "heartbeat"))
+    assert "red" in readiness.obstacle(cell, kind)
+    readiness.note_check(cell, checked(cell, "heartbeat"))
+    assert "red" in readiness.obstacle(cell, kind)
+    readiness.note_check(cell, checked(cell, AXIS_TEST, problem="a drive is silent"))
+    assert "red" in readiness.obstacle(cell, kind)
+    readiness.note_check(cell, checked(cell, problem="a drive is silent"))
+    assert "red" in readiness.obstacle(cell, kind)
+    readiness.note_check(cell, checked(cell, AXIS_TEST))
+    clock.now_s += PREFLIGHT_LIMIT_S + 1.0
+    assert "min old" in readiness.obstacle(cell, kind)
