@@ -154,8 +154,8 @@ class Preflight(Record):
 class CellStatus(Record):
     """A cell, as everybody may see it; `simulated` stands in every answer.
 
-    `preflight_age_s` is None where there is none that counts. `not_ready_because` is of motions in
-    general, `not_held_because` of those in which a key is held, axis test and jog: they need no axis
+    `preflight_age_s` is None if there is none that counts. `not_ready_because` is about motions in
+    general, `not_held_because` about axis test and jog, in which a key is held: they need no axis
     test before.
     """
 
