@@ -1,8 +1,8 @@
 """`DeadMan`: what whoever holds a key tells the cyclic task, which asks in every cycle.
 
-A key is held until a moment: each repeat of a keyboard, each message of a button, moves that moment
-on. Nobody has to say that it was released: it is, once the moment has passed, also where the
-program was killed or suspended, or its computer hangs.
+A key is held until a moment, by `safety_now_s`: each repeat of a keyboard, each fresh message of a
+button, moves that moment on. Nobody has to say that it was released: it is, once the moment has
+passed, also if the program was killed or suspended, or its computer hangs.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class DeadMan(SharedBlock):
         line : Line
             Checked.
         until_s : float
-            Until when the key is held as far as is known, on the monotonic clock [s].
+            Until when the key is held as far as is known, by `safety_now_s` [s].
         """
         words = self._words
         words.goal[: len(line.goal)] = line.goal.tolist()
@@ -64,7 +64,7 @@ class DeadMan(SharedBlock):
         words.press += 1
 
     def hold(self, until_s: float) -> None:
-        """Say that the key is held until a moment, on the monotonic clock [s]."""
+        """Say that the key is held until a moment, by `safety_now_s` [s]."""
         self._words.held_until_s = until_s
 
     def release(self) -> None:

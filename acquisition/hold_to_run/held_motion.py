@@ -16,6 +16,7 @@ from acquisition.motion.samples import Phase
 from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
+from config.process.safety_clock import safety_now_s
 from config.robot.robot import RobotDescription
 
 IDLE_S: Final = 60.0
@@ -43,7 +44,7 @@ class HeldMotion:
     unattended : bool
         Whether each press counts as held to its end: for simulated cells, where no person is.
     now_s : callable
-        The clock that keys are held by, monotonic [s].
+        The clock that keys are held by [s].
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class HeldMotion:
         *,
         once: bool = False,
         unattended: bool = False,
-        now_s: Callable[[], float] = time.monotonic,
+        now_s: Callable[[], float] = safety_now_s,
     ) -> None:
         limits = [joint.limits for joint in robot.joints]
         self._dead_man = dead_man

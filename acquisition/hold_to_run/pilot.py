@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import threading
-import time
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from acquisition.hold_to_run.dead_man import DeadMan
+from acquisition.hold_to_run.held_key import Held
 from acquisition.hold_to_run.line import Line
 from config.arrays import FloatArray
+from config.process.safety_clock import safety_now_s
 
 LOOK_S: Final = 0.01
-
-
-class Held(NamedTuple):
-    """A key that is held, and until when as far as is known, on the monotonic clock [s]."""
-
-    key: str
-    until_s: float
 
 
 class Keys(Protocol):
@@ -70,10 +64,7 @@ class Pilot:
         self._plan = plan
         self._until = until
         self._ready: Callable[[FloatArray], None] | None = ready
-        self._pressed = ""
-        self._line: Line | None = None
-        self._line_of = ""
-        self._seen: FloatArray | None = None
+        self._pressed = 0  # the press that was looked at
         self._error: BaseException | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rid-daq pilot", daemon=True)
@@ -92,12 +83,13 @@ class Pilot:
     def _run(self) -> None:
         try:
             while not self._over.wait(LOOK_S):
-                self._look()
+                self.look()
         except BaseException as error:
             self._error = error
             self._dead_man.finish()
 
-    def _look(self) -> None:
+    def look(self) -> None:
+        """Look once at the keys, and tell the dead-man."""
         pose = self._dead_man.resting(self._joints)
         if pose is not None and self._ready is not None:
             self._ready(pose)
@@ -105,28 +97,21 @@ class Pilot:
         if pose is not None and self._until is not None and (pose == self._until).all():
             self._dead_man.finish()
         held = self._keys.look()
-        if held is None or held.key != self._pressed:
+        if held is None or held.press != self._pressed:
             self._dead_man.release()
-            self._pressed = ""
+            self._pressed = 0
         elif self._pressed:
             self._dead_man.hold(held.until_s)
             return
         if held is None or pose is None:  # no key; or it slows down still, or has not begun
             return
-        line = self._line_along(held.key, pose)
-        held = self._keys.look()  # looking at the line takes its time
-        if held is None or held.key != self._line_of:
+        line = self._plan(held.key, pose)
+        still = self._keys.look()  # looking at the line takes its time
+        if still is None or still.press != held.press:
             return
-        self._pressed = held.key
+        self._pressed = held.press
         if line is not None and not line.is_empty:
-            self._dead_man.press(line, held.until_s)
-
-    def _line_along(self, key: str, pose: FloatArray) -> Line | None:
-        """Return what a key means here; it is looked at once, however long that takes."""
-        if key != self._line_of or self._seen is None or (self._seen != pose).any():
-            self._line = self._plan(key, pose)
-            self._line_of, self._seen = key, pose
-        return self._line
+            self._dead_man.press(line, still.until_s)
 
 
 class HeldForGood:
@@ -137,4 +122,4 @@ class HeldForGood:
 
     def look(self) -> Held:
         """Return that the key is held."""
-        return Held(self._key, time.monotonic())
+        return Held(self._key, 1, safety_now_s())

@@ -122,7 +122,7 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
             f" {', '.join(names)}"
         )
     if not request.unattended:
-        console.require_keys()
+        console.require_keys(simulated=loaded.config.simulated)
     elif not loaded.config.simulated:
         raise PreflightError(
             f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot"

@@ -81,7 +81,7 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
             " file, as `home: [0.0, …]`"
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
-    console.require_keys()
+    console.require_keys(simulated=loaded.config.simulated)
     require_ready(
         loaded,
         request.runs,
@@ -174,16 +174,24 @@ class Jogging:
         return key == QUIT
 
     def line(self, key: str, pose: FloatArray) -> Line | None:
-        """Return where a held key leads from a pose."""
+        """Return where a held key leads from a pose.
+
+        A page says the joint with the key (`2+`), so that no choice which came late, or from
+        another page, has a part in what moves.
+        """
         if key == HOME and self._home is not None:
             return _said(self._check(pose, self._home), "the home pose", self._console)
-        if key not in (FORTH, BACK):
+        named, direction = key[:-1], key[-1:]
+        if direction not in (FORTH, BACK) or not (named.isascii() and (named or "1").isdigit()):
             return None
-        joint = self._joints[self._chosen]
+        number = int(named) - 1 if named else self._chosen
+        if not 0 <= number < len(self._joints):
+            return None
+        joint = self._joints[number]
         wanted = pose.copy()
         limits = joint.limits
-        wanted[self._chosen] = limits.position_max if key == FORTH else limits.position_min
-        return _said(self._check(pose, wanted), f"{joint.name} {key}", self._console)
+        wanted[number] = limits.position_max if direction == FORTH else limits.position_min
+        return _said(self._check(pose, wanted), f"{joint.name} {direction}", self._console)
 
 
 def _said(line: Line, where: str, console: Console) -> Line:

@@ -165,7 +165,7 @@ class _Shown:
             return
         self.close()
         match event.kind:
-            case "said":
+            case "said" | "key_refused":
                 console.say(event.text)
             case "judged":
                 console.verdict(event.passed, event.text)

@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pydantic import ValidationError
 
@@ -29,6 +29,9 @@ from rid_daq.terminal.job_events import (
     Judged,
     MotionBegun,
 )
+
+MOST_WAITING_BYTES: Final = 1 << 15
+"""Orders that may wait for a worker that does not read, before keys are dropped [bytes]."""
 
 
 class EventTail:
@@ -151,6 +154,17 @@ class RunningJob:
         writer = self.process.stdin
         if writer is not None and not writer.is_closing():
             writer.write((json.dumps(order) + "\n").encode())
+
+    def order_soon(self, **order: Any) -> None:
+        """Tell its worker something that is worth nothing later, unless much waits already."""
+        writer = self.process.stdin
+        if writer is not None and writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
+            self.order(**order)
+
+    @property
+    def wants_key(self) -> bool:
+        """Whether it wants a key to be held now."""
+        return self.question is not None and self.question.form == "hold" and not self.is_over
 
     def samples(self) -> dict[str, object] | None:
         """Return the newest picture of the motion under way, None where none is."""

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from acquisition.hold_to_run.held_key import KeyMessage
 from acquisition.runs.run_id import new_run_id
 from config.errors import ConfigError, LockedError, PreflightError
 from rid_daq.live.feed import Feed
@@ -259,15 +260,16 @@ class CellService:
         self.audit.note(who.name, "answered", job.cell, f"{asked.text} {text}")
         running.order(answer=question, text=text)
 
-    def hold(self, job_id: str, *, held: str | None = None, tapped: str | None = None) -> None:
-        """Pass on a key that is held, or was tapped, on a page; for 0.2 s at most."""
+    def wanting_keys(self) -> list[str]:
+        """Return the jobs that want a key to be held now."""
+        return [running.job.id for running in self.workshop if running.wants_key]
+
+    def pass_on_key(self, job_id: str, message: KeyMessage) -> None:
+        """Pass a message about a key on to the worker, which judges it; a release at any time."""
         running = self.workshop.get(job_id)
-        if running is None or running.question is None or running.question.form != "hold":
+        if running is None or not (running.wants_key or message.is_release):
             return
-        if held is not None:
-            running.order(held=held)
-        if tapped is not None:
-            running.order(tapped=tapped)
+        running.order_soon(**message.order())
 
     async def run(self, until: asyncio.Event) -> None:
         """Watch jobs and leases until the event; then stop what moves, and end."""

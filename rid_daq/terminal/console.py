@@ -255,17 +255,25 @@ class Console:
         """
         return _answered(lambda: typer.confirm(question, err=True))
 
-    def require_keys(self) -> None:
-        """Refuse to begin where no key can be held.
+    def require_keys(self, *, simulated: bool) -> None:
+        """Refuse to begin if no key can be held, or not safely.
+
+        Parameters
+        ----------
+        simulated
+            Whether the cell is: then a remote terminal will do.
 
         Raises
         ------
         PreflightError
-            There is no keyboard.
+            There is no keyboard, or a network is between it and a real cell.
         """
         from rid_daq.terminal.keyboard import require_keyboard
+        from rid_daq.terminal.remote_terminal import refuse_remote_terminal
 
         require_keyboard()
+        if not simulated:
+            refuse_remote_terminal()
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
         """Return what says which key is held, for as long as its `with` lasts.

@@ -107,6 +107,17 @@ class Asked(_Event):
     choices: tuple[Choice, ...] = ()
 
 
+class KeyRefused(_Event):
+    """A held key counts no longer, or not at all, until it is pressed again; and why.
+
+    `round_trip_ms` is how long the link takes there and back, if that is the reason [ms].
+    """
+
+    kind: Literal["key_refused"] = "key_refused"
+    text: str
+    round_trip_ms: float | None = None
+
+
 class Answered(_Event):
     """A question needs no answer any more."""
 
@@ -133,6 +144,7 @@ AnyEvent = Annotated[
     | Progressed
     | WarmedUp
     | Asked
+    | KeyRefused
     | Answered
     | Ended,
     Field(discriminator="kind"),

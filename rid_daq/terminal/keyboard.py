@@ -2,7 +2,9 @@
 
 A terminal has no word for a key that is let go. A key counts as held from the second of two
 repeats that follow one another within `DEAD_MAN_S`, and no longer than that after the last: the
-first press, which is long before its first repeat, and a tap move nothing.
+first press, which is long before its first repeat, and a tap move nothing. If this program was
+suspended, or too busy to look, nobody knows whether the key was let go meanwhile: it counts only
+after `DEAD_MAN_S` in which none came, which is a release.
 """
 
 from __future__ import annotations
@@ -11,14 +13,14 @@ import os
 import select
 import sys
 import termios
-import time
 import tty
 from collections.abc import Callable
 from typing import Any
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
-from acquisition.hold_to_run.pilot import Held
+from acquisition.hold_to_run.held_key import Held
 from config.errors import PreflightError
+from config.process.safety_clock import safety_now_s
 
 _ALIKE = {"=": "+", "_": "-"}
 """What the same key sends without, or with, the shift key."""
@@ -32,7 +34,7 @@ class Keyboard:
     tapped : callable
         Told of every key that comes, held or not.
     now_s : callable
-        The monotonic clock [s].
+        The clock that keys are held by [s].
 
     Raises
     ------
@@ -43,13 +45,16 @@ class Keyboard:
     def __init__(
         self,
         tapped: Callable[[str], None] = lambda _key: None,
-        now_s: Callable[[], float] = time.monotonic,
+        now_s: Callable[[], float] = safety_now_s,
     ) -> None:
         self._tapped = tapped
         self._now_s = now_s
         self._input = -1
         self._before: list[Any] = []
         self._key, self._came_s, self._held = "", -1.0, False
+        self._presses = 0
+        self._looked_s = now_s()
+        self._unseen = False  # what may have been a release was not looked at
 
     def __enter__(self) -> Keyboard:
         require_keyboard()
@@ -68,23 +73,39 @@ class Keyboard:
         while select.select([self._input], [], [], 0.0)[0] and (more := os.read(self._input, 1024)):
             typed += more
         keys = typed.decode(errors="replace")
+        self._note_pause(len(keys))
         for key in keys[:-1]:
             self._tapped(_ALIKE.get(key, key))
         if keys:
             self.take(keys[-1])
         return self.held
 
+    def _note_pause(self, came: int) -> None:
+        """Note whether keys have come while nobody looked: a release among them was not seen."""
+        now_s = self._now_s()
+        paused = now_s - self._looked_s >= DEAD_MAN_S
+        silent = now_s - self._came_s >= DEAD_MAN_S
+        self._looked_s = now_s
+        if came and (paused or (silent and came > 1)):
+            self._unseen = True
+        elif silent:
+            self._unseen = False
+
     @property
     def held(self) -> Held | None:
         """Which key is held now, by what was taken."""
         until_s = self._came_s + DEAD_MAN_S
-        return Held(self._key, until_s) if self._held and self._now_s() < until_s else None
+        if not self._held or self._now_s() >= until_s:
+            return None
+        return Held(self._key, self._presses, until_s)
 
     def take(self, key: str) -> None:
         """Take a key that has come; several at once, after a pause of this program, are one."""
         key, now_s = _ALIKE.get(key, key), self._now_s()
-        self._held = key == self._key and now_s - self._came_s < DEAD_MAN_S
-        self._key, self._came_s = key, now_s
+        held = key == self._key and now_s - self._came_s < DEAD_MAN_S and not self._unseen
+        if held and not self._held:
+            self._presses += 1
+        self._key, self._came_s, self._held = key, now_s, held
         self._tapped(key)
 
 

@@ -22,6 +22,7 @@ from rid_daq.terminal.job_events import (
     Choice,
     Documented,
     Judged,
+    KeyRefused,
     MotionBegun,
     Progressed,
     Said,
@@ -162,8 +163,8 @@ class JobConsole(Console):
         """Ask the client for yes or no; as `Console.confirm`."""
         return self._answer("yes_no", question).strip().lower() in ("y", "yes")
 
-    def require_keys(self) -> None:
-        """Accept: a page's button is a key."""
+    def require_keys(self, *, simulated: bool) -> None:
+        """Accept: a page's button is a key, and answers challenges."""
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
         """Return what says which key the client holds, for as long as its `with` lasts."""
@@ -173,9 +174,13 @@ class JobConsole(Console):
     def _held_keys(self, tapped: Callable[[str], None]) -> Iterator[Keys]:
         number = self.orders.next_question()
         self.events.write(Asked(at_s=time.time(), question=number, form="hold", text=""))
-        with self.orders.taps_to(tapped):
+        with self.orders.keys_to(tapped, self._refuse_key):
             yield self.orders
         self.events.write(Answered(at_s=time.time(), question=number))
+
+    def _refuse_key(self, text: str, round_trip_s: float | None) -> None:
+        round_trip_ms = None if round_trip_s is None else round(1e3 * round_trip_s, 1)
+        self.events.write(KeyRefused(at_s=time.time(), text=text, round_trip_ms=round_trip_ms))
 
     def _answer(
         self, form: Literal["text", "yes_no"], text: str, choices: tuple[Choice, ...] = ()

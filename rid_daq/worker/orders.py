@@ -1,6 +1,8 @@
 """`Orders`: what the service tells a worker, one line of JSON each on standard input.
 
-Where the input ends the service is gone: the job is told to end as by SIGTERM, and a motion stops.
+Keys are judged here by this process's own reading of the clock (`HeldKey`): an order that waited in
+the service, in the pipe or in a suspended process does not count. When the input ends the service
+is gone: the job is told to end as by SIGTERM, and a motion stops.
 """
 
 from __future__ import annotations
@@ -10,12 +12,31 @@ import json
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
-from typing import IO
+from typing import IO, Final
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
-from acquisition.hold_to_run.pilot import Held
+from acquisition.hold_to_run.held_key import (
+    CHALLENGE_LIMIT_S,
+    Held,
+    HeldKey,
+    KeyMessage,
+    KeyVerdict,
+)
+from config.process.safety_clock import safety_now_s
+
+SAYING_S: Final = 0.5
+"""Least time between two explanations of keys that do not count [s]."""
+
+_AGAIN: Final = "let go and press again"
+_REFUSALS: Final = {
+    KeyVerdict.UNRELEASED: f"the key was held before it could count: {_AGAIN}",
+    KeyVerdict.ELSEWHERE: "another page or program holds a key: it must let go first",
+    KeyVerdict.TAP_LOST: "a choice came too late and was not taken: choose again, then press",
+}
+
+Refused = Callable[[str, float | None], None]
+"""Told why a key does not count, and the link's round trip if it is the reason [s]."""
 
 
 class Orders:
@@ -26,18 +47,22 @@ class Orders:
     source : text stream
         Where they come from; its first line has been taken.
     now_s : callable
-        The monotonic clock [s].
+        The clock by which the service issues challenges [s].
     """
 
-    def __init__(self, source: IO[str], now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, source: IO[str], now_s: Callable[[], float] = safety_now_s) -> None:
         self._source = source
         self._now_s = now_s
         self._changed = threading.Condition()
         self._answers: dict[int, str] = {}
         self._questions = 0
         self._ended = False
-        self._held: Held | None = None
+        self._judging = threading.Lock()
+        self._key = HeldKey()
+        self._said = False  # why the present press does not count
+        self._next_s = 0.0
         self._tapped: Callable[[str], None] = lambda _key: None
+        self._refused: Refused = lambda _text, _round_trip_s: None
 
     def start(self) -> None:
         """Begin to read."""
@@ -56,31 +81,84 @@ class Orders:
             return self._answers.get(number)
 
     def look(self) -> Held | None:
-        """Return which key is held now, None where none is."""
-        held = self._held
-        return held if held is not None and self._now_s() < held.until_s else None
+        """Return which key is held now, None if there is none."""
+        with self._judging:
+            now_s = self._now_s()
+            self._end_gap(now_s)
+            return self._key.held(now_s)
 
     @contextlib.contextmanager
-    def taps_to(self, tapped: Callable[[str], None]) -> Iterator[None]:
-        """Tell somebody of every key that comes, for as long as the `with` lasts."""
-        self._tapped = tapped
+    def keys_to(self, tapped: Callable[[str], None], refused: Refused) -> Iterator[None]:
+        """Let keys count for as long as the `with` lasts.
+
+        Parameters
+        ----------
+        tapped : callable
+            Told of every key that is tapped.
+        refused : callable
+            Told once a press why it does not count, or no longer.
+        """
+        self._tapped, self._refused = tapped, refused
+        with self._judging:
+            self._key.ask(True)
         try:
             yield
         finally:
-            self._tapped = lambda _key: None
-            self._held = None
+            with self._judging:
+                self._key.ask(False)
+            self._tapped, self._refused = lambda _key: None, lambda _text, _round_trip_s: None
 
     def take(self, order: dict[str, object]) -> None:
-        """Take one order: an answer, a key that is held, or one that was tapped."""
+        """Take one order: an answer, or a message about a key."""
         match order:
             case {"answer": int(question)}:
                 with self._changed:
                     self._answers[question] = str(order.get("text", ""))
                     self._changed.notify_all()
-            case {"held": str(key)}:
-                self._held = Held(key, self._now_s() + DEAD_MAN_S) if key else None
-            case {"tapped": str(key)}:
-                self._tapped(key)
+            case _ if (message := KeyMessage.of(order)) is not None:
+                if self._judge(message) and message.tapped:
+                    self._tapped(message.key)
+
+    def _judge(self, message: KeyMessage) -> bool:
+        """Return whether a message about a key counts; say once a press if it does not."""
+        with self._judging:
+            now_s = self._now_s()
+            self._end_gap(now_s)
+            verdict = self._key.take(message, now_s)
+            if verdict is KeyVerdict.COUNTS:
+                self._said = False
+            elif verdict is KeyVerdict.LATE:
+                self._say_late(now_s - message.issued_s if message.issued_s else None)
+            elif verdict in _REFUSALS:
+                self._say(_REFUSALS[verdict], None)
+            return verdict is KeyVerdict.COUNTS
+
+    def _end_gap(self, now_s: float) -> None:
+        age_s = self._key.end_gap(now_s)
+        if age_s is not None:
+            self._say(
+                f"link too slow: {1e3 * age_s:.0f} ms without a fresh sign of the held key"
+                f" (one each {1e3 * DEAD_MAN_S:.0f} ms is needed): {_AGAIN}",
+                age_s,
+            )
+
+    def _say_late(self, round_trip_s: float | None) -> None:
+        if round_trip_s is None:
+            why = "it answers no challenge that the service sent by this connection for this job"
+        else:
+            limit_ms = 1e3 * CHALLENGE_LIMIT_S
+            why = (
+                f"link too slow: {1e3 * round_trip_s:.0f} ms there and back, {limit_ms:.0f} ms at"
+                " most"
+            )
+        self._say(f"{why}: the key does not count; {_AGAIN}", round_trip_s)
+
+    def _say(self, text: str, round_trip_s: float | None) -> None:
+        """Say once a press, and at most once in `SAYING_S`, why a key does not count."""
+        now_s = self._now_s()
+        if not self._said and now_s >= self._next_s:
+            self._said, self._next_s = True, now_s + SAYING_S
+            self._refused(text, round_trip_s)
 
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):

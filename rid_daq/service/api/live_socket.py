@@ -14,6 +14,7 @@ from typing import Final
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from config.errors import LockedError, RidDaqError
+from rid_daq.service.api.challenges import Challenges
 from rid_daq.service.api.context import is_local
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
@@ -37,6 +38,9 @@ MESSAGES_PER_S: Final = 60
 MOST_MISTAKES: Final = 10
 _KEYS: Final = ("stop", "job", "held", "tapped")
 
+IDLE_S: Final = 0.1
+"""How often a connection looks whether a job wants a key to be held [s]."""
+
 MOST_VIEWERS: Final = 64
 TOO_MANY: Final = 1013
 NO_TOKEN: Final = 1008
@@ -47,14 +51,17 @@ TOO_SLOW: Final = 1013
 async def look_on(socket: WebSocket) -> None:
     """Send a viewer what happens until it leaves.
 
-    Messages to it have a `type`: `cell`, `job`, `event`, `samples`, `beat` or `stopped`. It may
-    send `{"job": ID, "lease": KEY, "held": KEY}` while a key is held, `tapped` likewise, and
+    Messages to it have a `type`: `cell`, `job`, `event`, `samples`, `beat`, `stopped`; and
+    `challenge` while a job wants a key to be held. An operator holds a key by answering each
+    challenge with `{"job": ID, "lease": KEY, "held": "+", "sequence": 12, "challenge": VALUE}`;
+    `"held": ""` says that it was released, `tapped` that a key was tapped. It may also send
     `{"stop": CELL, "number": N}`.
     """
     service: CellService = socket.app.state.service
     door: Doorkeeper = socket.app.state.doorkeeper
     known = partial(door.look, socket.headers, local=is_local(socket))
-    if known() is None:
+    who = known()
+    if who is None:
         await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
         return
     if service.feed.viewers >= MOST_VIEWERS:
@@ -62,13 +69,16 @@ async def look_on(socket: WebSocket) -> None:
         return
     await socket.accept()
     sender = _Sender(socket)
+    challenges = Challenges()
     beside = [
         asyncio.create_task(_send(sender, service)),
         asyncio.create_task(_watch(socket, known)),
         asyncio.create_task(_beat(sender)),
     ]
+    if who.role.includes(Role.OPERATOR):
+        beside.append(asyncio.create_task(_challenge(sender, service, challenges)))
     try:
-        await _receive(sender, service, known)
+        await _receive(sender, service, challenges, known)
     except (WebSocketDisconnect, RuntimeError, OSError):
         LOG.debug("a viewer has left")
     finally:
@@ -119,8 +129,20 @@ async def _watch(socket: WebSocket, known: Callable[[], Identity | None]) -> Non
     await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
 
 
+async def _challenge(sender: _Sender, service: CellService, challenges: Challenges) -> None:
+    """Send challenges for as long as a job wants a key to be held."""
+    while True:
+        jobs = service.wanting_keys()
+        for job in jobs:
+            await sender.send(json.dumps(challenges.issue(job)))
+        await asyncio.sleep(challenges.pause_s if jobs else IDLE_S)
+
+
 async def _receive(
-    sender: _Sender, service: CellService, known: Callable[[], Identity | None]
+    sender: _Sender,
+    service: CellService,
+    challenges: Challenges,
+    known: Callable[[], Identity | None],
 ) -> None:
     socket, budget = sender.socket, _Budget()
     while True:
@@ -141,7 +163,7 @@ async def _receive(
             return
         if who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
-                _hold(service, told)
+                _hold(service, challenges, told)
 
 
 def _message(text: str) -> dict[str, object] | None:
@@ -170,8 +192,8 @@ class _Budget:
         return self._messages >= 0.0 and self._mistakes >= 0
 
 
-def _hold(service: CellService, told: dict[str, object]) -> None:
-    """Pass on a held or tapped key of who has the cell.
+def _hold(service: CellService, challenges: Challenges, told: dict[str, object]) -> None:
+    """Pass on what the owner of the cell says about a key.
 
     Raises
     ------
@@ -183,13 +205,10 @@ def _hold(service: CellService, told: dict[str, object]) -> None:
     job = service.jobs.kept(str(told.get("job")))
     if job is None:
         raise UnknownError("no such job is under way")
-    lease = told.get("lease")
-    if not isinstance(lease, str):
+    key = told.get("lease")
+    if not isinstance(key, str):
         raise LockedError("show the lease")
-    service.leases.require(job.cell, lease)
-    held, tapped = told.get("held"), told.get("tapped")
-    service.hold(
-        job.id,
-        held=held if isinstance(held, str) else None,
-        tapped=tapped if isinstance(tapped, str) else None,
-    )
+    lease = service.leases.require(job.cell, key)
+    message = challenges.message(job.id, lease.id, told)
+    if message is not None:
+        service.pass_on_key(job.id, message)

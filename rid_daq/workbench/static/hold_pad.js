@@ -1,8 +1,13 @@
 // Hold-to-run buttons: a key is sent while one is pressed, and "let go" at once when it is not.
 import { element } from "./dom.js";
-import { hold, letGo, tap } from "./service.js";
+import { hold, letGo, on, tap } from "./service.js";
 
 const JOG_KEYS = [["−", "-"], ["+", "+"]];
+
+let shown = null; // the pad on this page: { job, problem }
+on("key", (job, text) => {
+  if (shown?.job === job) shown.problem.textContent = text;
+});
 
 // Return { pad, leave } for a job that wants a key to be held.
 export function holdPad(job, joints) {
@@ -12,17 +17,21 @@ export function holdPad(job, joints) {
     for (const type of types) target.addEventListener(type, listener, { signal });
   };
   const buttons = [];
+  const problem = element("p", { class: "problem", role: "alert" });
+  shown = { job: job.id, problem };
 
   const release = () => {
     letGo();
     for (const each of buttons) each.classList.remove("held");
   };
 
+  // `key()` is the key that the button holds now.
   function holder(text, key, label = null) {
     const button = element("button", { type: "button", class: "hold", "aria-label": label }, text);
     const press = () => {
+      problem.textContent = "";
       button.classList.add("held");
-      hold(job.id, key);
+      hold(job.id, key());
     };
     listen(button, ["pointerdown"], (event) => {
       if (event.button !== 0) return;
@@ -48,26 +57,29 @@ export function holdPad(job, joints) {
   const free = job.kind === "jog" && !job.request.home;
   const rows = [];
   if (free) {
+    let chosen = 1; // said with each press, so that no choice can come too late
     const choices = joints.slice(0, 9).map((joint, i) => {
       const choice = element("button", { type: "button", class: "joint", "aria-pressed": String(i === 0) }, joint);
       choice.addEventListener("click", () => {
         release();
-        tap(job.id, String(i + 1));
+        chosen = i + 1;
+        tap(job.id, String(chosen));
         for (const each of choices) each.setAttribute("aria-pressed", String(each === choice));
       });
       return choice;
     });
     rows.push(element("div", { class: "joints", role: "group", "aria-label": "joint" }, ...choices));
     const hints = { "-": "hold to move back", "+": "hold to move forth" };
-    rows.push(element("div", { class: "holds" }, ...JOG_KEYS.map(([text, key]) => holder(text, key, hints[key]))));
+    rows.push(element("div", { class: "holds" }, ...JOG_KEYS.map(([text, key]) => holder(text, () => chosen + key, hints[key]))));
     if (document.querySelector("[data-home=yes]"))
-      rows.push(element("div", { class: "holds" }, holder("Hold: to the home pose", "h")));
+      rows.push(element("div", { class: "holds" }, holder("Hold: to the home pose", () => "h")));
   } else {
-    rows.push(element("div", { class: "holds" }, holder("Hold to move", " ")));
+    rows.push(element("div", { class: "holds" }, holder("Hold to move", () => " ")));
   }
   const end = element("button", { type: "button", onclick: () => tap(job.id, "q") }, "Finish");
   rows.push(element("div", { class: "actions" }, end));
   rows.unshift(element("p", { class: "question" }, "Hold the button: the robot moves. Let go: it stops."));
+  rows.push(problem);
 
   const leave = () => {
     release();

@@ -168,6 +168,7 @@ export class JobPanel {
   take(event) {
     switch (event.kind) {
       case "said": return event.text && this.say("p", event.text);
+      case "key_refused": return this.say("p", event.text, "problem");
       case "judged": return this.judge(event);
       case "tabled": return this.said.append(table(event.columns, event.rows, event.red));
       case "documented": return (this.document = event.document);

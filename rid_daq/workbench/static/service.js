@@ -1,4 +1,5 @@
 // The service as pages use it: requests, one WebSocket, the lease of this page's cell.
+import { HeldKey } from "./held_key.js";
 
 export const page = {
   cell: document.body.dataset.cell,
@@ -16,7 +17,6 @@ const WATCH_MS = 200;
 const SILENT_MS = 800;
 const SIGN_MS = 1000;
 const AGAIN_MS = 1000;
-const HOLD_MS = 50;
 const KEY = `rid-daq lease ${page.cell}`;
 const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
@@ -61,7 +61,7 @@ function refusalOf(answer, text) {
 }
 
 // Listeners: "cell" (status), "job" (job), "event" (job id, event), "samples" (picture, job id),
-// "reach" (true or false), "again" (after a gap: ask for what may have been missed).
+// "key" (job id and text: why a held key does not count), "reach" (true or false), "again" (after a gap: ask for what may have been missed).
 const listeners = new Map();
 
 export function on(type, listener) {
@@ -145,6 +145,7 @@ export function connect() {
     dispatch(JSON.parse(message.data));
   });
   socket.addEventListener("close", () => {
+    keys.cut();
     noteReach();
     setTimeout(connect, AGAIN_MS);
   });
@@ -154,6 +155,8 @@ function dispatch(told) {
   if (told.type === "cell" && told.cell.cell === page.cell) setStatus(told.cell);
   if (told.type === "job" && told.job.cell === page.cell) tell("job", told.job);
   if (told.type === "event") tell("event", told.job, told.event);
+  if (told.type === "challenge") keys.challenge(told);
+  if (told.type === "event" && told.event.kind === "key_refused") tell("key", told.job, told.event.text);
   if (told.type === "samples" && told.cell === page.cell) tell("samples", told.picture, told.job);
 }
 
@@ -221,26 +224,13 @@ export const beginJob = (kind, request = {}, more = {}) =>
 
 export const answerJob = (job, question, text) => ask("POST", `/jobs/${job}/answer`, { question, text });
 
-// ---- held keys: sent every 50 ms while held; "" at once when let go
-let holding = null;
+// ---- held keys
+const keys = new HeldKey((message) => {
+  if (socket?.readyState !== WebSocket.OPEN || !lease.key) return false;
+  socket.send(JSON.stringify({ ...message, lease: lease.key }));
+  return true;
+}, (job, text) => tell("key", job, text));
 
-function sendKey(message) {
-  if (socket?.readyState === WebSocket.OPEN && lease.key)
-    socket.send(JSON.stringify({ ...message, lease: lease.key }));
-}
-
-export function hold(job, key) {
-  letGo();
-  const send = () => sendKey({ job, held: key });
-  holding = { job, timer: setInterval(send, HOLD_MS) };
-  send();
-}
-
-export function letGo() {
-  if (holding === null) return;
-  clearInterval(holding.timer);
-  sendKey({ job: holding.job, held: "" });
-  holding = null;
-}
-
-export const tap = (job, key) => sendKey({ job, tapped: key });
+export const hold = (job, key) => keys.hold(job, key);
+export const letGo = () => keys.letGo();
+export const tap = (job, key) => keys.tap(job, key);

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -10,8 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
+from acquisition.hold_to_run.held_key import Held
 from acquisition.hold_to_run.line import Line
-from acquisition.hold_to_run.pilot import Held, Pilot
+from acquisition.hold_to_run.pilot import Pilot
+from config.process.safety_clock import safety_now_s
 from tests.builders.typist import wait_for
 
 POSE = np.array([0.1, 0.2])
@@ -23,13 +24,15 @@ class Desk:
 
     def __init__(self) -> None:
         self.key = ""
+        self.press = 1
         self.plans: list[str] = []
         self.meanwhile: Callable[[], None] = lambda: None
         self.looks = 0
 
     def look(self) -> Held | None:
         self.looks += 1
-        return Held(self.key, time.monotonic() + DEAD_MAN_S) if self.key else None
+        until_s = safety_now_s() + DEAD_MAN_S
+        return Held(self.key, self.press, until_s) if self.key else None
 
     def plan(self, key: str, pose: NDArray[np.float64]) -> Line | None:
         self.plans.append(key)
@@ -57,7 +60,7 @@ def test_a_held_key_is_one_press_and_its_release_is_told(dead_man: DeadMan) -> N
         np.testing.assert_array_equal(goal, GOAL)
         assert pace == 1.0
         desk.looks_again()
-        assert dead_man.held_until_s > time.monotonic() - 1.0
+        assert dead_man.held_until_s > safety_now_s() - 1.0
         desk.key = ""
         wait_for(lambda: dead_man.held_until_s == 0.0)
     assert dead_man.number == 1
@@ -74,9 +77,35 @@ def test_a_key_that_was_let_go_while_its_line_was_looked_at_moves_nothing(
         wait_for(lambda: desk.plans == ["+"])
         desk.looks_again()
         assert dead_man.number == 0
+        desk.meanwhile = lambda: None
         desk.key = "+"
         wait_for(lambda: dead_man.number == 1)
-    assert desk.plans == ["+"], "it was looked at already"
+    assert desk.plans == ["+", "+"], "what it means may have changed"
+
+
+def test_the_same_key_pressed_again_is_another_press_though_no_look_fell_between(
+    dead_man: DeadMan,
+) -> None:
+    desk = Desk()
+    with Pilot(dead_man, 2, desk, desk.plan):
+        desk.key = "+"
+        wait_for(lambda: dead_man.number == 1)
+        desk.press = 2
+        desk.looks_again()
+        assert dead_man.held_until_s == 0.0, "the first press is over"
+        dead_man.rest(POSE, 1)
+        wait_for(lambda: dead_man.number == 2)
+
+
+def test_a_key_that_was_pressed_again_while_its_line_was_looked_at_is_looked_at_again(
+    dead_man: DeadMan,
+) -> None:
+    desk = Desk()
+    desk.meanwhile = lambda: setattr(desk, "press", min(desk.press + 1, 3))
+    with Pilot(dead_man, 2, desk, desk.plan):
+        desk.key = "+"
+        wait_for(lambda: dead_man.number == 1)
+    assert desk.plans == ["+"] * 3
 
 
 def test_a_key_without_a_meaning_moves_nothing(dead_man: DeadMan) -> None:
@@ -115,7 +144,7 @@ def test_an_error_of_its_own_releases_the_key_ends_the_motion_and_is_told(
     dead_man: DeadMan,
 ) -> None:
     desk = Desk()
-    dead_man.hold(time.monotonic() + DEAD_MAN_S)
+    dead_man.hold(safety_now_s() + DEAD_MAN_S)
 
     def breaks() -> None:
         raise ZeroDivisionError

@@ -60,6 +60,20 @@ def test_a_held_key_leads_the_chosen_joint_and_no_other_to_its_end(key: str, end
     assert pose.tolist() == [0.1] * N
 
 
+@pytest.mark.promise("held-key-tap")
+def test_a_key_may_name_its_joint_whatever_is_chosen() -> None:
+    keys = jogging(Said())
+    keys.tapped("1")
+    line = keys.line("2+", np.zeros(N))
+    assert line is not None
+    assert np.flatnonzero(line.goal).tolist() == [1]
+
+
+@pytest.mark.parametrize("key", ["2", "0+", f"{N + 1}+", "-1+", "x+", "²+", "2h", "++"])
+def test_a_key_that_names_no_joint_leads_nowhere(key: str) -> None:
+    assert jogging(Said()).line(key, np.zeros(N)) is None
+
+
 @pytest.mark.parametrize("key", [" ", "x", "0", "9", "h", "²"])
 def test_any_other_key_moves_nothing_and_chooses_nothing(key: str) -> None:
     said = Said()

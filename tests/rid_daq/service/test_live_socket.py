@@ -11,12 +11,16 @@ from typing import Any
 import pytest
 from fastapi import FastAPI
 
+from acquisition.hold_to_run.held_key import KeyMessage
+from config.process.safety_clock import safety_now_s
 from rid_daq.service.api import live_socket
 from rid_daq.service.api.app import make_api
+from rid_daq.service.api.challenges import LONGEST_S, Challenges
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.records import Identity, Job, JobState, Role, Token
+from rid_daq.service.records import HeldLease, Identity, Job, JobState, Role, Token
 from rid_daq.service.service import CellService
+from tests.builders.clock import Clock
 
 JOB = Job(
     id="1",
@@ -36,8 +40,15 @@ class Viewer:
         self.sent: asyncio.Queue[MutableMapping[str, Any]] = asyncio.Queue()
         self.got: asyncio.Queue[MutableMapping[str, Any]] = asyncio.Queue()
 
-    def say(self, **told: str) -> None:
+    def say(self, **told: object) -> None:
         self.sent.put_nowait({"type": "websocket.receive", "text": json.dumps(told)})
+
+    async def challenge(self) -> str:
+        """Wait for the next challenge and return its value."""
+        while (told := json.loads((await self.got.get())["text"]))["type"] != "challenge":
+            pass
+        assert told["job"] == JOB.id
+        return str(told["value"])
 
     async def ends(self) -> tuple[int, str]:
         """Wait until the service closes it; return its code and reason."""
@@ -71,35 +82,134 @@ def app(service: CellService) -> FastAPI:
     return make_api(service, Doorkeeper(service.tokens, 0, secure=False))
 
 
+class Keys:
+    """What the service has passed on to the worker of a job that wants a key to be held."""
+
+    def __init__(self, service: CellService, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.passed_on: list[KeyMessage] = []
+        self._came = asyncio.Event()
+        service.jobs.add(JOB)
+        monkeypatch.setattr(service, "wanting_keys", lambda: [JOB.id])
+        monkeypatch.setattr(service, "pass_on_key", self._take)
+
+    def _take(self, job: str, message: KeyMessage) -> None:
+        assert job == JOB.id
+        self.passed_on.append(message)
+        self._came.set()
+
+    async def next(self) -> KeyMessage:
+        """Wait for a message, and return it."""
+        await self._came.wait()
+        self._came.clear()
+        return self.passed_on[-1]
+
+
+@pytest.fixture
+def keys(service: CellService, monkeypatch: pytest.MonkeyPatch) -> Keys:
+    return Keys(service, monkeypatch)
+
+
+@pytest.fixture
+def lease(service: CellService, tablet: tuple[Token, str]) -> HeldLease:
+    who = Identity(name="tablet", role=Role.OPERATOR, person=True, token=tablet[0].id)
+    return service.leases.take("ir361", who, "", 3600.0)
+
+
 def test_a_key_that_is_held_with_a_revoked_token_moves_nothing(
-    app: FastAPI,
-    service: CellService,
-    tablet: tuple[Token, str],
-    monkeypatch: pytest.MonkeyPatch,
+    app: FastAPI, service: CellService, tablet: tuple[Token, str], lease: HeldLease, keys: Keys
 ) -> None:
     token, secret = tablet
-    moved: list[str | None] = []
-    passed_on = asyncio.Event()
-
-    def hold(_job: str, *, held: str | None = None, tapped: str | None = None) -> None:
-        moved.append(held or tapped)
-        passed_on.set()
-
-    monkeypatch.setattr(service, "hold", hold)
-    service.jobs.add(JOB)
-    who = Identity(name="tablet", role=Role.OPERATOR, person=True, token=token.id)
-    lease = service.leases.take("ir361", who, "", 3600.0)
 
     async def jog() -> tuple[int, str]:
         async with looking_on(app, secret) as viewer:
-            viewer.say(job="1", lease=lease.key, held="up")
-            await passed_on.wait()
+            viewer.say(job="1", lease=lease.key, held="up", sequence=1)
+            await keys.next()
             service.tokens.revoke(token.id)
-            viewer.say(job="1", lease=lease.key, held="down")
+            viewer.say(job="1", lease=lease.key, held="down", sequence=2)
             return await viewer.ends()
 
     assert asyncio.run(jog()) == (1008, "Unauthorized")
-    assert moved == ["up"]
+    assert [each.key for each in keys.passed_on] == ["up"]
+
+
+@pytest.mark.promise("held-key-fresh")
+def test_a_held_key_is_passed_on_with_the_age_of_the_challenge_that_it_answers(
+    app: FastAPI, tablet: tuple[Token, str], lease: HeldLease, keys: Keys
+) -> None:
+    async def jog() -> tuple[KeyMessage, KeyMessage, KeyMessage]:
+        async with looking_on(app, tablet[1]) as viewer:
+            told = {"job": "1", "lease": lease.key, "held": "+"}
+            value = await viewer.challenge()
+            viewer.say(**told, sequence=1, challenge=value)
+            answered = await keys.next()
+            viewer.say(**told, sequence=2, challenge=value[::-1])
+            guessed = await keys.next()
+            viewer.say(**told, sequence=3)
+            viewer.say(**told, challenge=value)  # no number
+            return answered, guessed, await keys.next()
+
+    before_s = safety_now_s()
+    answered, guessed, without = asyncio.run(jog())
+    assert before_s <= answered.issued_s <= safety_now_s()
+    assert (guessed.issued_s, without.issued_s) == (0.0, 0.0)
+    assert [each.sequence for each in keys.passed_on] == [1, 2, 3]
+
+
+@pytest.mark.promise("held-key-one-connection")
+def test_a_challenge_is_answered_by_the_connection_that_it_was_sent_to(
+    app: FastAPI, tablet: tuple[Token, str], lease: HeldLease, keys: Keys
+) -> None:
+    async def jog() -> tuple[KeyMessage, KeyMessage]:
+        async with looking_on(app, tablet[1]) as one, looking_on(app, tablet[1]) as another:
+            told = {"job": "1", "lease": lease.key, "held": "+", "sequence": 1}
+            value = await one.challenge()
+            one.say(**told, challenge=value)
+            own = await keys.next()
+            another.say(**told, challenge=value)
+            return own, await keys.next()
+
+    own, foreign = asyncio.run(jog())
+    assert own.issued_s > 0.0
+    assert foreign.issued_s == 0.0
+    assert own.sender != foreign.sender
+
+
+@pytest.mark.promise("held-key-lease")
+def test_a_key_is_of_one_lease_and_moves_nothing_once_that_has_ended(
+    app: FastAPI,
+    service: CellService,
+    tablet: tuple[Token, str],
+    lease: HeldLease,
+    keys: Keys,
+) -> None:
+    who = Identity(name="anna", role=Role.OPERATOR, person=True, token=tablet[0].id)
+
+    async def jog() -> tuple[KeyMessage, KeyMessage]:
+        async with looking_on(app, tablet[1]) as viewer:
+            viewer.say(job="1", lease=lease.key, held="+", sequence=1)
+            first = await keys.next()
+            anna = service.leases.take("ir361", who, "", 3600.0, confirmed="ir361")
+            viewer.say(job="1", lease=lease.key, held="+", sequence=2)
+            viewer.say(job="1", lease=anna.key, held="+", sequence=3)
+            return first, await keys.next()
+
+    first, second = asyncio.run(jog())
+    assert [each.sequence for each in keys.passed_on] == [1, 3]
+    assert first.sender != second.sender
+
+
+def test_challenges_follow_one_another_as_quickly_as_the_link_allows() -> None:
+    clock = Clock()
+    challenges = Challenges(clock)
+    assert challenges.pause_s == LONGEST_S
+    for round_trip_s, pause_s in ((0.004, 0.03), (0.04, 0.03), (0.08, 0.06), (0.34, 0.1)):
+        value = challenges.issue("1")["value"]
+        clock.now_s += round_trip_s
+        told = {"held": "+", "sequence": 1, "challenge": value}
+        assert challenges.message("1", "lease", told) is not None
+        assert challenges.pause_s == pytest.approx(pause_s)
+    clock.now_s += 1.0
+    assert challenges.pause_s == LONGEST_S, "nobody answers"
 
 
 def test_a_viewer_that_says_nothing_sees_no_more_once_its_token_is_revoked(

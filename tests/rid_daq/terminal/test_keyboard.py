@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import pty
+from collections.abc import Iterator
+
 import pytest
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
@@ -71,3 +75,56 @@ def test_without_a_terminal_there_is_no_key_to_hold(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with pytest.raises(PreflightError, match="run the command in a terminal"), Keyboard():
         pass
+
+
+class Typed:
+    """A keyboard that a program looks at every 10 ms, unless it is suspended."""
+
+    def __init__(self, desk: Desk, outside: int) -> None:
+        self.desk, self._outside = desk, outside
+
+    def passes(self, time_s: float, *, looking: bool = True, repeating: bool = True) -> str | None:
+        """Let time pass in which a key repeats every 30 ms or none comes; return what is held."""
+        for step in range(1, round(time_s / 0.01) + 1):
+            self.desk.now_s += 0.01
+            if repeating and step % 3 == 0:
+                os.write(self._outside, b"+")
+            if looking:
+                self.desk.keyboard.look()
+        return self.desk.held()
+
+
+@pytest.fixture
+def typed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Typed]:
+    outside, inside = pty.openpty()
+    with os.fdopen(inside, "r", buffering=1) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        desk = Desk()
+        with desk.keyboard:
+            yield Typed(desk, outside)
+    os.close(outside)
+
+
+@pytest.mark.promise("held-key-suspended")
+@pytest.mark.parametrize("suspended_s", [0.25, 4.0])
+def test_after_the_program_was_suspended_a_key_that_still_repeats_must_be_let_go_first(
+    typed: Typed, suspended_s: float
+) -> None:
+    assert typed.passes(0.5) == "+"
+    assert typed.passes(suspended_s, looking=False) is None
+    assert typed.passes(2.0) is None, "the same press"
+    assert typed.passes(suspended_s, looking=False) is None
+    assert typed.passes(2.0) is None
+    assert typed.passes(0.3, repeating=False) is None
+    assert typed.passes(0.5) == "+", "another press"
+
+
+def test_a_release_is_another_press(typed: Typed) -> None:
+    typed.passes(0.5)
+    first = typed.desk.keyboard.held
+    typed.passes(0.3, repeating=False)
+    typed.passes(0.5)
+    second = typed.desk.keyboard.held
+    assert first is not None
+    assert second is not None
+    assert second.press == first.press + 1

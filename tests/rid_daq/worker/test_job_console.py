@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import threading
 import time
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from config.errors import ConfigError, PreflightError
 from rid_daq.service.remote_jobs import _Shown
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.job_events import Asked, Documented, Progressed
+from rid_daq.terminal.job_events import Asked, Documented, KeyRefused, Progressed
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
 from tests.builders.clock import Clock
@@ -157,23 +158,124 @@ def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
     assert len(killed) == 1
 
 
+class Holder:
+    """A page whose messages reach the worker when the test says so."""
+
+    def __init__(self, orders: Orders, clock: Clock) -> None:
+        self._orders, self._clock = orders, clock
+        self._sequence = 0
+
+    def says(self, late_s: float = 0.0, **key: str) -> None:
+        """Answer a challenge that was issued so long ago."""
+        self._sequence += 1
+        issued_s = self._clock.now_s - late_s
+        line = json.dumps(
+            {**key, "sender": "1/lease", "sequence": self._sequence, "issued_s": issued_s}
+        )
+        self._orders.take(json.loads(line))
+
+
+@pytest.fixture
+def holder(orders: Orders, clock: Clock) -> Holder:
+    return Holder(orders, clock)
+
+
+def refusals(events: Path) -> list[KeyRefused]:
+    return [event for event in EventTail(events).new() if isinstance(event, KeyRefused)]
+
+
 def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
-    orders: Orders, clock: Clock, console: JobConsole
+    holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
     taps: list[str] = []
     with console.keys(taps.append) as keys:
-        orders.take({"tapped": "2"})
-        orders.take({"held": "+"})
+        holder.says(tapped="2")
+        holder.says(held="+")
         held = keys.look()
         assert held is not None
         assert (held.key, held.until_s) == ("+", clock.now_s + DEAD_MAN_S)
         clock.now_s += DEAD_MAN_S
         assert keys.look() is None
-        orders.take({"held": "+"})
-        orders.take({"held": ""})
+        holder.says(held="+")
+        assert keys.look() is None, "the same press"
+        holder.says(held="")
+        holder.says(held="+")
+        assert keys.look() is not None
+        holder.says(held="")
         assert keys.look() is None, "let go"
-    orders.take({"tapped": "3"})
+    holder.says(tapped="3")
     assert taps == ["2"]
+
+
+@pytest.mark.promise("held-key-fresh")
+def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
+    holder: Holder, clock: Clock, console: JobConsole
+) -> None:
+    with console.keys(lambda _key: None) as keys:
+        holder.says(held="+", late_s=0.2)
+        held = keys.look()
+        assert held is not None
+        assert held.until_s == pytest.approx(clock.now_s + 0.1), "0.3 s after the challenge"
+        clock.now_s += 0.11
+        assert keys.look() is None
+
+
+@pytest.mark.promise("held-key-slow-link")
+def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
+    holder: Holder, clock: Clock, console: JobConsole, events: Path
+) -> None:
+    with console.keys(lambda _key: None) as keys:
+        for _ in range(5):
+            holder.says(held="+", late_s=0.34)
+            assert keys.look() is None
+            clock.now_s += 0.1
+    (refused,) = refusals(events)
+    assert refused.round_trip_ms == pytest.approx(340.0)
+    assert "link too slow: 340 ms" in refused.text
+
+
+@pytest.mark.promise("held-key-slow-link")
+def test_a_link_that_stalls_is_said_when_the_key_counts_no_longer(
+    holder: Holder, clock: Clock, console: JobConsole, events: Path
+) -> None:
+    with console.keys(lambda _key: None) as keys:
+        holder.says(held="+", late_s=0.04)
+        clock.now_s += 0.21
+        assert keys.look() is None
+        (refused,) = refusals(events)
+        assert refused.round_trip_ms == pytest.approx(250.0)
+        holder.says(held="+")
+        assert keys.look() is None
+
+
+@pytest.mark.promise("held-key-tap")
+def test_a_tap_that_is_late_chooses_nothing_and_no_key_counts_before_another(
+    holder: Holder, console: JobConsole
+) -> None:
+    taps: list[str] = []
+    with console.keys(taps.append) as keys:
+        holder.says(tapped="2", late_s=0.31)
+        holder.says(held="+")
+        assert keys.look() is None, "it would move another axis than was chosen"
+        holder.says(held="")
+        holder.says(tapped="2")
+        holder.says(held="+")
+        assert keys.look() is not None
+    assert taps == ["2"]
+
+
+def test_a_key_that_is_held_from_one_question_to_the_next_must_be_let_go(
+    holder: Holder, console: JobConsole
+) -> None:
+    with console.keys(lambda _key: None):
+        holder.says(held=" ")
+    holder.says(held=" ")
+    with console.keys(lambda _key: None) as keys:
+        holder.says(held=" ")
+        assert keys.look() is None
+        holder.says(held="")
+        holder.says(held=" ")
+        assert keys.look() is not None
 
 
 def test_no_key_is_held_by_a_command_far_away() -> None:

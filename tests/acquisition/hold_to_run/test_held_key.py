@@ -1,0 +1,273 @@
+"""Which key counts as held, whatever becomes of the messages about it on their way."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from acquisition.hold_to_run.dead_man import DEAD_MAN_S
+from acquisition.hold_to_run.held_key import (
+    CHALLENGE_LIMIT_S,
+    LARGEST_SEQUENCE,
+    HeldKey,
+    KeyMessage,
+    KeyVerdict,
+)
+
+NOW_S = 100.0
+
+
+class Worker:
+    """The judge of keys, told what senders say."""
+
+    def __init__(self) -> None:
+        self.key = HeldKey()
+        self.key.ask(True)
+        self.now_s = NOW_S
+        self.numbers: dict[str, int] = {}
+
+    def hears(
+        self, key: str, sender: str = "a", *, late_s: float = 0.0, tapped: bool = False
+    ) -> KeyVerdict:
+        number = self.numbers[sender] = self.numbers.get(sender, 0) + 1
+        issued_s = self.now_s - late_s
+        return self.key.take(KeyMessage(key, tapped, sender, number, issued_s), self.now_s)
+
+    @property
+    def holds(self) -> str:
+        held = self.key.held(self.now_s)
+        return "" if held is None else held.key
+
+
+def test_a_key_counts_while_fresh_messages_come_and_until_it_is_released() -> None:
+    worker = Worker()
+    for _ in range(20):
+        assert worker.hears("+", late_s=0.04) is KeyVerdict.COUNTS
+        assert worker.holds == "+"
+        worker.now_s += 0.1
+    worker.hears("")
+    assert worker.holds == ""
+
+
+@pytest.mark.promise("held-key-fresh")
+@pytest.mark.parametrize(
+    ("late_s", "lasts_s"), [(0.0, 0.2), (0.05, 0.2), (0.1, 0.2), (0.2, 0.1), (0.29, 0.01)]
+)
+def test_it_counts_for_what_the_challenges_age_leaves_and_for_the_dead_mans_time_at_most(
+    late_s: float, lasts_s: float
+) -> None:
+    worker = Worker()
+    worker.hears("+", late_s=late_s)
+    held = worker.key.held(worker.now_s)
+    assert held is not None
+    assert held.until_s == pytest.approx(NOW_S + lasts_s)
+
+
+@pytest.mark.promise("held-key-fresh")
+@pytest.mark.parametrize("late_s", [0.301, 4.0, -0.001, float("nan"), NOW_S])
+def test_a_challenge_that_is_too_old_unknown_or_of_the_future_does_not_count(late_s: float) -> None:
+    worker = Worker()
+    assert worker.hears("+", late_s=late_s) is KeyVerdict.LATE
+    assert worker.holds == ""
+
+
+@pytest.mark.promise("held-key-new-press")
+def test_after_a_gap_only_a_release_and_another_press_count() -> None:
+    worker = Worker()
+    worker.hears("+")
+    worker.now_s += DEAD_MAN_S
+    assert worker.holds == ""
+    assert worker.hears("+") is KeyVerdict.UNRELEASED
+    worker.hears("")
+    assert worker.hears("+") is KeyVerdict.COUNTS
+
+
+@pytest.mark.promise("held-key-new-press")
+def test_a_press_that_began_late_never_counts() -> None:
+    worker = Worker()
+    worker.hears("")
+    assert worker.hears("+", late_s=0.34) is KeyVerdict.LATE
+    assert worker.hears("+") is KeyVerdict.UNRELEASED
+
+
+@pytest.mark.promise("held-key-new-press")
+def test_another_key_without_a_release_counts_for_nothing_and_ends_the_press() -> None:
+    worker = Worker()
+    worker.hears("+")
+    assert worker.hears("-") is KeyVerdict.UNRELEASED
+    assert worker.holds == ""
+    assert worker.hears("+") is KeyVerdict.UNRELEASED
+
+
+@pytest.mark.promise("held-key-replay")
+def test_a_message_that_is_repeated_or_overtaken_counts_for_nothing() -> None:
+    worker = Worker()
+    first = KeyMessage("+", False, "a", 5, NOW_S)
+    assert worker.key.take(first, NOW_S) is KeyVerdict.COUNTS
+    assert worker.key.take(first, NOW_S + 0.1) is KeyVerdict.IGNORED
+    late = KeyMessage("+", False, "a", 4, NOW_S + 0.1)
+    assert worker.key.take(late, NOW_S + 0.1) is KeyVerdict.IGNORED
+    assert worker.key.held(NOW_S + DEAD_MAN_S) is None
+
+
+@pytest.mark.promise("held-key-one-connection")
+def test_a_press_belongs_to_one_sender() -> None:
+    worker = Worker()
+    worker.hears("", "b")
+    worker.hears("+", "a")
+    worker.now_s += 0.1
+    assert worker.hears("+", "b") is KeyVerdict.ELSEWHERE
+    worker.now_s += 0.15
+    assert worker.holds == "", "the other's message does not keep it"
+    assert worker.hears("+", "b") is KeyVerdict.UNRELEASED, "it was pressed before"
+    worker.hears("", "b")
+    assert worker.hears("+", "b") is KeyVerdict.COUNTS
+    worker.hears("", "a")
+    assert worker.holds == "+", "the release of another key"
+
+
+@pytest.mark.promise("held-key-one-connection")
+def test_a_press_does_not_go_on_over_another_connection() -> None:
+    worker = Worker()
+    worker.hears("+", "first connection")
+    worker.now_s += 1.0
+    assert worker.hears("+", "second connection") is KeyVerdict.UNRELEASED
+    assert worker.hears("", "third connection") is KeyVerdict.COUNTS
+    assert worker.hears("+", "third connection") is KeyVerdict.COUNTS
+
+
+@pytest.mark.promise("held-key-tap")
+def test_a_late_tap_is_lost_and_its_sender_holds_nothing_before_another() -> None:
+    worker = Worker()
+    assert worker.hears("2", late_s=0.31, tapped=True) is KeyVerdict.LATE
+    assert worker.hears("+") is KeyVerdict.TAP_LOST
+    worker.hears("")
+    assert worker.hears("+") is KeyVerdict.TAP_LOST
+    worker.hears("")
+    assert worker.hears("2", tapped=True) is KeyVerdict.COUNTS
+    assert worker.hears("+") is KeyVerdict.COUNTS
+
+
+def test_keys_count_only_while_a_job_wants_them() -> None:
+    worker = Worker()
+    worker.hears("+")
+    worker.key.ask(False)
+    assert worker.hears("+") is KeyVerdict.IGNORED
+    worker.key.ask(True)
+    assert worker.hears("+") is KeyVerdict.UNRELEASED
+
+
+@pytest.mark.parametrize("tapped", [False, True])
+def test_a_message_is_the_same_as_an_order(tapped: bool) -> None:
+    message = KeyMessage("2+", tapped, "7/lease", 12, 345.678)
+    assert KeyMessage.of(json.loads(json.dumps(message.order()))) == message
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"sequence": -1},
+        {"sequence": True},
+        {"sequence": 1.5},
+        {"sequence": LARGEST_SEQUENCE},
+        {"sequence": None},
+        {"sender": 3},
+        {"issued_s": "now"},
+        {"held": "x" * 9},
+        {"held": None},
+        {"held": ["+"]},
+    ],
+)
+def test_what_is_no_complete_message_is_none(wrong: dict[str, object]) -> None:
+    whole = KeyMessage("+", False, "7/lease", 12, 345.678).order()
+    assert KeyMessage.of({**whole, **wrong}) is None
+    for name in whole:
+        assert KeyMessage.of({each: whole[each] for each in whole if each != name}) is None
+
+
+STEP_MS = 10
+CHALLENGE_MS = 30
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A message on its way to the worker, and the person's press that it tells of."""
+
+    message: KeyMessage
+    press: int
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    presses=st.lists(st.tuples(st.integers(0, 60), st.integers(0, 200)), min_size=1, max_size=4),
+    there=st.lists(st.integers(0, 150), min_size=1, max_size=20),
+    back=st.lists(st.integers(0, 150), min_size=1, max_size=20),
+    replays=st.sets(st.integers(0, 200)),
+    connections=st.lists(st.integers(0, 1), min_size=4, max_size=4),
+)
+@example(  # a link that stalls for a second while the key is held, and comes back
+    presses=[(0, 200)], there=[0], back=[0] * 20 + [100], replays=set(), connections=[0] * 4
+)
+@pytest.mark.promise("held-key-fresh", "held-key-new-press")
+def test_whatever_is_late_lost_reordered_or_repeated_a_key_counts_only_near_its_press(
+    presses: list[tuple[int, int]],
+    there: list[int],
+    back: list[int],
+    replays: set[int],
+    connections: list[int],
+) -> None:
+    """Pauses, presses and delays in steps of 10 ms; the person answers every newer challenge."""
+    held_at: dict[int, int] = {}  # step: the press that the person holds then
+    step = 0
+    for press, (pause, length) in enumerate(presses, start=1):
+        step += pause + 1
+        held_at.update(dict.fromkeys(range(step, step + length), press))
+        step += length
+    on_the_way: dict[int, list[Sent]] = {}
+    challenges: dict[int, list[int]] = {}
+    delays = itertools.cycle(back)
+    newest, numbers, sent = -1, [0, 0], 0
+
+    def send(key: str, press: int, at: int) -> None:
+        nonlocal sent
+        connection = connections[press - 1]
+        numbers[connection] += 1
+        issued_s = 0.01 * newest if newest >= 0 else 0.0
+        told = Sent(KeyMessage(key, False, str(connection), numbers[connection], issued_s), press)
+        arrives = at + next(delays)
+        on_the_way.setdefault(arrives, []).append(told)
+        if sent in replays:
+            on_the_way.setdefault(arrives + 7, []).append(told)
+        sent += 1
+
+    key = HeldKey()
+    key.ask(True)
+    counted: dict[int, int] = {}  # the number of a press that counted: the person's press
+    for now in range(step + 400):
+        if now * STEP_MS % CHALLENGE_MS == 0:
+            challenges.setdefault(now + there[now % len(there)], []).append(now)
+        known = newest
+        newest = max([newest, *challenges.pop(now, [])])
+        press, before = held_at.get(now, 0), held_at.get(now - 1, 0)
+        if press != before:
+            if before:
+                send("", before, now)
+            if press:
+                send("", press, now)
+        if press and (newest > known or press != before):
+            send("+", press, now)
+        for told in on_the_way.pop(now, []):
+            key.take(told.message, 0.01 * now)
+            counts = key.held(0.01 * now)
+            if counts is not None and counts.press not in counted:
+                counted[counts.press] = told.press
+        counts = key.held(0.01 * now)
+        if counts is not None:
+            near = range(now, now - round(CHALLENGE_LIMIT_S * 1000 / STEP_MS), -1)
+            assert any(each in held_at for each in near), "held 0.3 s after the release"
+    assert len(set(counted.values())) == len(counted), "a press that was over began again"
