@@ -1,7 +1,7 @@
 """`refuse_remote_terminal`: no key of a real cell is held over a network that cannot answer back.
 
 A terminal sends a key's repeats and nothing else. Over a network they come late, in bursts or
-without an end, and nobody can tell: so a real cell is jogged from a terminal of this computer, or
+without an end: a real cell is therefore jogged from a terminal of this computer, or
 in a browser, which answers challenges.
 """
 
