@@ -9,6 +9,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.formats.number import parse_numbers
 from config.plausible import ZERO_CELSIUS_K
 from identification.estimation.at_temperature import at_temperature, by_temperature
 from identification.estimation.estimate import Estimate
@@ -109,9 +110,9 @@ def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | N
 
 def _at_degrees(estimate: Estimate, asked: str, names: list[str]) -> AtOperation:
     try:
-        degrees = [float(word) for word in asked.split(",")]
-    except ValueError:
-        degrees = []
+        degrees = parse_numbers(asked)
+    except ConfigError:
+        degrees = ()
     if len(degrees) not in (1, len(names)) or not all(
         LOWEST_C <= each <= HIGHEST_C for each in degrees
     ):

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final
 from pydantic import BaseModel, RootModel
 from pydantic_core import ErrorDetails
 
+from config.formats.number import number_hint
 from config.formats.yaml_tree import YamlTree
 from config.plausible import key_name
 
@@ -69,6 +70,8 @@ def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
         return f"{prefix}'?' stands for a value that only you know: put it in its place"
     if detail["type"] == "string_pattern_mismatch":
         return f"{prefix}{_unwritten(str(given), detail.get('ctx', {}).get('pattern', ''))}"
+    if isinstance(given, str) and detail["type"] in ("float_type", "int_type"):
+        return f"{prefix}{message} (got {given!r}{number_hint(given)})"
     if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
         return f"{prefix}{message} (got {given!r})"
     return f"{prefix}{message}"

@@ -80,6 +80,9 @@ def bag_as_table(
                 received.append(received_ns)
                 stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
                 numbers.extend(row)
+    except ConfigError as error:
+        place = "" if str(error).startswith(str(path)) else f"{path}: "
+        raise ConfigError(f"{place}{error}", code=error.refusal) from None
     except (RidDaqError, MemoryError):
         raise
     except Exception as error:  # whatever a damaged file makes the library stumble over
@@ -165,10 +168,17 @@ def _row(message: Any, names: Sequence[str]) -> list[float] | None:
     places = [index.get(name) for name in names]
     if all(place is None for place in places):
         return None
+    twice = [name for name in names if list(message.name).count(name) > 1]
+    if len(index) < len(message.name) and twice:
+        raise ConfigError(
+            f"a message names joint {twice[0]} twice: nobody can tell which of its values are the"
+            " arm's. Record the arm's own topic, before other drivers are merged into it",
+            code="RID-BAG-JOINT-TWICE",
+        )
     row: list[float] = []
     for quantity in _QUANTITIES:
         values = getattr(message, quantity)
-        there = len(values) == len(index)
+        there = len(values) == len(message.name)
         row += [float(values[place]) if there and place is not None else np.nan for place in places]
     return row
 

@@ -13,7 +13,7 @@ from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
 from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible
-from config.robot.robot import Positive, RobotDescription
+from config.robot.robot import MOST_JOINTS, Positive, RobotDescription
 
 
 def _no_name(value: object) -> object:
@@ -80,6 +80,10 @@ class JointReading(ConfigModel):
     def _turning(self) -> JointReading:
         if self.gear_ratio == 0.0:
             raise ValueError("gear_ratio must not be 0")
+        if self.gear_ratio is not None and self.gear_ratio < 0.0 and self.position_sign < 0:
+            raise ValueError(
+                "gear_ratio is negative and position_sign is -1: they cancel. State one sign"
+            )
         return self
 
 
@@ -99,9 +103,9 @@ class JointStates(ConfigModel):
 
     @model_validator(mode="after")
     def _once(self) -> JointStates:
-        names = [joint.joint for joint in self.joints]
-        if len(set(names)) != len(names):
-            raise ValueError("two joints have the same name")
+        for names in ([joint.joint for joint in self.joints], self.names):
+            if len(set(names)) != len(names):
+                raise ValueError("two joints have the same name")
         constants = [j.joint for j in self.joints if j.torque_constant_nm_per_a is not None]
         if constants and self.effort == "torque":
             raise ValueError(
@@ -200,7 +204,7 @@ class ImportMap(PhysicalFile, Derived):
     joint_states: JointStates | None = None
     units: ImportUnits = ImportUnits()
     side: Literal["link", "motor"] = "link"
-    joints: tuple[ImportJoint, ...] = ()
+    joints: Annotated[tuple[ImportJoint, ...], Field(max_length=MOST_JOINTS)] = ()
     plausible: DamageLimits = DamageLimits()
     left_out_limit: Annotated[float, Field(ge=0.0, le=0.5)] = 0.02
     rows: RowRange = RowRange()

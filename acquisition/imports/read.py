@@ -100,6 +100,7 @@ def import_csv(
     position_step = position_steps(rows)
     position = columns.joint_positions(between_steps(rows, position_step))
     steps = np.diff(rows.time_s)
+    of_robot = () if robot is None else robot.kinematics.notes
     report = ImportReport(
         file=file.name,
         map_name=import_map.name,
@@ -117,7 +118,7 @@ def import_csv(
             step if joint.velocity is not None else None
             for step, joint in zip(position_step, import_map.joints, strict=True)
         ),
-        findings=(*table.notes, *notes, *findings.sentences),
+        findings=(*table.notes, *notes, *findings.sentences, *of_robot),
         static=findings.static,
     )
     recording = Recording(

@@ -6,7 +6,7 @@ import io
 import math
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import open_file
+from config.formats.number import parse_number
 
 LARGEST_FILE_BYTES = 500_000_000
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
@@ -147,7 +148,8 @@ def _read_file(
         if row < asked.first:
             continue
         found += 1
-        if import_map.decimal == ",":
+        odd = "_" in line or not line.isascii() or (import_map.decimal == "," and "." in line)
+        if import_map.decimal == "," and not odd:
             line = line.replace(",", ".")
         fields = line.replace('"', "").split(separator)
         if len(fields) != end - begin:
@@ -155,10 +157,13 @@ def _read_file(
             detail += _by_another(line, import_map.delimiter, end - begin)
             damaged.append(DamagedRow(row, "with a wrong number of columns", detail))
             continue
+        read_one = _strict(import_map.decimal) if odd else float
         try:
-            numbers.extend([float(fields[column]) for column in wanted])
-        except ValueError:
-            damaged.append(DamagedRow(row, "without a number", _not_a_number(fields, wanted)))
+            numbers.extend([read_one(fields[column]) for column in wanted])
+        except (ConfigError, ValueError):
+            damaged.append(
+                DamagedRow(row, "without a number", _not_a_number(fields, wanted, read_one))
+            )
             continue
         rows.append(row)
         counts.append(count)
@@ -189,11 +194,24 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         yield from ((row, line) for row, line in enumerate(text, start=1) if line.strip())
 
 
-def _not_a_number(fields: list[str], columns: list[int]) -> str:
+def _strict(decimal: str) -> Callable[[str], float]:
+    """Return a reader of fields that may hold more than digits: `1_5`, `1.234,5`."""
+
+    def read(text: str) -> float:
+        if decimal == ",":
+            if "." in text:
+                raise ConfigError("a point in a number with a decimal comma")
+            text = text.replace(",", ".")
+        return parse_number(text)
+
+    return read
+
+
+def _not_a_number(fields: list[str], columns: list[int], read: Callable[[str], float]) -> str:
     for column in columns:
         try:
-            float(fields[column])
-        except ValueError:
+            read(fields[column])
+        except (ConfigError, ValueError):
             return f"column {column} is {fields[column].strip()[:30]!r}"
     return "not a number"
 

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 from config.cell.cell import ButterworthFilter
 from config.errors import RecordingError
 from config.model import ConfigModel
-from config.robot.robot import Positive
+from config.robot.robot import MOST_JOINTS, Positive
 
 
 class HeaderModel(ConfigModel):
@@ -43,7 +43,7 @@ class HeaderModel(ConfigModel):
 class JournalHeader(HeaderModel):
     """Everything needed to read the rows as a `Recording`, even without the run folder."""
 
-    joint_names: tuple[str, ...] = Field(min_length=1, max_length=16)
+    joint_names: tuple[str, ...] = Field(min_length=1, max_length=MOST_JOINTS)
     sample_period_s: Positive
     samples_per_period: int | None = None
     torque_filter: ButterworthFilter | None = None

@@ -13,7 +13,7 @@ from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import PhysicalFile, Plausible
 from config.robot.bodies import Workspace
-from config.robot.robot import NonNegative, Positive
+from config.robot.robot import MOST_JOINTS, NonNegative, Positive
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
 LONGEST_SILENCE_MS = 100
@@ -177,7 +177,7 @@ class CellConfig(PhysicalFile):
     cycle_time_ms: Annotated[int, Field(ge=1, le=100)]
     can: CanBusConfig
     servo: Servo = ServoProfile()
-    axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=16)
+    axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=MOST_JOINTS)
     position_gain_per_s: Annotated[float, Field(gt=0.0, le=200.0), Plausible(0.3, 200.0, "1/s")]
     drive_safety: DriveSafety
     exchange: Literal["full", "trimmed"] = "full"

@@ -10,6 +10,7 @@ from enum import IntEnum
 from typing import Final, Literal, get_args
 
 from config.errors import ConfigError
+from config.formats.number import parse_number
 
 Access = Literal["ro", "wo", "rw", "rwr", "rww", "const"]
 ACCESSES: Final[tuple[Access, ...]] = get_args(Access)
@@ -264,10 +265,7 @@ def _real(text: str, bits: int) -> float:
             raise ConfigError(f"{text!r} does not fit REAL{bits}")
         value = float(struct.unpack(">f" if bits == 32 else ">d", pattern.to_bytes(bits // 8))[0])
     else:
-        try:
-            value = float(text)
-        except ValueError:
-            raise ConfigError(f"{text!r} is not a number: write it as 1.5") from None
+        value = parse_number(text)
     if not math.isfinite(value):
         raise ConfigError(f"{text!r} is not a finite number")
     return value

@@ -10,11 +10,13 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 STEP_RAD: Final = math.pi / 12.0
 NEAR_RAD: Final = 1e-3
 ROUNDED_QUARTER_RAD: Final = 5e-3
 """How far a quarter turn with two decimals is off at most: 3.14, 4.71."""
-EXACT_RAD: Final = 1e-5
+EXACT_RAD: Final = 1e-9
 NAMED_RAD: Final = 1e-6
 """Below this a correction is not worth a note."""
 FEWEST_DECIMALS: Final = 2
@@ -39,23 +41,32 @@ class AngleReading:
     nearest_rad: float
 
     @classmethod
-    def of(cls, angle_rad: float) -> AngleReading:
+    def of(cls, angle_rad: float, exact_rad: float = 0.0) -> AngleReading:
         """Read an angle.
 
-        It is taken as a multiple of 15 degrees if it differs from that by 1e-5 rad at most, or by
-        1e-3 rad (quarter turns: 5e-3 rad) and less than one unit of its last decimal.
+        It is taken as a multiple of 15 degrees if it differs from that, or from its value in single
+        precision, by less than one unit of its last decimal, and by 1e-3 rad at most (quarter
+        turns: 5e-3 rad).
+
+        Parameters
+        ----------
+        angle_rad : float
+            What the file says.
+        exact_rad : float
+            Quarter turns may differ by this, whatever their decimals.
         """
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)
         quarter = round(angle_rad / STEP_RAD) % 6 == 0
         decimals = _decimals(angle_rad)
+        last = 10.0**-decimals
         rounded = (
             nearest != 0.0
             and decimals >= FEWEST_DECIMALS
-            and error < 10.0**-decimals
+            and min(error, abs(angle_rad - float(np.float32(nearest)))) < last
             and error <= (ROUNDED_QUARTER_RAD if quarter else NEAR_RAD)
         )
-        exact = rounded or (quarter and error <= EXACT_RAD)
+        exact = rounded or (quarter and error <= exact_rad)
         return cls(angle_rad, nearest if exact else angle_rad, nearest)
 
     @property

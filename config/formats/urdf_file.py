@@ -40,6 +40,7 @@ from config.formats.xml_tree import XmlElement, parse_xml
 
 MOST_JOINTS: Final = 2000
 LARGEST_ANGLE_RAD: Final = 2.0 * np.pi + 0.01
+RIGHT_ANGLE_RAD: Final = 1e-5
 UNIT_LENGTH: Final = 1e-2
 
 T = TypeVar("T")
@@ -236,7 +237,7 @@ class _Reader:
     def _angle(self, origin: XmlElement, angle_rad: float) -> float:
         if self._literal:
             return angle_rad
-        reading = AngleReading.of(angle_rad)
+        reading = AngleReading.of(angle_rad, RIGHT_ANGLE_RAD)
         self.angles.append((origin.where, reading))
         return reading.taken_rad
 

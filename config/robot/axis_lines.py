@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.robot.robot import KinematicRow
+from config.robot.kinematic_table import KinematicRow
 
 NEARLY_PARALLEL: Final = 0.17  # sine of the angle, about 10 degrees
 _EXACT: Final = 1e-12

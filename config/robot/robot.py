@@ -12,13 +12,12 @@ from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
 from config.robot.bodies import Body, refuse_unknown_pairs
 from config.robot.friction_terms import FrictionTerm
+from config.robot.kinematic_table import Kinematics
 
 Vector3 = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
-Angle = Annotated[float, Plausible(0.0, 6.3, "rad")]
-Distance = Annotated[float, Plausible(0.0, 20.0, "m")]
 Place = Annotated[Vector3, Plausible(0.0, 20.0, "m")]
 Turn = Annotated[Vector3, Plausible(0.0, 11.0, "rad")]
 Temperature = Annotated[Positive, Plausible(220.0, 450.0, "K")]
@@ -42,83 +41,9 @@ _JOINT_IDENTITY: Final = (
     *("torque_constant_nm_per_a", "torque_constant_per_k"),
 )
 
+MOST_JOINTS: Final = 16
+
 JointType = Literal["revolute", "prismatic"]
-
-
-class KinematicRow(ConfigModel):
-    """One row of a Denavit-Hartenberg table, angles in rad, lengths in m.
-
-    `theta_rad` (revolute) or `d_m` (prismatic) is the constant that the joint position is added
-    to. `beta_rad` is Hayati's angle for nearly parallel axes (theory: section 1); it exists in the
-    modified convention only.
-    """
-
-    alpha_rad: Angle = 0.0
-    beta_rad: Angle = 0.0
-    theta_rad: Angle = 0.0
-    a_m: Distance = 0.0
-    d_m: Distance = 0.0
-
-
-_ROW_FIELDS: Final = tuple(KinematicRow.model_fields)
-
-
-class Kinematics(ConfigModel):
-    """A table of rows, base to flange.
-
-    In the modified convention frame i-1 becomes frame i by
-    Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), all of row i; in the standard
-    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha). `calibration` holds, row by row,
-    what a kinematic calibration found to be added to the nominal values.
-    """
-
-    convention: Literal["modified_dh", "standard_dh"]
-    rows: tuple[KinematicRow, ...] = Field(min_length=1)
-    calibration: tuple[KinematicRow, ...] = ()
-
-    @model_validator(mode="after")
-    def _checks(self) -> Kinematics:
-        rows = (*self.rows, *self.calibration)
-        if self.convention == "standard_dh" and any(row.beta_rad for row in rows):
-            raise ValueError("beta_rad exists in the modified_dh convention only")
-        if self.calibration and len(self.calibration) != len(self.rows):
-            raise ValueError(
-                f"calibration has {len(self.calibration)} rows of offsets for {len(self.rows)} rows"
-            )
-        return self
-
-    @property
-    def calibrated_rows(self) -> tuple[KinematicRow, ...]:
-        """The rows with the offsets of a kinematic calibration added."""
-        if not self.calibration:
-            return self.rows
-        return tuple(
-            KinematicRow(
-                **{name: getattr(row, name) + getattr(offset, name) for name in _ROW_FIELDS}
-            )
-            for row, offset in zip(self.rows, self.calibration, strict=True)
-        )
-
-    def modified_rows(self) -> tuple[KinematicRow, ...]:
-        """Return the rows in the modified convention.
-
-        A standard table is shifted by half a row: frame i then sits on axis i, and the last
-        `a_m` and `alpha_rad` (from axis n to the flange) are left out, since no link's motion
-        depends on them.
-        """
-        rows = self.calibrated_rows
-        if self.convention == "modified_dh":
-            return rows
-        before = (KinematicRow(), *rows[:-1])
-        return tuple(
-            KinematicRow(
-                alpha_rad=previous.alpha_rad,
-                a_m=previous.a_m,
-                theta_rad=row.theta_rad,
-                d_m=row.d_m,
-            )
-            for previous, row in zip(before, rows, strict=True)
-        )
 
 
 class JointLimits(ConfigModel):
@@ -296,7 +221,8 @@ class RobotDescription(PhysicalFile):
     `may_touch` names pairs of them that are not held apart, because they touch by design.
     `base_offset_m` is the origin of frame 0 in the frame of the whole robot, whose axes it has;
     `tool_rpy_rad` turns the tool's frame against the last one's (roll, pitch, yaw as in a URDF).
-    Both matter to exports alone.
+    Both matter to exports alone. `rated_payload_kg` is what the maker says that it carries: an
+    identified payload is held against it, or against the weight of `cad` without it.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -305,7 +231,8 @@ class RobotDescription(PhysicalFile):
     kinematics: Kinematics
     tool_offset_m: Place = (0.0, 0.0, 0.0)
     tool_rpy_rad: Turn = (0.0, 0.0, 0.0)
-    joints: tuple[Joint, ...] = Field(min_length=1)
+    rated_payload_kg: Annotated[Positive, Plausible(1e-3, 2.5e3, "kg")] | None = None
+    joints: tuple[Joint, ...] = Field(min_length=1, max_length=MOST_JOINTS)
     spring: GravitySpring | None = None
     coupling: tuple[tuple[float, ...], ...] | None = None
     cad: tuple[LinkCad, ...] | None = None

@@ -16,7 +16,8 @@ from config.formats.yaml_tree import Path
 from config.plausible import implausible, key_name
 from config.robot.axis_lines import rows_of_axes
 from config.robot.joint_size import GRAVITY_M_S2, joint_sizes
-from config.robot.robot import Joint, Kinematics, RobotDescription, Vector3
+from config.robot.kinematic_table import Kinematics
+from config.robot.robot import Joint, RobotDescription, Vector3
 from config.robot.urdf_bodies import bodies_of_urdf, clean
 from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
 from config.robot.urdf_limits import LimitDefaults, Taken, limits_of_urdf

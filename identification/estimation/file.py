@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from config.errors import ConfigError, EstimationError
 from config.formats.json_file import read_json_file
@@ -22,13 +23,16 @@ from identification.equations.plate_fit import PlateFit
 from identification.equations.torque_channel import TorqueChannel
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
+from identification.estimation.file_checks import UNSOUND_MODEL, refuse_contradictions
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.model.options import ModelOptions
 
 LARGEST_FILE_BYTES = 50_000_000
 
+Size = Annotated[float, Field(ge=0.0)]
 Row = tuple[float, ...]
+Sizes = tuple[Size, ...]
 Matrix = tuple[Row, ...]
 
 
@@ -46,7 +50,7 @@ class _Shape(ConfigModel):
     name: str
     unit: str
     value: float
-    sigma: float
+    sigma: Size
 
 
 class _Parameter(ConfigModel):
@@ -54,29 +58,29 @@ class _Parameter(ConfigModel):
     words: str
     unit: str
     value: float
-    sigma: float
-    sigma_noise: float | None
-    sigma_residual: float
+    sigma: Size
+    sigma_noise: Size | None
+    sigma_residual: Size
 
 
 class _Plate(ConfigModel):
-    residual: Row
-    noise: Row
+    residual: Sizes
+    noise: Sizes
     delay_s: Row
-    delay_sigma_s: Row
+    delay_sigma_s: Sizes
     left_out: tuple[tuple[str, ...], ...]
     drift_n_s: Matrix
 
 
 class _Channel(ConfigModel):
     delay_s: Row
-    delay_sigma_s: Row
-    bandwidth_hz: float | None
+    delay_sigma_s: Sizes
+    bandwidth_hz: Annotated[float, Field(gt=0.0)] | None
 
 
 class _Warming(ConfigModel):
-    time_constant_s: Row
-    time_constant_sigma_s: Row
+    time_constant_s: Sizes
+    time_constant_sigma_s: Sizes
     coulomb_nm: Row
     viscous_nm_s: Row
 
@@ -90,18 +94,18 @@ class EstimateDocument(ConfigModel):
     cell: str
     runs: tuple[str, ...]
     method: Literal["periodic", "smoothed"]
-    band_hz: float
-    standstill_rad_s: float
+    band_hz: Annotated[float, Field(gt=0.0)]
+    standstill_rad_s: Size
     weighting: Weighting = "ml"
-    periods: int
-    equations: int
-    condition_number: float
-    residual_nm: Row
-    noise_nm: Row | None
-    torque_nm: Row | None = None
-    held_out_share: Row | None = None
-    clusters: int | None = None
-    left_out_fraction: Row
+    periods: Annotated[int, Field(ge=0)]
+    equations: Annotated[int, Field(ge=1)]
+    condition_number: Size
+    residual_nm: Sizes
+    noise_nm: Sizes | None
+    torque_nm: Sizes | None = None
+    held_out_share: Sizes | None = None
+    clusters: Annotated[int, Field(ge=1)] | None = None
+    left_out_fraction: tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...]
     parameters: tuple[_Parameter, ...]
     shape_parameters: tuple[_Shape, ...] = ()
     unseen: tuple[str, ...]
@@ -141,9 +145,14 @@ def read_estimate(path: Path) -> Estimate:
     what = "an estimate as `rid-daq identify` writes it"
     document = read_json_file(path, EstimateDocument, LARGEST_FILE_BYTES, what)
     try:
-        return _to_estimate(document)
+        estimate = _to_estimate(document)
+        refuse_contradictions(estimate, _deviations(document))
+        return estimate
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}", code=error.refusal) from None
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
-        raise ConfigError(f"{path}: not an estimate that fits itself: {error}") from error
+        words = f"{path}: not an estimate that fits itself: {error}"
+        raise ConfigError(words, code=UNSOUND_MODEL) from error
 
 
 def estimate_document(estimate: Estimate) -> EstimateDocument:
@@ -182,6 +191,20 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         warming=None if estimate.warming is None else _Warming.taken(estimate.warming),
         model=_Options.taken(estimate.options),
     )
+
+
+def _deviations(document: EstimateDocument) -> dict[str, list[float]]:
+    """Return the standard deviations that stand beside the covariances; none in format 1."""
+    if document.format == 1:
+        return {}
+    rows = document.parameters
+    noise = [row.sigma_noise for row in rows if row.sigma_noise is not None]
+    return {
+        "sigma": [row.sigma for row in rows],
+        "sigma_residual": [row.sigma_residual for row in rows],
+        "nonlinear_sigma": [row.sigma for row in document.shape_parameters],
+        **({"sigma_noise": noise} if len(noise) == len(rows) else {}),
+    }
 
 
 def _to_estimate(document: EstimateDocument) -> Estimate:

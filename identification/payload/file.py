@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
+from pydantic import Field
 
 from config.errors import ConfigError, EstimationError
 from config.formats.json_file import read_json_file
@@ -14,6 +15,7 @@ from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import RobotDescription
 from identification.choices import REPORTED
+from identification.estimation.file_checks import covariance_problems
 from identification.payload.body import PARAMETERS, REPORTED_UNITS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
@@ -22,7 +24,11 @@ from identification.payload.verdict import Check, PayloadResult
 
 LARGEST_FILE_BYTES = 5_000_000
 
+UNSOUND_PAYLOAD: Final = "RID-PAYLOAD-UNSOUND"
+
+Size = Annotated[float, Field(ge=0.0)]
 Row = tuple[float, ...]
+Sizes = tuple[Size, ...]
 Matrix = tuple[Row, ...]
 
 
@@ -30,13 +36,13 @@ class _Quantity(ConfigModel):
     name: str
     unit: str
     value: float | None
-    sigma: float | None
+    sigma: Size | None
 
 
 class _Known(ConfigModel):
     name: str
     value: float
-    sigma: float
+    sigma: Size
 
 
 class _Check(ConfigModel):
@@ -63,19 +69,19 @@ class PayloadDocument(ConfigModel):
     principal_axes: Matrix | None
     known: tuple[_Known, ...]
     contradictions: Row | None = None
-    torque_constant_sigma: float = 0.0
+    torque_constant_sigma: Size = 0.0
     parameters: tuple[str, ...]
     values: Row
     covariance: Matrix
     covariance_noise: Matrix
     gain_slopes: Matrix
     unseen: Matrix
-    condition_number: float
-    torque_nm: Row | None = None
-    residual_nm: Row
-    noise_nm: Row | None = None
-    payload_nm: Row
-    equations: int
+    condition_number: Size
+    torque_nm: Sizes | None = None
+    residual_nm: Sizes
+    noise_nm: Sizes | None = None
+    payload_nm: Sizes
+    equations: Annotated[int, Field(ge=1)]
     passed: bool
     checks: tuple[_Check, ...]
     robot: RobotDescription
@@ -105,7 +111,35 @@ def read_payload(path: Path) -> PayloadResult:
     try:
         return _to_payload(document)
     except (EstimationError, ValueError) as error:  # numpy says ValueError of a ragged matrix
-        raise ConfigError(f"{path}: not a payload that fits itself: {error}") from error
+        words = f"{path}: not a payload that fits itself: {error}"
+        raise ConfigError(words, code=UNSOUND_PAYLOAD) from error
+
+
+def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
+    """Refuse a payload that did not pass its verdict.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    judged : PayloadResult
+        The payload.
+    why : str
+        What is not done with it.
+
+    Raises
+    ------
+    EstimationError
+        It did not pass.
+    """
+    if not judged.passed:
+        failed = "; ".join(line.text for line in judged.checks if not line.passed)
+        raise EstimationError(
+            f"{path}: the payload did not pass ({failed or 'nothing was checked'}), so {why}:"
+            " measure longer or with another motion, or state limits that you can answer for"
+            " (payload identify --mass-limit, --centre-limit, --inertia-limit, --residual-limit)",
+            code="RID-PAYLOAD-FAILED",
+        )
 
 
 def payload_document(payload: PayloadResult) -> PayloadDocument:
@@ -153,6 +187,17 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
     payload = PayloadResult(estimate, lines)
     if payload.passed is not document.passed:
         raise EstimationError("the verdict does not follow from its checks: was the file edited?")
+    for name in ("covariance", "covariance_noise"):
+        for problem in covariance_problems(name, getattr(estimate, name)):
+            raise EstimationError(f"{problem}: was the file edited?")
+    if tuple(quantity.name for quantity in document.about_centre_of_gravity) != REPORTED:
+        raise EstimationError(f"about_centre_of_gravity must be {', '.join(REPORTED)}")
+    for quantity, sigma in zip(document.about_centre_of_gravity, estimate.sigma, strict=True):
+        if quantity.sigma is not None and not np.isclose(quantity.sigma, sigma, rtol=1e-6):
+            raise EstimationError(
+                f"the sigma of {quantity.name} does not follow from the covariance: was the file"
+                " edited?"
+            )
     for quantity, value in zip(document.about_centre_of_gravity, estimate.reported, strict=True):
         if quantity.value is not None and abs(quantity.value - value) > 1e-9 * (1.0 + abs(value)):
             raise EstimationError(

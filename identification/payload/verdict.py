@@ -18,6 +18,7 @@ from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.procedures import PayloadOptions, identify_payload
+from identification.payload.rating import HeaviestPayload
 
 LARGEST_SCATTER: Final = 3.0
 LARGEST_CONTRADICTION: Final = 4.0
@@ -36,6 +37,13 @@ LEFT_ON: Final = (
 NO_BODY: Final = (
     "What hung on the flange in the unloaded runs is subtracted from the payload, and leaves a body"
     " that cannot exist where it was heavy: look there first, then for a wrong torque constant."
+)
+
+
+HEAVY: Final = (
+    "A robot carries less than its rating, and than it weighs: look for a wrong torque constant,"
+    " for currents taken as torques, or for a wrong gear. State rated_payload_kg in the robot file"
+    " if it is right."
 )
 
 
@@ -174,6 +182,11 @@ def checks(
     if not rank.passed:
         return (rank, *agreed, *fit)
     two_sigma = 2.0 * estimate.sigma
+    heaviest = HeaviestPayload.of(estimate.robot)
+    if heaviest is not None:
+        share = 100.0 * float(estimate.reported[0] - two_sigma[0]) / heaviest.mass_kg
+        said = f"mass of the payload, as a share of {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
+        agreed.append(Check(said, share, "≤", 100.0, "%", HEAVY))
     lines = [
         rank,
         *agreed,

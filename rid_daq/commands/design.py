@@ -8,6 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from config.errors import ConfigError
+from config.formats.number import parse_number
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import CriterionName, Grid, Kind, Method, Phases
@@ -180,8 +181,8 @@ def _refuse_inapplicable(context: typer.Context, kind: Kind, method: Method) -> 
 
 def _band(words: str) -> tuple[float, float]:
     try:
-        lowest, highest = (float(part) for part in words.split(":"))
-    except ValueError:
+        lowest, highest = (parse_number(part) for part in words.split(":"))
+    except (ConfigError, ValueError):
         advice = "give the lowest and the highest frequency in Hz, as 0.5:20"
         raise ConfigError(f"--band {words!r}: {advice}") from None
     return lowest, highest

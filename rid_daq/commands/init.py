@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError, RecordingError, system_errors
+from config.formats.number import parse_numbers
 from config.formats.whole_file import write_whole
 from rid_daq.terminal.console import AsJson, Console, as_command
 from rid_daq.terminal.exit_codes import ExitCode
@@ -152,8 +153,8 @@ def _numbers(option: str, text: str | None) -> tuple[float, ...]:
         It has something else.
     """
     try:
-        values = tuple(float(word) for word in text.split(",")) if text is not None else ()
-    except ValueError:
+        values = parse_numbers(text) if text is not None else ()
+    except ConfigError:
         values = (math.nan,)
     if not all(math.isfinite(value) and value > 0.0 for value in values):
         raise ConfigError(f"{option} {text}: give one number above 0, or one a joint: 3.1,3.1,2.5")

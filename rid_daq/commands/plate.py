@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError
+from config.formats.number import parse_numbers
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
@@ -105,6 +106,6 @@ def _pose(text: str | None) -> list[float] | None:
     if text is None:
         return None
     try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
+        return list(parse_numbers(text))
+    except ConfigError:
         raise ConfigError(f"--pose {text}: give one number a joint, such as 0,0.2,-0.4") from None

@@ -25,7 +25,7 @@ from identification.choices import BaseMassKg
 from identification.estimation.estimate import Estimate, predict
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import read_payload
+from identification.payload.file import read_payload, refuse_failed
 from rid_daq.jobs.cell_files import estimate_for, motion_for
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
@@ -117,6 +117,8 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     ConfigError
         Files do not belong together, an option is none, or a file is there already; or motion and
         page are to be one file.
+    EstimationError
+        The payload did not pass its verdict.
     LimitError
         A limit cannot be kept to; the text names it, and where.
     """
@@ -207,7 +209,9 @@ def _each(option: str, values: tuple[float, ...], n: int) -> np.ndarray | None:
 
 
 def _payload(path: Path, robot: RobotDescription) -> PayloadEstimate:
-    found = read_payload(path).estimate
+    judged = read_payload(path)
+    refuse_failed(path, judged, "no motion is timed with it")
+    found = judged.estimate
     differences = robot.differences(found.robot)
     if differences:
         raise ConfigError(

@@ -13,6 +13,7 @@ from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
+from config.formats.number import parse_numbers
 from config.load import load_cell
 from identification.calibration.base_reaction import base_load
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
@@ -270,8 +271,8 @@ def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
         return None if data.cell is None else data.cell.validation_limits_percent
     count = len(data.robot.joints)
     try:
-        values = tuple(float(word) for word in text.split(","))
-    except ValueError:
+        values = parse_numbers(text)
+    except ConfigError:
         values = ()
     if len(values) not in (1, count) or not all(0.0 < value < 1e6 for value in values):
         raise ConfigError(

@@ -51,8 +51,17 @@ def _untold(_lines: Sequence[CheckLine]) -> None:
 def lines_before_bus(
     loaded: LoadedCell, runs: Path, axis_test: AxisTestRule = AxisTestRule.REQUIRED
 ) -> list[CheckLine]:
-    """Return the lines that are there at once: the bus' load, the disk, the axis test."""
-    return [load_line(loaded.config), *disk_lines(runs), axis_test_line(loaded, axis_test)]
+    """Return the lines that are there at once: the bus' load, the disk, axis test, geometry."""
+    geometry = [
+        CheckLine("robot file", "angles of the kinematics", "exact", note, "ok")
+        for note in loaded.robot.kinematics.notes
+    ]
+    return [
+        load_line(loaded.config),
+        *disk_lines(runs),
+        axis_test_line(loaded, axis_test),
+        *geometry,
+    ]
 
 
 def preflight(

@@ -17,6 +17,7 @@ from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
+from identification.payload.rating import refuse_heavier
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import estimate_for, motion_for
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
@@ -74,6 +75,8 @@ def run_payload_session(
     ConfigError, PreflightError
         It was refused before anything moved, also for a model of another robot, or a person said
         no.
+    LimitError
+        The payload is said to be heavier than the robot can carry.
     RidDaqError
         As `RunSession.recording` and `payload_from_runs`.
     """
@@ -95,6 +98,9 @@ def run_payload_session(
     moves = any(name not in done for name in request.wanted)
     if moves:
         _require_followed(request, payload_request)
+        for known in request.known:
+            if known.name == "m":
+                refuse_heavier(loaded.robot, known.value)
     if state is None:
         state, motion = _begun(request, loaded)
     else:

@@ -313,7 +313,7 @@ def lacks(runs: Sequence[RunData]) -> list[str]:
 
 def report_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
     """Say what runs lack, and return it."""
-    said = lacks(runs)
+    said = [*lacks(runs), *(runs[0].robot.kinematics.notes if runs else ())]
     for note in said:
         console.say(f"note: {note}")
     return said

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.interfaces.servo_axes import Answers, DriveEvent, DriveSetting
 
 PERIOD_S = 0.008

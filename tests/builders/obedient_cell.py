@@ -20,7 +20,8 @@ from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
 from config.errors import RidDaqError
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.canopen.frames import REMOTE_FLAG, Frame
 from drivers.cell import Cell
 from drivers.interfaces.servo_axes import DriveSetting

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.canopen.emcy import Emergency, emcy_frame
 from drivers.canopen.frames import SYNC, Frame, rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import heartbeat_frame

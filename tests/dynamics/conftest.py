@@ -11,14 +11,8 @@ import pinocchio as pin
 import pytest
 
 from config.load import load_robot
-from config.robot.robot import (
-    Joint,
-    JointLimits,
-    KinematicRow,
-    Kinematics,
-    RobotDescription,
-    Rotor,
-)
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription, Rotor
 
 X, Y, Z = np.eye(3)
 PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # Ixx Ixy Iyy Ixz Iyz Izz -> Ixx Ixy Ixz Iyy ...

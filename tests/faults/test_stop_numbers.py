@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from acquisition.motion.limits import position_bounds
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from tests.builders.obedient_cell import Outcome
 
 CYCLES = 80

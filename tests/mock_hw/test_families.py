@@ -17,7 +17,8 @@ from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
 from config.errors import PreflightError
 from config.formats.eds import parse_eds
 from config.load import bundled_names, load_bundled_or_path
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell
 from drivers.interfaces.servo_axes import EventKind

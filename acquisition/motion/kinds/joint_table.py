@@ -17,6 +17,7 @@ from acquisition.motion.samples import JointTrajectory, MotionSamples, with_rest
 from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
 from config.formats.bounded_file import read_file
+from config.formats.number import parse_number
 from config.load import to_yaml
 from config.plausible import Derived, Plausible, implausible, key_name
 from config.robot.robot import RobotDescription
@@ -197,9 +198,7 @@ def _numbers(path: Path, number: int, line: list[str], columns: int) -> list[flo
     values = []
     for cell in line:
         try:
-            values.append(float(cell))
-        except ValueError:
-            raise ConfigError(f"{path}:{number}: {cell!r} is not a number") from None
-        if not math.isfinite(values[-1]):
-            raise ConfigError(f"{path}:{number}: {cell!r} is not a finite number")
+            values.append(parse_number(cell))
+        except ConfigError as error:
+            raise ConfigError(f"{path}:{number}: {error}", code=error.refusal) from None
     return values

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from acquisition.runs.catalogue import file_or_run
-from config.errors import ConfigError, EstimationError, system_errors
+from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
 from identification.choices import LoadFormat
@@ -19,11 +20,14 @@ from identification.payload.controllers.formats import (
     rounding,
 )
 from identification.payload.estimate import PayloadEstimate
-from identification.payload.file import read_payload
+from identification.payload.file import read_payload, refuse_failed
 from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.options import DEFAULT_RUNS
+
+ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
+"""Formats of makers whose flange frame has Z out of the flange; a URDF has no rule."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +57,11 @@ class PayloadExportRequest:
 
 @dataclass(frozen=True)
 class PayloadExported:
-    """The payload, and the text that was written."""
+    """The payload, the text that was written, and what a person should look at."""
 
     estimate: PayloadEstimate
     text: str
+    notes: tuple[str, ...]
 
 
 def export_payload(request: PayloadExportRequest) -> PayloadExported:
@@ -72,20 +77,17 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
     """
     path = payload_file(request.runs, request.payload)
     judged = read_payload(path)
-    if not judged.passed:
-        failed = "; ".join(line.text for line in judged.checks if not line.passed)
-        raise EstimationError(
-            f"{path}: the payload did not pass ({failed or 'nothing was checked'}), so"
-            " no controller gets it: measure longer or with another motion, or state limits that"
-            " you can answer for (payload identify --mass-limit, --centre-limit, --inertia-limit,"
-            " --residual-limit)"
-        )
+    refuse_failed(path, judged, "no controller gets it")
     estimate = judged.estimate
+    notes = _behind_the_flange(estimate) if request.to in ALONG_Z else ()
     text = load_data(
-        estimate.body, request.to, _origin(estimate), rounding(estimate.body, estimate.sigma)
+        estimate.body,
+        request.to,
+        (*_origin(estimate), *notes),
+        rounding(estimate.body, estimate.sigma),
     )
     write_whole(request.output, text.encode())
-    return PayloadExported(estimate, text)
+    return PayloadExported(estimate, text, notes)
 
 
 @dataclass(frozen=True)
@@ -173,6 +175,17 @@ def payload_file(runs: Path, reference: Path) -> Path:
     """
     found = file_or_run(runs, str(reference), having=PAYLOAD)
     return found if isinstance(found, Path) else found.file(PAYLOAD)
+
+
+def _behind_the_flange(estimate: PayloadEstimate) -> tuple[str, ...]:
+    """Return what to say if the centre of gravity lies on the arm's side of the flange."""
+    z_m, reach_m = float(estimate.reported[3]), 2.0 * float(estimate.sigma[3])
+    if z_m + reach_m >= 0.0:
+        return ()
+    return (
+        f"The centre of gravity lies {-1e3 * z_m:.0f} mm behind the flange (inside the arm), if Z",
+        "points out of the flange as the maker has it: check tool_rpy_rad of the robot file.",
+    )
 
 
 def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
+from config.formats.number import parse_number
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
 from identification.payload.known import Known
@@ -156,10 +157,11 @@ def known_quantity(text: str) -> Known:
     try:
         if not equals:
             raise ValueError
-        return Known(name.strip(), float(value), float(sigma) if sigma else 0.0)
+        return Known(name.strip(), parse_number(value), parse_number(sigma) if sigma else 0.0)
     except EstimationError as error:
         raise ConfigError(f"--known {text}: {error}") from None
-    except ValueError:
+    except (ConfigError, ValueError) as error:
         raise ConfigError(
             f"--known {text}: give NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005"
+            f"{f' ({error})' if str(error) else ''}"
         ) from None

@@ -19,9 +19,12 @@ def perform(request: PayloadExportRequest, console: Console) -> None:
             "robot": exported.estimate.robot.name,
             "mass_kg": exported.estimate.body.mass_kg,
             "text": exported.text,
+            "notes": list(exported.notes),
         }
     )
     console.say(exported.text.rstrip("\n"))
+    if exported.notes:
+        console.say(f"note: {' '.join(exported.notes)}")
     console.verdict(True, f"Wrote {output}, and read it back the same")
     console.say(
         f"Next: enter it, save what the controller then holds, and compare: rid-daq payload"

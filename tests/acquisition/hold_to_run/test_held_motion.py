@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
 from acquisition.hold_to_run.held_motion import IDLE_S, HeldMotion
 from acquisition.hold_to_run.line import Line
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 
 T = 0.008
 SPEED, ACCELERATION = 2.0, 10.0

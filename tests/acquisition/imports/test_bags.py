@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -31,6 +32,7 @@ def write_bag(
     *,
     topic: str = "/joint_states",
     names: Sequence[str] = NAMES,
+    columns: Sequence[int] = (0, 1),
     stamped: bool = True,
     effort: bool = True,
 ) -> Path:
@@ -43,8 +45,11 @@ def write_bag(
         for row, stamp in enumerate(T):
             ns = 1_700_000_000 * 10**9 + round(stamp * 1e9)
             when = time(sec=ns // 10**9, nanosec=ns % 10**9) if stamped else time(sec=0, nanosec=0)
-            arm = {"position": POSITION[row], "velocity": VELOCITY[row]}
-            arm["effort"] = EFFORT[row] if effort else np.empty(0)
+            arm = {
+                "position": POSITION[row, list(columns)],
+                "velocity": VELOCITY[row, list(columns)],
+            }
+            arm["effort"] = EFFORT[row, list(columns)] if effort else np.empty(0)
             hand = dict.fromkeys(arm, np.array([0.04]))
             for who, values in ((names, arm), (["finger"], hand)):
                 head = header(stamp=when, frame_id="")
@@ -156,3 +161,29 @@ def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path)
         path.write_bytes(data[:length])
         with pytest.raises(ConfigError):
             bag_as_table(path, bag_map(), NAMES, tmp_path / "table.csv")
+
+
+@pytest.mark.promise("joint-once-per-message")
+@pytest.mark.parametrize("names", [("elbow", "elbow"), ("elbow", "shoulder", "elbow")])
+def test_a_joint_that_a_message_names_twice_is_refused(
+    tmp_path: Path, names: tuple[str, ...]
+) -> None:
+    columns = [NAMES.index(name) for name in names]
+    bag = write_bag(tmp_path / "bag", names=names, columns=columns)
+    with pytest.raises(ConfigError, match="joint elbow twice") as refused:
+        bag_as_table(bag, bag_map(), NAMES, tmp_path / "table.csv")
+    assert refused.value.refusal == "RID-BAG-JOINT-TWICE"
+    assert str(refused.value).startswith(str(bag))
+
+
+def test_a_joint_of_another_device_that_stands_twice_costs_nothing(tmp_path: Path) -> None:
+    names, columns = (*NAMES, "finger", "finger"), [0, 1, 0, 0]
+    bag = write_bag(tmp_path / "bag", names=names, columns=columns)
+    table = tmp_path / "table.csv"
+    recording, _ = import_csv(table, bag_as_table(bag, bag_map(), NAMES, table))
+    np.testing.assert_array_equal(recording.torque_nm, EFFORT)
+
+
+def test_two_joints_of_the_map_cannot_be_read_of_one_name() -> None:
+    with pytest.raises(ValidationError, match="same name"):
+        bag_map(names=("elbow", "elbow"))

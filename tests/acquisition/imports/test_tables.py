@@ -50,6 +50,34 @@ def test_a_wrong_rate_is_said_by_the_velocities(tmp_path: Path) -> None:
     assert found.startswith("The clock is wrong: positions over rate_hz are 0.900 times")
 
 
+@pytest.mark.promise("unreadable-is-refused")
+@pytest.mark.parametrize("field", ["0_5", "1,5", "nan", "inf", "", "0x1", "1.5 Nm", "٣"])
+def test_a_field_that_is_no_number_is_a_damaged_row(tmp_path: Path, field: str) -> None:
+    path = save(tmp_path / "r.csv", T, POSITION, TORQUE)
+    lines = path.read_text().splitlines()
+    lines[100] = f"{T[100]:.12g};{POSITION[100]:.12g};{field}".replace(";", ",")
+    path.write_text("\n".join(lines))
+    recording, report = import_csv(path, layout('"columns": 3, "time": {"column": 0}'))
+    assert report.rows_damaged == 1
+    assert report.damaged[0].first == 101
+    assert len(recording.time_s) == len(T) - 1
+
+
+@pytest.mark.parametrize(("field", "damaged"), [("0,5", 0), ("1.234,5", 1), ("0.5", 1), ("0_5", 1)])
+def test_beside_decimal_commas_a_point_separates_thousands_and_is_no_number(
+    tmp_path: Path, field: str, damaged: int
+) -> None:
+    path = save(tmp_path / "r.csv", T, POSITION, TORQUE)
+    lines = [line.replace(",", ";").replace(".", ",") for line in path.read_text().splitlines()]
+    lines[100] = ";".join([*lines[100].split(";")[:2], field])
+    path.write_text("\n".join(lines))
+    own = '"columns": 3, "time": {"column": 0}, "decimal": ",", "delimiter": ";"'
+    recording, report = import_csv(path, layout(own))
+    assert report.rows_damaged == damaged
+    if not damaged:
+        assert recording.torque_nm[100, 0] == 0.5
+
+
 class TestTwoFiles:
     MAP = '"columns": 2, "time": {"column": 0}, "further_files": [{"columns": 2}]'
 

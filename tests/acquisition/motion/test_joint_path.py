@@ -89,7 +89,7 @@ def test_a_table_of_a_csv_file_is_followed_and_comes_into_the_motion(tmp_path: P
         (["axis1,axis2", "0,0"], "path.csv:1: the first line must name the columns: time_s"),
         ([HEADER, "0,0,0"], "path.csv:2: has 3 columns, the first line 4"),
         ([HEADER, "0,zero,0,0"], "path.csv:2: 'zero' is not a number"),
-        ([HEADER, "0,inf,0,0"], "'inf' is not a finite number"),
+        ([HEADER, "0,inf,0,0"], "'inf' is not a number"),
         (["axis2,time_s,axis1", *["0,1,0"] * 9], "needs each of axis1, axis2, axis3"),
         ([HEADER, *["0,1,0,0"] * 9], "row 2 of the table is at 1 s, not after"),
         ([HEADER, "0,0,0,0"], "1 rows, 6 are the least"),

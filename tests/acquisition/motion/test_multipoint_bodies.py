@@ -8,7 +8,8 @@ import pytest
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.errors import ConfigError
 from config.robot.bodies import Capsule
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.geometry.clearances import Clearances
 
 LIMITS = JointLimits(

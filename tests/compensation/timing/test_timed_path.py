@@ -20,7 +20,8 @@ from compensation.timing.profile import SpeedOverPath, fastest, limit_curve
 from compensation.timing.timed_path import PathTimer
 from config.arrays import FloatArray
 from config.errors import LimitError
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel
 

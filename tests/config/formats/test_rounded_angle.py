@@ -16,7 +16,7 @@ DEGREE = math.pi / 180.0
     [
         *((1.57, 90), (-1.57, -90), (1.571, 90), (1.5708, 90), (1.5707, 90), (3.14, 180)),
         *((3.1416, 180), (4.71, 270), (4.712, 270), (0.785, 45), (1.047, 60), (0.524, 30)),
-        *((2.356, 135), (0.262, 15), (1.57079632679, 90), (1e-6, 0)),
+        *((2.356, 135), (0.262, 15), (1.57079632679, 90), (1.5707963705062866, 90)),
     ],
 )
 def test_a_rounded_multiple_of_15_degrees_is_exact(written: float, degrees: float) -> None:
@@ -25,7 +25,7 @@ def test_a_rounded_multiple_of_15_degrees_is_exact(written: float, degrees: floa
     assert not reading.is_doubtful
 
 
-@pytest.mark.parametrize("written", [1.5702964, 1.5701, 1.5711588, 0.0005, 0.7858123])
+@pytest.mark.parametrize("written", [1.5702964, 1.5701, 1.5711588, 1.57079634, 0.0005, 0.7858123])
 def test_a_calibrated_angle_stays_and_is_named(written: float) -> None:
     reading = AngleReading.of(written)
     assert reading.taken_rad == written

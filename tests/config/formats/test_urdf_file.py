@@ -190,3 +190,14 @@ def test_every_declared_encoding_of_xml_and_comments_are_read(encoding: str) -> 
     text = text.replace('<link name="base"/>', '<!-- lower="9" --><link name="base"/>')
     robot = robot_of_urdf(read_urdf(text.encode(encoding), "r.urdf")).robot
     assert robot.joints[1].limits.position_max == 1.2
+
+
+def test_more_than_16_joints_are_refused_before_anything_is_made_of_them() -> None:
+    links = "".join(f'<link name="l{n}"/>' for n in range(18))
+    joints = "".join(
+        f'<joint name="j{n}" type="revolute"><parent link="l{n}"/><child link="l{n + 1}"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for n in range(17)
+    )
+    with pytest.raises(ConfigError, match="at most 16"):
+        robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import bundled_names, load_robot, to_yaml, validate
-from config.robot.robot import KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import RobotDescription
 
 ROBOT = """\
 name: two
@@ -152,3 +154,40 @@ def test_a_robot_written_out_loads_back_the_same(name: str) -> None:
     robot = load_robot(name)
     text = to_yaml(robot).encode()
     assert validate(parse_yaml(text, "robot.yaml"), RobotDescription) == robot
+
+
+class TestRoundedAngles:
+    ROWS = (KinematicRow(theta_rad=-1.5708, d_m=0.5), KinematicRow(alpha_rad=1.57, a_m=0.4))
+
+    def test_count_as_the_multiple_of_15_degrees_that_they_mean_and_are_named(self) -> None:
+        table = Kinematics(convention="modified_dh", rows=self.ROWS)
+        first, second = table.modified_rows()
+        assert first.theta_rad == -np.pi / 2
+        assert second.alpha_rad == np.pi / 2
+        (note,) = table.notes
+        assert "kinematics.rows.0.theta_rad" in note
+        assert "kinematics.rows.1.alpha_rad" in note
+        assert table.rows == self.ROWS  # the file is what it was
+
+    def test_are_no_calibration_offsets_and_no_angle_of_hayati(self) -> None:
+        offsets = (KinematicRow(alpha_rad=0.0005), KinematicRow(theta_rad=0.001))
+        rows = (KinematicRow(beta_rad=0.785), KinematicRow())
+        table = Kinematics(convention="modified_dh", rows=rows, calibration=offsets)
+        first, second = table.modified_rows()
+        assert (first.alpha_rad, first.beta_rad, second.theta_rad) == (0.0005, 0.785, 0.001)
+
+    def test_of_a_calibrated_robot_stay_and_are_named(self) -> None:
+        rows = (KinematicRow(), KinematicRow(alpha_rad=1.5702964))
+        table = Kinematics(convention="standard_dh", rows=rows)
+        assert table.calibrated_rows == rows
+        assert len(table.notes) == 1
+
+
+@pytest.mark.promise("at-most-16-joints")
+def test_more_than_16_joints_are_refused_with_file_and_line() -> None:
+    limits = "{position_min: -1, position_max: 1, velocity: 1, acceleration: 1, torque: 1}"
+    joints = "".join(f"  - {{name: j{n}, limits: {limits}}}\n" for n in range(17))
+    rows = ", ".join(["{}"] * 17)
+    text = f"name: r\nkinematics: {{convention: modified_dh, rows: [{rows}]}}\njoints:\n{joints}"
+    with pytest.raises(ConfigError, match=r"robot\.yaml:\d+:\d+: joints: .*at most 16"):
+        validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)

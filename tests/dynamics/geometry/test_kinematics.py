@@ -6,7 +6,7 @@ import pytest
 
 from config.errors import EstimationError
 from config.load import load_robot
-from config.robot.robot import KinematicRow, Kinematics
+from config.robot.kinematic_table import KinematicRow, Kinematics
 from dynamics.geometry.kinematics import Chain, forward, jacobian, link_transforms, point_jacobian
 
 

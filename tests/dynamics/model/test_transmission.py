@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from config.errors import EstimationError
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.robot_model import RobotModel, load_torque, regressor, torque
 from dynamics.terms.conditions import Conditions
 

@@ -9,14 +9,8 @@ import pytest
 
 from config.errors import ConfigError
 from config.robot.bodies import Capsule
-from config.robot.robot import (
-    Joint,
-    JointLimits,
-    KinematicRow,
-    Kinematics,
-    LinkCad,
-    RobotDescription,
-)
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, LinkCad, RobotDescription
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import torque
 from identification.design.criteria import DOptimal

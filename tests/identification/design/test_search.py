@@ -11,7 +11,8 @@ from dask.distributed import LocalCluster
 
 from config.errors import ConfigError
 from config.load import load_robot
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.cad import cad_parameters
 from identification.design.criteria import Condition, DOptimal, Goals
 from identification.design.model import design_model

@@ -11,7 +11,8 @@ from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.equations.bins import BinEquations, bin_equations
 from identification.model.base_parameters import base_parameters

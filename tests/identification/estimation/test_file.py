@@ -103,6 +103,14 @@ def test_a_person_finds_names_words_units_and_both_deviations(path: Path) -> Non
     assert document["robot"]["name"] == "ir361"
 
 
+def _both(matrix: list[list[float]], row: int, column: int, value: float) -> None:
+    matrix[row][column] = matrix[column][row] = value
+
+
+def _without_the_last(document: dict[str, Any]) -> None:
+    document["parameters"].pop()
+
+
 def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
     document = json.loads(path.read_text())
     change(document)
@@ -119,6 +127,9 @@ def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
         (lambda d: d["parameters"][0].update(name="Izz9"), "Izz9"),
         (lambda d: d["standard_parameters"].reverse(), "not those of the robot"),
         (lambda d: d.update(covariance_residual=[[1.0]]), "covariance_residual"),
+        (lambda d: d["parameters"][5].update(sigma=-1.0), r"parameters\.5\.sigma"),
+        (lambda d: d.update(band_hz=-10.0), "band_hz"),
+        (lambda d: d["residual_nm"].__setitem__(0, -1.0), r"residual_nm\.0"),
         (lambda d: d.update(combination=[[1.0, 2.0], [3.0]]), "not an estimate that fits itself"),
     ],
 )
@@ -127,6 +138,33 @@ def test_a_changed_file_is_refused_with_its_place(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         read_estimate(edited(path, change))
+
+
+@pytest.mark.promise("unsound-model-is-refused")
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["covariance_honest"][3].__setitem__(3, -1.0),
+        lambda d: d["covariance_residual"][3].__setitem__(3, -1.0),
+        lambda d: d["covariance_noise"][3].__setitem__(3, -1.0),
+        lambda d: d["covariance_honest"][3].__setitem__(4, 1e3),
+        lambda d: _both(d["covariance_honest"], 3, 4, 1e3),
+        lambda d: d["parameters"].__setitem__(slice(0, 2), d["parameters"][1::-1]),
+        lambda d: d["parameters"].__setitem__(1, d["parameters"][0]),
+        lambda d: d["parameters"][0].update(sigma=2.0 * d["parameters"][0]["sigma"]),
+        lambda d: d["parameters"][0].update(sigma_residual=0.0),
+        lambda d: d["parameters"][0].update(unit="kg"),
+        lambda d: d["combination"].__setitem__(slice(0, 2), d["combination"][1::-1]),
+        _without_the_last,
+    ],
+)
+def test_a_model_that_contradicts_itself_is_refused(
+    path: Path, change: Callable[[dict[str, Any]], None]
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        read_estimate(edited(path, change))
+    assert str(refused.value).startswith(str(path))
+    assert refused.value.refusal == "RID-MODEL-UNSOUND"
 
 
 def test_not_json_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:

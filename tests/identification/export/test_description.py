@@ -17,15 +17,8 @@ import pytest
 from config.errors import EstimationError
 from config.formats.urdf_file import read_urdf
 from config.load import load_robot
-from config.robot.robot import (
-    GravitySpring,
-    Joint,
-    JointLimits,
-    KinematicRow,
-    Kinematics,
-    RobotDescription,
-    Rotor,
-)
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import GravitySpring, Joint, JointLimits, RobotDescription, Rotor
 from config.robot.urdf_robot import robot_of_urdf
 from dynamics.geometry.kinematics import Chain, forward
 from dynamics.model.robot_model import torque

@@ -15,15 +15,8 @@ import numpy as np
 import pytest
 
 from config.robot.friction_terms import FrictionTerm
-from config.robot.robot import (
-    GravitySpring,
-    Joint,
-    JointLimits,
-    KinematicRow,
-    Kinematics,
-    RobotDescription,
-    Rotor,
-)
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import GravitySpring, Joint, JointLimits, RobotDescription, Rotor
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
 from identification.export.function import c_function, python_function

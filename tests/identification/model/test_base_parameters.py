@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from config.errors import EstimationError
 from config.load import load_robot
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
 from identification.model.base_parameters import ModelKind, base_parameters, independent_columns
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from config.load import load_cell
-from config.robot.robot import KinematicRow, RobotDescription
+from config.robot.kinematic_table import KinematicRow
+from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.rigid_bodies import BaseWrench

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from config.errors import ConfigError
 from config.load import load_cell
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription, Rotor
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription, Rotor
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
 from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies
 

@@ -20,8 +20,8 @@ from dynamics.geometry.kinematics import Chain, forward
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
 from identification.payload.body import PayloadBody
-from identification.payload.file import write_payload
-from identification.payload.verdict import PayloadResult
+from identification.payload.file import read_payload, write_payload
+from identification.payload.verdict import Check, PayloadResult
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.certified import estimate_of
@@ -63,8 +63,19 @@ MASS_KG, CENTRE_M, INERTIA_KG_M2 = 12.0, (0.10, 0.02, -0.05), (0.3, 0.2, 0.25)
 def tool(folder: Path) -> Path:
     body = PayloadBody(MASS_KG, np.array(CENTRE_M), np.diag(INERTIA_KG_M2))
     estimate = replace(estimate_of(load_cell("ir361"), ()), values=body.parameters)
-    write_payload(folder / "payload.json", PayloadResult(estimate, ()))
+    enough = (Check("independent parameters that the motion shows", 10, "≥", 10),)
+    write_payload(folder / "payload.json", PayloadResult(estimate, enough))
     return folder / "payload.json"
+
+
+def test_no_motion_is_timed_with_a_payload_that_did_not_pass(
+    folder: Path, tool: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    failed = replace(read_payload(tool), checks=(Check("mass", 2.0, "≤", 1.0, "%"),))
+    write_payload(tool, failed)
+    assert run(words(folder, "--payload", tool)) == 6
+    assert "RID-PAYLOAD-FAILED" in capsys.readouterr().err
+    assert not (folder / "fast.yaml").exists()
 
 
 def torque_of_the_tool(samples: MotionSamples) -> FloatArray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from config.load import load_cell
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from rid_daq.commissioning.axis_words import direction_words, tool_way
 
 LIMITS = JointLimits(

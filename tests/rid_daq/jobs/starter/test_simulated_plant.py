@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from config.robot.robot import (
-    Joint,
-    JointLimits,
-    KinematicRow,
-    Kinematics,
-    LinkCad,
-    RobotDescription,
-)
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, LinkCad, RobotDescription
 from dynamics.model.cad import cad_parameters
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel

@@ -7,7 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from config.robot.bodies import Capsule
-from config.robot.robot import Joint, JointLimits, KinematicRow, Kinematics, RobotDescription
+from config.robot.kinematic_table import KinematicRow, Kinematics
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.geometry.clearances import Clearances
 from rid_daq.jobs.starter.touching_bodies import without_touching
 

@@ -1,0 +1,75 @@
+"""A payload that no such robot carries is doubted: before its motion, and in its verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from config.errors import LimitError
+from config.load import load_cell, load_robot
+from config.robot.robot import RobotDescription
+from identification.choices import PayloadLimits
+from identification.payload.body import PayloadBody
+from identification.payload.rating import HeaviestPayload, refuse_heavier
+from identification.payload.verdict import HEAVY, checks
+from rid_daq.app import run
+from tests.builders.certified import estimate_of
+
+
+def robot(**values: object) -> RobotDescription:
+    return load_robot("kr15").model_copy(update=values)
+
+
+def test_a_rating_counts_before_the_drawings() -> None:
+    arm = robot()
+    assert arm.cad is not None
+    drawn = sum(link.mass_kg for link in arm.cad)
+    rated = robot(rated_payload_kg=15)
+    by_drawings, by_rating = HeaviestPayload.of(arm), HeaviestPayload.of(rated)
+    assert by_drawings is not None
+    assert by_rating is not None
+    assert by_drawings.mass_kg == pytest.approx(drawn)
+    assert by_rating.mass_kg == 15
+
+
+def test_a_guess_of_the_links_is_no_rating() -> None:
+    assert HeaviestPayload.of(robot(cad=None)) is None
+
+
+@pytest.mark.promise("payload-within-rating")
+def test_a_payload_said_to_be_heavier_is_refused_before_the_motion() -> None:
+    arm = robot(rated_payload_kg=15.0)
+    refuse_heavier(arm, 15.0)
+    with pytest.raises(LimitError) as refused:
+        refuse_heavier(arm, 15.1)
+    assert refused.value.refusal == "RID-PAYLOAD-HEAVY"
+
+
+@pytest.mark.promise("payload-within-rating")
+@pytest.mark.parametrize(("mass_kg", "passed"), [(4.0, True), (60.0, False)])
+def test_a_verdict_holds_the_identified_mass_against_the_rating(
+    mass_kg: float, passed: bool
+) -> None:
+    loaded = load_cell("kr15")
+    estimate = estimate_of(loaded, ())
+    body = PayloadBody(mass_kg, estimate.body.centre_m, estimate.body.inertia_kg_m2)
+    rated = replace(
+        estimate,
+        robot=loaded.robot.model_copy(update={"rated_payload_kg": 15.0}),
+        values=body.parameters,
+    )
+    (line,) = (each for each in checks(rated, PayloadLimits()) if each.advice == HEAVY)
+    assert line.passed is passed
+    assert line.value == pytest.approx(100.0 * mass_kg / 15.0, rel=0.2)
+
+
+@pytest.mark.promise("payload-within-rating")
+def test_a_session_with_such_a_payload_ends_before_anything_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["payload", "kr15", "--known", "m=2000", "--yes", "--runs", str(tmp_path)]
+    assert run(words) == 3
+    assert "RID-PAYLOAD-HEAVY" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
