@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import TypeVar
@@ -18,6 +19,7 @@ from config.cell.drive_profile import DriveProfile
 from config.cell.plate import PlateConfig
 from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError, system_errors
+from config.formats.approved_files import sha256_of
 from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet
 from config.formats.file_kinds import wrong_kind
@@ -39,10 +41,10 @@ _MANIFEST_BYTES = 4 << 20
 class LoadedCell:
     """A cell file with the files that it names, and their bytes as used.
 
-    `path` is the cell file; None for one that is bundled. `paths` are all the files that were read,
-    as they lie on the disk; bundled ones are not among them. `eds_files` are the drives' electronic
-    data sheets, one an axis, None where it names none; what they say of 1018h is in the axes'
-    `identity`.
+    `path` is the cell file; None for one that is bundled. `hashes` are the SHA-256 of all the files
+    that were read, by their paths on the disk; bundled ones are not among them. `eds_files` are the
+    drives' electronic data sheets, one an axis, None where it names none; what they say of 1018h is
+    in the axes' `identity`.
     """
 
     config: CellConfig
@@ -53,7 +55,12 @@ class LoadedCell:
     drive_profile: DriveProfile | None = None
     eds_files: tuple[ElectronicDataSheet | None, ...] = ()
     path: Path | None = None
-    paths: tuple[Path, ...] = ()
+    hashes: Mapping[Path, str] = field(default_factory=dict)
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files that were read, as they lie on the disk; bundled ones are not among them."""
+        return tuple(self.hashes)
 
     @property
     def files_hash(self) -> str:
@@ -84,12 +91,12 @@ def load_cell(reference: str) -> LoadedCell:
     cell = validate(cell_tree, CellConfig)
     kept = folder if folder is not None and _is_run_folder(folder) else None
     files = {"cell.yaml": text}
-    paths = [] if folder is None else [Path(name)]
+    hashes = {} if folder is None else {Path(name).absolute(): sha256_of(text)}
 
     def read(reference: str, kind: str, file: str, model: type[T]) -> tuple[YamlTree, T]:
         files[file], shown, beside = read_named(reference, kind, folder, kept, file)
         if beside is not None:
-            paths.append(Path(shown))
+            hashes[Path(shown).absolute()] = sha256_of(files[file])
         tree = parse_yaml(files[file], shown)
         return tree, validate(tree, model)
 
@@ -130,6 +137,8 @@ def load_cell(reference: str) -> LoadedCell:
     )
     cell = cell.model_copy(update={"servo": general, "axes": axes})
     eds_files, eds_bytes, eds_paths = read_eds_files(cell_tree, cell, folder, kept)
+    for path, content in zip(eds_paths, eds_bytes.values(), strict=True):
+        hashes[path.absolute()] = sha256_of(content)
     return LoadedCell(
         with_identities(cell, eds_files),
         robot,
@@ -139,7 +148,7 @@ def load_cell(reference: str) -> LoadedCell:
         drive_profile,
         eds_files,
         None if folder is None else Path(name),
-        tuple(path.absolute() for path in (*paths, *eds_paths)),
+        hashes,
     )
 
 
@@ -163,6 +172,11 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
         The file is missing or invalid, or names a joint that the cell
         does not have.
     """
+    return read_faults(path, cell)[0]
+
+
+def read_faults(path: str | Path, cell: CellConfig) -> tuple[FaultScript, bytes]:
+    """Return a fault script with the bytes that it was read from; as `load_faults`."""
     text, name, _ = read_named(str(path), "faults", None)
     tree = parse_yaml(text, name)
     script = validate(tree, FaultScript)
@@ -175,7 +189,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
                     f"{tree.where((part, number, 'joint'))}: cell {cell.name} has no joint"
                     f" {joint!r}; it has {', '.join(joints)}"
                 )
-    return script
+    return script, text
 
 
 def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:

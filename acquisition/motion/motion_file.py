@@ -17,7 +17,8 @@ from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.kinds.timed_path import TimedPathMotion
 from acquisition.motion.kinds.tool_path import PathMotion
-from config.load import load_bundled_or_path
+from config.formats.yaml_tree import parse_yaml
+from config.load import read_named, validate
 
 AnyMotion = Annotated[
     FourierMotion
@@ -56,5 +57,20 @@ def load_motion(path: str | Path) -> AnyMotion:
     ConfigError
         The file, or one that it names, is missing or invalid.
     """
-    motion = load_bundled_or_path(str(path), "motions", MotionFile).root
-    return motion.completed(Path(path).expanduser().parent)
+    return read_motion(path)[0]
+
+
+def read_motion(path: str | Path) -> tuple[AnyMotion, bytes]:
+    """Return the motion of a file, and the text that a run keeps of it, both by one reading.
+
+    The text is the file's, but for a motion that leaves its rows to another file: that one has them
+    in it. Parameters and errors are those of `load_motion`.
+    """
+    written, name, _ = read_named(str(path), "motions", None)
+    motion = motion_content(written, name).completed(Path(path).expanduser().parent)
+    return motion, motion.to_keep(written)
+
+
+def motion_content(written: bytes, name: str) -> AnyMotion:
+    """Return the motion in the bytes of a file called `name`; a table that it names is not read."""
+    return validate(parse_yaml(written, name), MotionFile).root

@@ -14,7 +14,7 @@ from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.inverse import FeedforwardTuning
 from compensation.feedforward.tuning import Tuning
 from config.errors import ConfigError
-from config.formats.json_file import read_json_file
+from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 
@@ -151,5 +151,10 @@ def read_feedforward(path: Path) -> FeedforwardFile:
     ConfigError
         It cannot be read or is none.
     """
+    return feedforward_content(read_content(path, LARGEST_FILE_BYTES), path)
+
+
+def feedforward_content(data: bytes, path: Path) -> FeedforwardFile:
+    """Return what stands in the bytes of such a file; as `read_feedforward`."""
     what = "a feedforward file as `rid-daq compensate` writes it"
-    return read_json_file(path, FeedforwardFile, LARGEST_FILE_BYTES, what)
+    return json_content(data, path, FeedforwardFile, what)

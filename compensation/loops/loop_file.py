@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from compensation.loops.velocity_loop import VelocityLoop
-from config.formats.json_file import read_json_file
+from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import NonNegative, Positive
@@ -56,8 +56,13 @@ def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
     ConfigError
         The file cannot be read or is none.
     """
+    return loops_content(read_content(path, LARGEST_FILE_BYTES), path)
+
+
+def loops_content(data: bytes, path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
+    """Return what stands in the bytes of such a file; as `read_loops`."""
     what = "a file of velocity loops as `rid-daq loop` writes it"
-    file = read_json_file(path, LoopFile, LARGEST_FILE_BYTES, what)
+    file = json_content(data, path, LoopFile, what)
     loops = tuple(
         entry.into(VelocityLoop, joint_name=entry.joint, names=entry.fitted, trials=())
         for entry in file.loops

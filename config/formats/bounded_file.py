@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from config.formats.approved_files import require_approved
+
 
 @contextlib.contextmanager
 def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Iterator[BinaryIO]:
@@ -53,11 +55,13 @@ def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Itera
 def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes:
     """Return the bytes that a file has when it is opened; one that grows meanwhile is cut there.
 
-    Arguments and errors are those of `open_file`.
+    Arguments and errors are those of `open_file`, and of `require_approved`.
     """
     with open_file(path, most_bytes, follow_link=follow_link) as file:
         size = os.fstat(file.fileno()).st_size
-        return file.read(size + 1)[:size]  # one more: a bad disk says so
+        content = file.read(size + 1)[:size]  # one more: a bad disk says so
+    require_approved(path, content)
+    return content
 
 
 def _size(count: int) -> str:

@@ -70,8 +70,23 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
     ConfigError
         The file cannot be read, or is none; the message has the file and the key.
     """
+    return json_content(read_content(path, most_bytes), path, model, what)
+
+
+def read_content(path: Path, most_bytes: int) -> bytes:
+    """Return a file's bytes, to be read once and kept.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is larger than `most_bytes`.
+    """
     with system_errors(ConfigError, f"{path}: cannot be read"):
-        data = read_file(path, most_bytes)
+        return read_file(path, most_bytes)
+
+
+def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
+    """Return what stands in the bytes of a JSON file; arguments and errors as `read_json_file`."""
     try:
         parse_json(data)
         return model.model_validate_json(data)

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from config.errors import ConfigError, EstimationError
-from config.formats.json_file import read_json_file
+from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.friction_terms import FrictionTerm
@@ -142,8 +142,13 @@ def read_estimate(path: Path) -> Estimate:
     ConfigError
         The file cannot be read or is not an estimate.
     """
+    return estimate_content(read_content(path, LARGEST_FILE_BYTES), path)
+
+
+def estimate_content(data: bytes, path: Path) -> Estimate:
+    """Return what stands in the bytes of such a file; as `read_estimate`."""
     what = "an estimate as `rid-daq identify` writes it"
-    document = read_json_file(path, EstimateDocument, LARGEST_FILE_BYTES, what)
+    document = json_content(data, path, EstimateDocument, what)
     try:
         estimate = _to_estimate(document)
         refuse_contradictions(estimate, _deviations(document))

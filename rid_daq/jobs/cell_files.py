@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from acquisition.motion.motion_file import AnyMotion, load_motion
+from acquisition.motion.motion_file import AnyMotion, read_motion
 from acquisition.motion.samples import MotionSamples
-from compensation.feedforward.file import read_feedforward
-from compensation.loops.loop_file import read_loops
+from compensation.feedforward.file import LARGEST_FILE_BYTES, feedforward_content
+from compensation.loops import loop_file
 from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError
-from config.formats.bounded_file import read_file
-from config.formats.yaml_tree import MAX_BYTES
+from config.formats.json_file import read_content
 from config.load import LoadedCell
 from config.robot.robot import RobotDescription
+from identification.estimation import file as estimate_file
 from identification.estimation.estimate import Estimate
-from identification.estimation.file import read_estimate
 
 
 def motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
@@ -26,19 +25,19 @@ def motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
     ConfigError
         It is none, or names another robot than the cell has.
     """
-    motion = load_motion(path)
+    return motion_and_bytes(path, loaded)[0]
+
+
+def motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, bytes]:
+    """Return the motion of a file, and the text that a run keeps of it; as `motion_for`."""
+    motion, text = read_motion(path)
     if motion.robot != loaded.robot.name:
         raise ConfigError(
             f"{path}: robot: is for {motion.robot!r}, cell {loaded.config.name} has"
             f" {loaded.robot.name!r}; make one with `rid-daq design`, or change the name if the"
             " robots are the same"
         )
-    return motion
-
-
-def motion_bytes(motion: AnyMotion, path: Path) -> bytes:
-    """Return a motion file as a run folder keeps it: with the rows of a file that it names."""
-    return motion.to_keep(read_file(path, MAX_BYTES))
+    return motion, text
 
 
 def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
@@ -49,7 +48,13 @@ def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
     ConfigError
         It is none, or of another robot, be it one with the same joint names.
     """
-    return require_robot(path, read_estimate(path), robot)
+    return estimate_and_bytes(path, robot)[0]
+
+
+def estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
+    """Return the model of a file, and the file's bytes; as `estimate_for`."""
+    data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
+    return require_robot(path, estimate_file.estimate_content(data, path), robot), data
 
 
 def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Estimate:
@@ -72,24 +77,33 @@ def loops_for(path: Path, loaded: LoadedCell) -> tuple[VelocityLoop, ...]:
     ConfigError
         It is none, or of another robot.
     """
-    robot, loops = read_loops(path)
+    return loops_and_bytes(path, loaded)[0]
+
+
+def loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop, ...], bytes]:
+    """Return the velocity loops of a file, and the file's bytes; as `loops_for`."""
+    data = read_content(path, loop_file.LARGEST_FILE_BYTES)
+    robot, loops = loop_file.loops_content(data, path)
     if robot != loaded.robot.name:
         raise ConfigError(f"{path}: is of robot {robot!r}, the cell has {loaded.robot.name!r}")
-    return loops
+    return loops, data
 
 
-def with_feedforward(path: Path, motion: AnyMotion, samples: MotionSamples) -> MotionSamples:
-    """Return a planned motion with the feedforward of a file.
+def with_feedforward(
+    path: Path, motion: AnyMotion, samples: MotionSamples
+) -> tuple[MotionSamples, bytes]:
+    """Return a planned motion with the feedforward of a file, and the file's bytes.
 
     Raises
     ------
     ConfigError
         The file is of another motion, or for another cell.
     """
-    file = read_feedforward(path)
+    data = read_content(path, LARGEST_FILE_BYTES)
+    file = feedforward_content(data, path)
     if file.motion != motion:
         raise ConfigError(
             f"{path}: pre-compensates another motion than the one given: make it again with"
             " `rid-daq compensate`"
         )
-    return file.onto(samples)
+    return file.onto(samples), data

@@ -18,15 +18,17 @@ from compensation.feedforward.file import Origin, RefinementEntry, TuningEntry, 
 from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
 from compensation.feedforward.tuning import tune
-from compensation.loops.loop_file import read_loops
+from compensation.loops import loop_file
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.online import in_order
 from compensation.operating_temperature import at_operation
 from config.errors import ConfigError, DataQualityError
+from config.formats.approved_files import sha256_of
+from config.formats.json_file import read_content
 from config.load import load_cell
 from identification.estimation.estimate import Estimate
-from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_for
-from rid_daq.runs.motion_runs import MotionRun, read_motion_run, sha256_of
+from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.origins import cell_of
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import MOTION, lacks
@@ -163,11 +165,10 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     refuse_output(request.output, request.overwrite)
     loaded = load_cell(request.cell)
     motion = motion_for(request.motion, loaded)
-    loops = loops_for(request.loop, loaded)
+    loops, loops_bytes = loops_and_bytes(request.loop, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    warm = at_operation(
-        estimate_for(request.model, loaded.robot), request.temperature, samples.whole().velocity
-    )
+    modelled, model_bytes = estimate_and_bytes(request.model, loaded.robot)
+    warm = at_operation(modelled, request.temperature, samples.whole().velocity)
     estimate, notes = warm.estimate, warm.notes
     tuning = None
     if request.reference is not None:
@@ -182,8 +183,8 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     verify_command(compensated, loaded.config, loaded.robot)
     refuse_torque(motion, samples, estimate, loaded.robot)
     origin = Origin(
-        model_sha256=sha256_of(request.model),
-        loops_sha256=sha256_of(request.loop),
+        model_sha256=sha256_of(model_bytes),
+        loops_sha256=sha256_of(loops_bytes),
         temperature=request.temperature or "",
         tuning=tuning,
     )
@@ -210,14 +211,13 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    warm = at_operation(
-        estimate_for(request.model, first.data.robot),
-        request.temperature,
-        samples.whole().velocity,
-    )
+    modelled, model_bytes = estimate_and_bytes(request.model, first.data.robot)
+    warm = at_operation(modelled, request.temperature, samples.whole().velocity)
     estimate = warm.estimate
     names = samples.joint_names
-    loops = in_order(names, estimate.robot.joint_names, read_loops(request.loop)[1])
+    loops_bytes = read_content(request.loop, loop_file.LARGEST_FILE_BYTES)
+    measured_loops = loop_file.loops_content(loops_bytes, request.loop)[1]
+    loops = in_order(names, estimate.robot.joint_names, measured_loops)
     measured = repeated_error(samples, [one.data.recording for one in driven])
     origin = Origin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
@@ -237,7 +237,13 @@ def refine_feedforward(request: RefineRequest) -> Refined:
         more = found.correction
         if measured.periodic:
             more = with_period(samples, np.zeros_like(ahead), more)
-        origin = _refined_origin(request, origin, refined, tuple(one.run_id for one in driven))
+        origin = _refined_origin(origin, refined, tuple(one.run_id for one in driven)).model_copy(
+            update={
+                "model_sha256": sha256_of(model_bytes),
+                "loops_sha256": sha256_of(loops_bytes),
+                "temperature": request.temperature or "",
+            }
+        )
         ahead = ahead + more
     following = replace(samples, feedforward=ahead)
     verify_limits(following, first.data.robot)
@@ -257,9 +263,7 @@ def _tuned(
     return TuningEntry.of(found, run.run_id, run.motion == motion)
 
 
-def _refined_origin(
-    request: RefineRequest, origin: Origin, refined: Refined, runs: tuple[str, ...]
-) -> Origin:
+def _refined_origin(origin: Origin, refined: Refined, runs: tuple[str, ...]) -> Origin:
     measured, found = refined.measured, refined.found
     entry = RefinementEntry(
         runs=runs,
@@ -269,14 +273,7 @@ def _refined_origin(
         bound=tuple(found.bound.largest.tolist()),
         band_hz=found.bound.band_hz,
     )
-    return origin.model_copy(
-        update={
-            "model_sha256": sha256_of(request.model),
-            "loops_sha256": sha256_of(request.loop),
-            "temperature": request.temperature or "",
-            "refinements": (*origin.refinements, entry),
-        }
-    )
+    return origin.model_copy(update={"refinements": (*origin.refinements, entry)})
 
 
 def _refuse_mixed(driven: list[MotionRun]) -> None:

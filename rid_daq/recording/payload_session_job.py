@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from acquisition.motion.kinds.fourier import FourierMotion
-from acquisition.motion.motion_file import AnyMotion, load_motion
+from acquisition.motion.motion_file import AnyMotion, motion_content
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
@@ -23,7 +23,7 @@ from rid_daq.jobs.cell_files import estimate_for, motion_for
 from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import STATE, UNLOADED, SessionState
-from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
+from rid_daq.recording.payload_steps import SESSION_MOTION, PayloadGuide, StepFailed
 from rid_daq.recording.run_session import open_session
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
@@ -153,7 +153,7 @@ def _begun(
     )
     for name, content in loaded.files.items():
         folder.write(name, content)
-    folder.write(MOTION, to_yaml(motion, "Of a payload session.").encode())
+    folder.write(MOTION, to_yaml(motion, SESSION_MOTION).encode())
     note_cell(folder, loaded)
     state = SessionState(folder, loaded.config.name, asked=request.asked)
     state.write()
@@ -172,7 +172,8 @@ def _motion_of(state: SessionState, loaded: LoadedCell) -> FourierMotion:
             f"--resume {session}: the robot file of cell {state.cell} has changed since: put the"
             " old one back, or begin a new session"
         )
-    motion = _periodic(load_motion(state.folder.file(MOTION)))
+    name = str(state.folder.file(MOTION))
+    motion = _periodic(motion_content(state.folder.read(MOTION), name))
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion
 

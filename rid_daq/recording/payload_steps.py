@@ -32,6 +32,8 @@ from rid_daq.terminal.console import Console
 
 PREFLIGHT_S: Final = 0.5
 REHEARSAL: Final = "rehearsal"
+SESSION_MOTION: Final = "Of a payload session."
+"""The comment of the motion that a session keeps; its steps drive it, or slower or longer."""
 WARM_UP: Final = "warm-up"
 
 
@@ -118,7 +120,14 @@ class PayloadGuide:
         config, request = self.session.loaded.config, self.request
         if request.yes and not config.simulated:
             self.console.say(f"Nobody in cell {config.name}, the emergency stop at hand: by --yes.")
-        require_cleared(config, request.yes, self.console, practise=request.practise)
+        motion = to_yaml(self.motion, SESSION_MOTION).encode()
+        require_cleared(
+            config,
+            request.yes,
+            self.console,
+            practise=request.practise,
+            files={**self.session.loaded.files, MOTION: motion},
+        )
 
     def _empty_flange(self) -> EmptyFlange:
         """Ask whether nothing hangs on the flange: the torques of two runs alone cannot tell.

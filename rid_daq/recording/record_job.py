@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
+from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.rehearsal import SLOWER, rehearsal
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
 from acquisition.session.frame_recorder import require_listenable
+from acquisition.supervision.commanded import commanded_motion, verify_command
 from compensation.compensated_motion import refuse_torque
-from compensation.feedforward.file import LARGEST_FILE_BYTES
 from config.cell.cell import CellConfig
-from config.formats.bounded_file import read_file
-from config.formats.yaml_tree import MAX_BYTES
-from config.load import load_cell, load_faults
+from config.load import load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_warmth
-from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for, with_feedforward
+from rid_daq.jobs.cell_files import estimate_for, motion_and_bytes, with_feedforward
 from rid_daq.live.live_page import LiveOptions
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
@@ -31,6 +31,7 @@ from rid_daq.session.session import as_label
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 
+FAULTS: Final = "faults.yaml"
 REHEARSAL_ALONE = "That was the rehearsal; nothing else was driven."
 
 
@@ -120,16 +121,22 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
-    motion = motion_for(request.motion, loaded)
+    motion, text = motion_and_bytes(request.motion, loaded)
+    files = {MOTION: text}  # what the run is made from, beside the cell's own files: read once
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
+    if request.feedforward is not None:
+        samples, files[FEEDFORWARD] = with_feedforward(request.feedforward, motion, samples)
+        verify_limits(samples, loaded.robot)
+        verify_command(samples, loaded.config, loaded.robot)
     if request.model is not None:
         estimate = estimate_for(request.model, loaded.robot)
         refuse_torque(motion, samples, estimate, loaded.robot)
+        driven = commanded_motion(samples, loaded.config.position_gain_per_s)
+        refuse_torque(motion, driven, estimate, loaded.robot)
         warmth = limit_warmth(estimate)
         if warmth:
             console.say(warmth)
-    if request.feedforward is not None:
-        samples = with_feedforward(request.feedforward, motion, samples)
+    script = _fault_script(request, loaded.config, files)
     accuracy = None
     if request.until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
@@ -142,15 +149,15 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         request.axis_test,
         cleared=request.cleared,
         practise=request.practise,
+        files=files,
     )
     if request.frames:
         require_listenable(loaded.config.can)
-    script = _fault_script(request, loaded.config)
     asked = RunRequest(
         name,
         motion.describe(),
         samples,
-        files=_files(request, motion),
+        files=files,
         watch=accuracy,
         frames=request.frames,
     )
@@ -166,26 +173,16 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         return MotionRecorded(session.record(asked), motion, accuracy)
 
 
-def _fault_script(request: RecordRequest, cell: CellConfig) -> FaultScript:
-    """Load a fault script, whose full disk must be one that may be filled."""
+def _fault_script(request: RecordRequest, cell: CellConfig, files: dict[str, bytes]) -> FaultScript:
+    """Load a fault script, whose full disk must be one that may be filled, and keep its bytes."""
     if request.faults is None:
         return NO_SCRIPT
-    script = load_faults(request.faults, cell)
+    script, files[FAULTS] = read_faults(request.faults, cell)
     if any(fault.kind == "disk_full" for fault in script.program):
         from mock_hw.host.full_disk import refuse_shared_disk
 
         refuse_shared_disk(request.runs)
     return script
-
-
-def _files(request: RecordRequest, motion: AnyMotion) -> dict[str, bytes]:
-    """Return what the run was made from, beside the cell's own files."""
-    files = {MOTION: motion_bytes(motion, request.motion)}
-    if request.faults is not None:
-        files["faults.yaml"] = read_file(request.faults, MAX_BYTES)
-    if request.feedforward is not None:
-        files[FEEDFORWARD] = read_file(request.feedforward, LARGEST_FILE_BYTES)
-    return files
 
 
 def _rehearsal(name: str, samples: MotionSamples) -> RunRequest:

@@ -317,10 +317,13 @@ def require_ready(
     *,
     cleared: bool,
     practise: bool = False,
+    files: Mapping[str, bytes] | None = None,
 ) -> None:
     """Ask whether a real cell is clear, once nothing else is a reason to refuse.
 
-    Of a simulated cell that is asked where it is practised.
+    Of a simulated cell that is asked where it is practised. What is driven is shown beside the
+    question, by the hashes of the cell's files and of `files`, which the run keeps: all of them
+    have been read, and nothing is read again.
 
     Raises
     ------
@@ -329,7 +332,8 @@ def require_ready(
     """
     refuse_runs(runs)
     require_axis_test(loaded, axis_test)
-    require_cleared(loaded.config, cleared, console, practise=practise)
+    kept = {**loaded.files, **(files or {})}
+    require_cleared(loaded.config, cleared, console, practise=practise, files=kept)
 
 
 def refuse_runs(runs: Path) -> None:

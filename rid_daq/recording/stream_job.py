@@ -9,16 +9,13 @@ from pathlib import Path
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
 from acquisition.session.outcome import RecordOutcome
-from compensation.loops import loop_file
 from compensation.online.online import OnlineFeedforward
 from compensation.online.stream import StreamOptions, stream_motion, stream_socket
 from compensation.operating_temperature import at_operation
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.formats.bounded_file import read_file
 from config.load import LoadedCell, load_cell
-from identification.estimation import file as estimate_file
-from rid_daq.jobs.cell_files import estimate_for, loops_for, motion_bytes, motion_for
+from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_and_bytes
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, open_session, require_ready
@@ -87,8 +84,8 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     """
     loaded = load_cell(request.cell)
     words, samples, files = _planned(request, loaded)
-    loops = loops_for(request.loop, loaded)
-    estimate = estimate_for(request.model, loaded.robot)
+    loops, loops_bytes = loops_and_bytes(request.loop, loaded)
+    estimate, model_bytes = estimate_and_bytes(request.model, loaded.robot)
     warm = at_operation(
         estimate, request.temperature, None if samples is None else samples.whole().velocity
     )
@@ -97,6 +94,9 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, warm.estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
+    options = request.options
+    if options.compensated:
+        files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: loops_bytes}
     require_ready(
         loaded,
         request.runs,
@@ -104,11 +104,8 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
         request.axis_test,
         cleared=request.cleared,
         practise=request.practise,
+        files=files,
     )
-    options = request.options
-    if options.compensated:
-        files[ONLINE_MODEL] = read_file(request.model, estimate_file.LARGEST_FILE_BYTES)
-        files[ONLINE_LOOPS] = read_file(request.loop, loop_file.LARGEST_FILE_BYTES)
     with open_session(
         loaded, request.runs, console, request.simulation, axis_test=request.axis_test
     ) as session:
@@ -133,9 +130,9 @@ def _planned(
         return "Points that another program sent.", None, {}
     if request.socket is not None:
         raise ConfigError("points come from the motion file or over --socket: give one of them")
-    motion = motion_for(request.motion, loaded)
+    motion, text = motion_and_bytes(request.motion, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    return motion.describe(), samples, {MOTION: motion_bytes(motion, request.motion)}
+    return motion.describe(), samples, {MOTION: text}
 
 
 def _default_socket(cell: CellConfig) -> Path:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
-from compensation.feedforward.file import LARGEST_FILE_BYTES, FeedforwardFile, read_feedforward
+from compensation.feedforward.file import FeedforwardFile, read_feedforward
 from config.cell.cell import CellConfig
-from config.errors import ConfigError, DataQualityError, system_errors
-from config.formats.bounded_file import read_file
+from config.errors import DataQualityError
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_MODEL, RunData
 
 PLAIN: Final = "plain"
@@ -103,15 +100,3 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
         file=read_feedforward(ahead) if ahead.exists() else None,
         streamed=folder.file(ONLINE_MODEL).exists(),
     )
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file.
-
-    Raises
-    ------
-    ConfigError
-        It cannot be read.
-    """
-    with system_errors(ConfigError, f"{path}: cannot be read"):
-        return hashlib.sha256(read_file(path, LARGEST_FILE_BYTES)).hexdigest()

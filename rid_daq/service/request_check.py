@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 from collections.abc import Collection, Iterator
 from importlib.resources import files
 from pathlib import Path
@@ -17,12 +18,16 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 
 from config.errors import ConfigError
-from config.formats.yaml_tree import parse_yaml
+from config.formats.approved_files import sha256_of
+from config.formats.bounded_file import read_file
+from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from rid_daq.service.job_kinds import JobKind
 
 _OUTPUTS: Final = ("output", "report")
 _NO_PATH: Final = "text"
 _TABLE: Final = "joint_table"
+MOST_HASHED: Final = 500_000_000
+"""The largest file that a job may be made from: a feedforward."""
 
 
 @functools.cache
@@ -117,14 +122,49 @@ def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
     ConfigError
         The table leads out of it, or to what is hidden.
     """
+    table = _table_of(content, motion.name)
+    if table is not None:
+        require_inside(table, folder, motion.parent)
+
+
+def hashes_of_named(request: dict[str, Any], folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of the files that a request names, and of their tables, by their paths.
+
+    Parameters
+    ----------
+    request : dict
+        What is asked for, checked.
+    folder : Path
+        The service's folder.
+    """
+    found: dict[str, str] = {}
+    waiting = [folder / text for text in _texts(request)]
+    while waiting:
+        path = waiting.pop()
+        try:
+            content = read_file(path, MOST_HASHED)
+        except OSError:  # it names no file, or one that the job itself refuses
+            continue
+        found[os.path.abspath(path)] = sha256_of(content)
+        table = _table_of(content, path.name)
+        if table is not None:
+            waiting.append(path.parent / table)
+    return found
+
+
+def _table_of(content: bytes, name: str) -> str | None:
+    """Return the file in which a motion's positions stand, None where there is none."""
+    if len(content) > MAX_BYTES:  # no motion file
+        return None
     if _TABLE.encode() not in content and b"\\" not in content:  # escapes may spell it too
-        return
+        return None
     try:
-        told = parse_yaml(content, motion.name).data
+        told = parse_yaml(content, name).data
     except ConfigError:
-        return
+        return None
     if isinstance(told, dict) and told.get("kind") == _TABLE and isinstance(told.get("file"), str):
-        require_inside(told["file"], folder, motion.parent)
+        return str(told["file"])
+    return None
 
 
 @functools.cache

@@ -32,7 +32,7 @@ from rid_daq.service.records import (
     Role,
 )
 from rid_daq.service.refusals import NotAllowedError, UnknownError
-from rid_daq.service.request_check import check_request, request_schemas
+from rid_daq.service.request_check import check_request, hashes_of_named, request_schemas
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.cells import CellStore
@@ -202,8 +202,13 @@ class CellService:
         request = paced(kind, request, cell.pace_here())
         of_cells = [path for each in self.cells.values() for path in each.loaded.paths]
         await asyncio.to_thread(check_request, kind, request, self.folder, of_cells)
+        approved: dict[str, str] = {}
+        if kind.moves:
+            approved = await asyncio.to_thread(hashes_of_named, request, self.folder)
         if kind.opens_cell:
             self._require_free(cell, kind, lease, cleared=cleared)
+        if kind.moves:  # by the bytes that the preflight counted for
+            approved |= {str(path): found for path, found in cell.loaded.hashes.items()}
         held = self.leases.of(cell.name)
         job = Job(
             id=new_run_id(time.time_ns()),
@@ -217,7 +222,7 @@ class CellService:
             created_s=time.time(),
         )
         self.audit.note(who.name, f"began {kind.value}", cell.name, f"job {job.id}")
-        return await self.workshop.begin(job, cell, cleared=cleared)
+        return await self.workshop.begin(job, cell, cleared=cleared, approved=approved)
 
     def stop(self, cell: str, who: str) -> bool:
         """Stop what moves in a cell; return whether something was told to stop."""

@@ -7,7 +7,7 @@ import json
 import logging
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -104,7 +104,14 @@ class Workshop:
         """Return the file of a job's events."""
         return self._state / "jobs" / f"{job_id}.jsonl"
 
-    async def begin(self, job: Job, cell: ServedCell, *, cleared: bool) -> Job:
+    async def begin(
+        self,
+        job: Job,
+        cell: ServedCell,
+        *,
+        cleared: bool,
+        approved: Mapping[str, str] | None = None,
+    ) -> Job:
         """Journal a job and begin it; one that only computes may have to wait for its turn.
 
         Parameters
@@ -115,6 +122,8 @@ class Workshop:
             Its cell.
         cleared : bool
             Whether a person has just said that nobody is in the cell.
+        approved : mapping, optional
+            The SHA-256 of the files that the job was accepted with, by their paths.
         """
         self._jobs.add(job)
         self._publish(job)
@@ -124,7 +133,7 @@ class Workshop:
             await self._journal(job)
             await self._begin_next()
             return self._jobs.kept(job.id) or job
-        return await self._start(job, cell, cleared=cleared)
+        return await self._start(job, cell, cleared=cleared, approved=approved)
 
     def stop(self, cell: str, why: str) -> Job | None:
         """Stop the job that has a cell's bus open, or is just being started; return it."""
@@ -257,7 +266,14 @@ class Workshop:
         of_cell = (each for each in self._starting.values() if each.job.cell == cell)
         return next((each for each in of_cell if each.job.kind.opens_cell), None)
 
-    async def _start(self, job: Job, cell: ServedCell, *, cleared: bool) -> Job:
+    async def _start(
+        self,
+        job: Job,
+        cell: ServedCell,
+        *,
+        cleared: bool,
+        approved: Mapping[str, str] | None = None,
+    ) -> Job:
         starting = self._starting[job.id] = StartingJob(job)
         try:
             if job.kind.opens_cell:
@@ -285,6 +301,7 @@ class Workshop:
             cleared=cleared,
             owner=job.owner,
             niceness=0 if job.kind.opens_cell else NICENESS,
+            approved=dict(approved or {}),
         )
         LOG.info("job begun", extra={"job": job})
         self._publish(job)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from config.errors import PreflightError
+from config.formats.approved_files import SHORT, sha256_of
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
@@ -12,7 +14,12 @@ if TYPE_CHECKING:
 
 
 def require_cleared(
-    cell: CellConfig, cleared: bool, console: Console, *, practise: bool = False
+    cell: CellConfig,
+    cleared: bool,
+    console: Console,
+    *,
+    practise: bool = False,
+    files: Mapping[str, bytes] | None = None,
 ) -> None:
     """Ask whether a real cell is clear; of a simulated one only where that is practised.
 
@@ -26,6 +33,8 @@ def require_cleared(
         Where a person is asked.
     practise
         Whether a simulated cell is asked about like a real one.
+    files
+        What the motion is made from, as its run keeps it; shown by hashes beside the question.
 
     Raises
     ------
@@ -33,7 +42,15 @@ def require_cleared(
         Nobody can be asked, or the cell is not clear.
     """
     if practise or not cell.simulated:
+        if files:
+            console.say(hashes_shown(files))
         clear(cell.name, cleared, console)
+
+
+def hashes_shown(files: Mapping[str, bytes]) -> str:
+    """Return the first digits of the SHA-256 of files that a motion is made from, in a sentence."""
+    shown = (f"{name} {sha256_of(content)[:SHORT]}" for name, content in sorted(files.items()))
+    return f"To be driven, as read (SHA-256): {', '.join(shown)}."
 
 
 def clear(cell: str, cleared: bool, console: Console, danger: str = "The robot will move.") -> bool:

@@ -10,6 +10,7 @@ from typing import IO
 
 from pydantic import BaseModel, ConfigDict
 
+from config.formats.approved_files import approve_files
 from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import printable
@@ -38,6 +39,8 @@ class WorkOrder(BaseModel):
         Who has begun it.
     niceness : int
         How far it stands back for others.
+    approved : dict
+        The SHA-256 of the files that the job was accepted with, by their paths.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -51,6 +54,7 @@ class WorkOrder(BaseModel):
     cleared: bool
     owner: str = ""
     niceness: int = 0
+    approved: dict[str, str] = {}
 
 
 def main() -> int:
@@ -74,6 +78,7 @@ def work(order: WorkOrder, source: IO[str]) -> int:
         Where further orders come from.
     """
     os.chdir(order.folder)
+    approve_files(order.approved)
     os.nice(order.niceness)
     with EventFile(order.events) as events:
         orders = Orders(source)

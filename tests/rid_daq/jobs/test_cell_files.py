@@ -15,7 +15,7 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
-from rid_daq.jobs.cell_files import estimate_for, motion_bytes, motion_for
+from rid_daq.jobs.cell_files import estimate_for, motion_and_bytes, motion_for
 from tests.builders.known_model import known
 
 
@@ -42,9 +42,9 @@ def test_a_motion_of_the_cells_robot_is_kept_with_its_comments(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
     path = written(tmp_path, cell.robot.name)
-    motion = motion_for(path, cell)
+    motion, kept = motion_and_bytes(path, cell)
     assert motion.robot == cell.robot.name
-    assert motion_bytes(motion, path) == path.read_bytes()
+    assert kept == path.read_bytes()
 
 
 def test_a_motion_of_another_robot_is_refused_by_both_names(

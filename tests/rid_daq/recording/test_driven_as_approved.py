@@ -1,0 +1,256 @@
+"""What is driven is what was approved: every file is read once, before a person is asked."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from acquisition.motion.motion_file import load_motion
+from acquisition.motion.samples import MotionSamples
+from compensation.feedforward.file import feedforward_bytes
+from compensation.loops.loop_file import write_loops
+from config.errors import LimitError
+from config.load import LoadedCell, load_cell, to_yaml
+from identification.estimation.file import write_estimate
+from identification.estimation.limit_torque import limit_torque
+from rid_daq.recording import record_job, stream_job
+from rid_daq.recording.record_job import RecordRequest, record_motion_file
+from rid_daq.recording.run_session import RunRequest
+from rid_daq.recording.stream_job import StreamRequest, stream_path
+from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_LOOPS, ONLINE_MODEL
+from rid_daq.terminal.console import Console
+from tests.builders.known_model import known
+from tests.builders.point_streams import loops_of
+
+pytestmark = pytest.mark.promise("driven-as-approved")
+
+
+class DrivenError(Exception):
+    """Raised in place of a motion: it carries what would have been driven."""
+
+    def __init__(self, asked: RunRequest, loaded: LoadedCell) -> None:
+        super().__init__("driven")
+        self.asked, self.loaded = asked, loaded
+
+
+@dataclass
+class Session:
+    loaded: LoadedCell
+
+    @property
+    def cell(self) -> Any:
+        return self.loaded.config
+
+    def record(self, asked: RunRequest) -> Any:
+        raise DrivenError(asked, self.loaded)
+
+
+@contextlib.contextmanager
+def session(loaded: LoadedCell, *_: object, **__: object) -> Iterator[Session]:
+    yield Session(loaded)
+
+
+class Person(Console):
+    """Somebody who is asked whether the cell is clear, and who does something before the answer."""
+
+    def __init__(self, meanwhile: Callable[[], None]) -> None:
+        super().__init__()
+        object.__setattr__(self, "meanwhile", meanwhile)
+        object.__setattr__(self, "said", [])
+
+    @property
+    def can_ask(self) -> bool:
+        return True
+
+    def say(self, text: str = "") -> None:
+        told: Any = self
+        told.said.append(text)
+
+    def ask(self, question: str, understood: Any, choices: Any = ()) -> Any:
+        told: Any = self
+        told.meanwhile()
+        return understood("my_cell")
+
+    def confirm(self, question: str) -> bool:
+        return True
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a cell of its own, a motion, its feedforward, a model and velocity loops."""
+    monkeypatch.setattr(record_job, "open_session", session)
+    monkeypatch.setattr(stream_job, "open_session", session)
+    bundled = load_cell("ir361")
+    for name, content in bundled.files.items():
+        (tmp_path / name).write_bytes(content)
+    text = (tmp_path / "cell.yaml").read_text()
+    for key, old in (("name", "ir361"), ("robot", "ir361"), ("plant", "ir361")):
+        new = "my_cell" if key == "name" else f"./{key}.yaml"
+        assert f"\n{key}: {old}\n" in f"\n{text}"
+        text = f"\n{text}".replace(f"\n{key}: {old}\n", f"\n{key}: {new}\n")[1:]
+    (tmp_path / "cell.yaml").write_text(text)
+    cell = load_cell(str(tmp_path / "cell.yaml"))
+    joints = tuple(
+        FourierJoint(joint=name, offset=0.1, sine=(0.1,), cosine=(0.0,))
+        for name in cell.robot.joint_names
+    )
+    motion = FourierMotion(
+        kind="fourier", robot="ir361", period_s=2.0, periods=1, ramp_s=1.0, joints=joints
+    )
+    (tmp_path / "motion.yaml").write_text(f"# by hand\n{to_yaml(motion)}")
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s).whole()
+    ahead = replace(samples, feedforward=samples.velocity)
+    (tmp_path / "ahead.json").write_bytes(feedforward_bytes(motion, ahead))
+    write_estimate(tmp_path / "model.json", known(cell, {}))
+    write_loops(tmp_path / "loops.json", loops_of(cell), "ir361", "a run")
+    return tmp_path
+
+
+def remove_all(folder: Path) -> Callable[[], None]:
+    """Return what takes every file away: nothing can be read again."""
+
+    def remove() -> None:
+        for path in folder.iterdir():
+            if path.is_file():
+                path.unlink()
+
+    return remove
+
+
+def recorded(folder: Path, **more: Any) -> tuple[DrivenError, Person]:
+    person = Person(remove_all(folder))
+    request = RecordRequest(
+        cell=str(folder / "cell.yaml"),
+        motion=folder / "motion.yaml",
+        runs=folder / "runs",
+        practise=True,
+        **more,
+    )
+    with pytest.raises(DrivenError) as caught:
+        record_motion_file(request, person)
+    return caught.value, person
+
+
+def test_no_file_of_a_recording_is_read_after_the_question(folder: Path) -> None:
+    content = {name: (folder / name).read_bytes() for name in ("motion.yaml", "ahead.json")}
+    driven, _ = recorded(folder, feedforward=folder / "ahead.json", model=folder / "model.json")
+    assert driven.asked.files == {
+        MOTION: content["motion.yaml"],
+        FEEDFORWARD: content["ahead.json"],
+    }
+    samples = driven.asked.samples
+    assert isinstance(samples, MotionSamples)
+    assert samples.feedforward is not None
+    np.testing.assert_allclose(samples.feedforward, samples.velocity, atol=1e-8)
+
+
+def test_a_fault_script_is_read_once(folder: Path) -> None:
+    (folder / "faults.yaml").write_text("seed: 3\n")
+    driven, _ = recorded(folder, faults=folder / "faults.yaml")
+    assert driven.asked.files["faults.yaml"] == b"seed: 3\n"
+
+
+def test_the_rows_of_a_joint_table_are_those_that_were_read_first(folder: Path) -> None:
+    way = 0.1 * (1.0 - np.cos(2.0 * np.pi * np.arange(51) / 50)) ** 2
+    rows = "\n".join(f"{0.1 * k:g},{at:.9g},0,0" for k, at in enumerate(way))
+    (folder / "rows.csv").write_text(f"time_s,axis1,axis2,axis3\n{rows}\n")
+    (folder / "motion.yaml").write_text("kind: joint_table\nrobot: ir361\nfile: rows.csv\n")
+    wanted = load_motion(folder / "motion.yaml")
+    driven, _ = recorded(folder)
+    assert isinstance(driven.asked.samples, MotionSamples)
+    cell = load_cell("ir361")
+    planned = wanted.plan(cell.robot, cell.config.cycle_time_s)
+    np.testing.assert_array_equal(driven.asked.samples.position, planned.position)
+    (folder / "kept.yaml").write_bytes(driven.asked.files[MOTION])
+    assert load_motion(folder / "kept.yaml") == wanted
+
+
+def test_the_hashes_beside_the_question_are_those_of_what_the_run_keeps(folder: Path) -> None:
+    driven, person = recorded(folder, feedforward=folder / "ahead.json")
+    told: Any = person
+    (shown,) = [line for line in told.said if "SHA-256" in line]
+    kept = {**driven.loaded.files, **driven.asked.files}
+    assert {"cell.yaml", "robot.yaml", MOTION, FEEDFORWARD} <= kept.keys()
+    for name, content in kept.items():
+        assert f"{name} {hashlib.sha256(content).hexdigest()[:12]}" in shown
+
+
+def test_no_file_of_a_streamed_path_is_read_after_the_question(folder: Path) -> None:
+    names = ("motion.yaml", "model.json", "loops.json")
+    content = {name: (folder / name).read_bytes() for name in names}
+    request = StreamRequest(
+        cell=str(folder / "cell.yaml"),
+        model=folder / "model.json",
+        loop=folder / "loops.json",
+        runs=folder / "runs",
+        motion=folder / "motion.yaml",
+        practise=True,
+    )
+    with pytest.raises(DrivenError) as caught:
+        stream_path(request, Person(remove_all(folder)))
+    assert caught.value.asked.files == {
+        MOTION: content["motion.yaml"],
+        ONLINE_MODEL: content["model.json"],
+        ONLINE_LOOPS: content["loops.json"],
+    }
+
+
+@pytest.mark.promise("sum-verified")
+def test_a_feedforward_beyond_the_limits_is_refused_before_anybody_is_asked(folder: Path) -> None:
+    file = json.loads((folder / "ahead.json").read_text())
+    for number, row in enumerate(file["feedforward"]):
+        row[0] = 0.3 * (-1.0) ** number
+    (folder / "ahead.json").write_text(json.dumps(file))
+
+    def never() -> None:
+        raise AssertionError("nobody is asked about what cannot be driven")
+
+    request = RecordRequest(
+        cell=str(folder / "cell.yaml"),
+        motion=folder / "motion.yaml",
+        runs=folder / "runs",
+        feedforward=folder / "ahead.json",
+        practise=True,
+    )
+    with pytest.raises(LimitError) as caught:
+        record_motion_file(request, Person(never))
+    assert caught.value.refusal == "RID-MOTION-COMMAND"
+    assert not (folder / "runs").exists()
+
+
+@pytest.mark.promise("sum-verified")
+def test_the_sum_is_held_against_torque_limits_where_a_model_is_given(folder: Path) -> None:
+    """The planned motion takes little torque; what the feedforward adds takes too much."""
+    cell = load_cell(str(folder / "cell.yaml"))
+    plan = load_motion(folder / "motion.yaml").plan(cell.robot, cell.config.cycle_time_s).whole()
+    moved = (plan.position, plan.velocity, plan.acceleration)
+    enough = 1.3 * float(np.abs(limit_torque(known(cell, {}), *moved)[:, 0]).max())
+    file = json.loads((folder / "ahead.json").read_text())
+    rows = np.array(file["feedforward"])
+    k = np.arange(len(rows))
+    rows[:, 0] += 0.28 * np.sin(np.pi * k / (len(k) - 1)) ** 2 * np.sin(0.25 * k)
+    (folder / "ahead.json").write_text(json.dumps({**file, "feedforward": rows.tolist()}))
+    request = RecordRequest(
+        cell=str(folder / "cell.yaml"),
+        motion=folder / "motion.yaml",
+        runs=folder / "runs",
+        feedforward=folder / "ahead.json",
+        model=folder / "model.json",
+        practise=True,
+    )
+    robot = (folder / "robot.yaml").read_text()
+    assert "torque: 450.0}" in robot
+    (folder / "robot.yaml").write_text(robot.replace("torque: 450.0}", f"torque: {enough:.3f}}}"))
+    with pytest.raises(LimitError, match=r"the motion takes .* N m of joint 'axis1'"):
+        record_motion_file(request, Person(lambda: None))
+    with pytest.raises(DrivenError):
+        record_motion_file(replace(request, feedforward=None), Person(lambda: None))
