@@ -13,7 +13,7 @@ import pytest
 
 from config.formats.approved_files import approve_files
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.records import Identity, Preflight, Role
+from rid_daq.service.records import Identity, Role
 from rid_daq.service.request_check import hashes_of_named
 from rid_daq.service.running_job import RunningJob
 from rid_daq.service.served_cell import ServedCell
@@ -67,8 +67,8 @@ def test_a_motion_is_ordered_with_the_hashes_of_its_files_and_of_the_cells(
 
     async def begun() -> None:
         key = service.leases.take(served.name, ANNA, "", 60.0, confirmed=served.name).key
-        passed = Preflight(at_s=service.readiness._now_s(), passed=True, problem=None, lines=())
-        service.readiness._store.note_preflight(served.name, passed, served.loaded.files_hash)
+        checked = {"passed": True, "lines": [], "files_hash": served.loaded.files_hash}
+        service.readiness.note_check(served, checked)
         await service.begin(served, JobKind.RECORD, {"motion": "m.yaml"}, ANNA, lease=key)
 
     asyncio.run(begun())
