@@ -90,7 +90,8 @@ class AxisTorqueScale(Section):
     joint : str
         Its name.
     ratio, std : float
-        Torque by the plate over torque by the drive.
+        Measured torque over the torque that the plate expects, and its standard deviation: above 1
+        the drive measures too much.
     p_value : float
         Probability of such a difference by noise.
     wrong : bool

@@ -41,3 +41,13 @@ export function duration(seconds) {
 }
 
 export const moment = (seconds) => new Date(1000 * seconds).toLocaleString();
+
+// The number that a person wrote: a decimal point or comma. NaN if it is anything else, also where a
+// comma may separate thousands: "1,234".
+export function parseNumber(text) {
+  const words = text.trim();
+  if (!/^[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?$/i.test(words)) return NaN;
+  if (/^[-+]?[1-9]\d{0,2},\d{3}$/.test(words)) return NaN;
+  const value = Number(words.replace(",", "."));
+  return Number.isFinite(value) ? value : NaN;
+}

@@ -1,6 +1,6 @@
 // What the pages of the work share: a panel with a running estimate, figures, findings, choices.
 import { showFigure } from "/figures/script/figure.js";
-import { element, find, table } from "./dom.js";
+import { element, find, parseNumber, table } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { ask, page, Refusal } from "./service.js";
 
@@ -190,10 +190,10 @@ export async function completeRuns() {
 // The number in a field; throws a sentence where there is none.
 export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   const input = find(id);
-  const value = Number(input.value.replace(",", "."));
+  const value = parseNumber(input.value);
   const label = input.labels[0].firstChild.textContent.trim();
-  if (input.value.trim() === "" || !Number.isFinite(value) || value < least || (whole && !Number.isInteger(value)))
-    throw new Error(`${label}: give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}.`);
+  if (Number.isNaN(value) || value < least || (whole && !Number.isInteger(value)))
+    throw new Error(`${label}: ${input.value.trim() ? `"${input.value.trim()}" is none; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as 9.6.`);
   return value;
 }
 

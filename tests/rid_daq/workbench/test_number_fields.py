@@ -1,0 +1,84 @@
+"""Numbers in the workbench's fields: a decimal comma is read, no text becomes another number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.workbench.conftest import OpenPage, give_back, ready, take_cell
+
+pytestmark = pytest.mark.slow
+
+CELL = "ir361"
+READ = """async (texts) => {
+  const { parseNumber } = await import("/static/dom.js");
+  return texts.map(parseNumber).map((value) => (Number.isNaN(value) ? null : value));
+}"""
+
+
+@pytest.mark.promise("decimal-comma-in-the-browser")
+def test_a_decimal_comma_is_read_and_what_is_ambiguous_or_no_number_is_none(
+    open_page: OpenPage,
+) -> None:
+    read: dict[str, float | None] = {
+        "9.6": 9.6,
+        "9,6": 9.6,
+        " 12 ": 12.0,
+        "-0,05": -0.05,
+        ",5": 0.5,
+        "1e-3": 1e-3,
+        **dict.fromkeys(("", "1_5", "0x10", "1,234", "1.234,5", "9,6 kg", "Infinity", "1e999")),
+        **dict.fromkeys(("NaN", "1,2,3", "--1", "9 6", ".")),
+    }
+    assert open_page().evaluate(READ, list(read)) == list(read.values())
+
+
+@pytest.mark.promise("decimal-comma-in-the-browser")
+@pytest.mark.parametrize(("typed", "mass"), [("9,6", 9.6), ("9.6", 9.6)])
+def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str], typed: str, mass: float
+) -> None:
+    page = open_page()
+    take_cell(page)
+    page.get_by_role("link", name="Payload", exact=True).click()
+    ready(page, served_pages)
+    page.locator("#mass").press_sequentially(typed)
+    expect(page.locator("#mass")).to_have_value(typed)
+    assert _asked(page)["known"][0]["value"] == mass
+    problems.clear()  # the console tells that the request was refused
+    give_back(page)
+
+
+@pytest.mark.promise("decimal-comma-in-the-browser")
+def test_a_mass_that_is_no_number_is_refused_by_its_field(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    page = open_page()
+    take_cell(page)
+    page.get_by_role("link", name="Payload", exact=True).click()
+    ready(page, served_pages)
+    page.locator("#mass").press_sequentially("1,234")
+    expect(page.locator("#mass")).to_have_value("1,234")
+    page.locator("#begin").click()
+    expect(page.locator("#job")).to_contain_text("Known mass [kg]")
+    give_back(page)
+
+
+def _asked(page: Page) -> dict[str, Any]:
+    """Press what begins, and return the request; nothing begins."""
+    asked: list[Any] = []
+
+    def keep(route: Route) -> None:
+        asked.append(route.request.post_data_json)
+        route.fulfill(status=409, json={"error": "Refused", "message": "kept by a test"})
+
+    page.route(f"**/cells/{CELL}/jobs", keep)
+    page.locator("#begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: begin").click()
+    expect(page.locator("#job")).to_contain_text("kept by a test")
+    (wanted,) = asked
+    request: dict[str, Any] = wanted["request"]
+    return request

@@ -1,0 +1,84 @@
+"""Sentences of guides and decisions that the code must bear out."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Final, get_args
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError
+from config.formats.eds import parse_eds
+from config.load import load_cell
+from config.robot.friction_terms import FrictionTerm
+from dynamics.model.robot_model import RobotModel
+from identification.model.base_parameters import base_parameters
+from identification.validation.friction_selection import FRICTION_CANDIDATES
+
+ROOT: Final = Path(__file__).parents[1]
+NUMBERS: Final = ("eight", "nine", "ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen")
+IMPORTED: Final = {"pin": "pin (Pinocchio)", "python-can": "python-can", "dask": "Dask"}
+
+
+def read(path: str) -> str:
+    return (ROOT / "docs" / path).read_text(encoding="utf-8")
+
+
+def test_choose_compares_as_many_sets_as_the_guide_says_and_knows_every_friction_term() -> None:
+    guide = read("guide/choose-the-model.md")
+    assert f"compares {NUMBERS[len(FRICTION_CANDIDATES) - 8]} sets" in " ".join(guide.split())
+    words = set(re.findall(r"[a-z_]+", guide))
+    assert not [term for term in get_args(FrictionTerm) if term not in words]
+
+
+def test_a_coupled_wrist_is_recorded_on_the_bus_as_the_guide_says() -> None:
+    loaded = load_cell("kr15")
+    assert loaded.robot.coupling is not None
+    assert len(loaded.config.axes) == len(loaded.robot.joints)
+    assert "is recorded on the bus" in " ".join(read("guide/choose-the-model.md").split())
+
+
+def test_heads_of_base_parameters_are_chosen_in_a_fixed_order_not_by_the_samples() -> None:
+    model = RobotModel.from_description(load_cell("ir361").robot)
+    found = [base_parameters(model, seed=seed) for seed in (0, 1, 2)]
+    assert len({each.names for each in found}) == 1
+    np.testing.assert_allclose(found[0].combination, found[1].combination, atol=1e-6)
+    assert "in a fixed order" in read("theory.md")
+
+
+def test_the_decision_on_dependencies_lists_each_of_them() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = [each for extra in project["optional-dependencies"].values() for each in extra]
+    names = [re.split(r"[\[<>=]", each)[0] for each in (*project["dependencies"], *extras)]
+    decision = read("decisions/0007-dependencies.md")
+    listed = decision.partition("Development only")[0]
+    assert not [name for name in names if IMPORTED.get(name, name) not in listed]
+
+
+SHEET: Final = """[FileInfo]
+FileName=d.eds
+[DeviceInfo]
+VendorNumber=1
+[OptionalObjects]
+SupportedObjects=1
+1=0x2000
+[2000]
+ParameterName=maker's own
+ObjectType=0x7
+DataType=0x7
+AccessType=rw
+DefaultValue={value}
+[Nonsense]
+anything=goes here
+"""
+
+
+def test_an_eds_may_hold_what_is_not_read_and_only_that() -> None:
+    parse_eds(SHEET.format(value="0").encode(), "d.eds")
+    unreadable = parse_eds(SHEET.format(value="0x12G").encode(), "d.eds")
+    assert any(found.faults for found in unreadable.objects)
+    with pytest.raises(ConfigError, match=r"d\.eds:\d+"):
+        parse_eds(SHEET.format(value="0").replace("=rw", "=r/w").encode(), "d.eds")
