@@ -97,3 +97,4 @@ class Reception(Protocol):
 
     def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted:
         """Return the answer, the protocol that takes over, or that the application is asked."""
+        ...

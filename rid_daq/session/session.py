@@ -45,7 +45,8 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
         except BlockingIOError:
             raise LockedError(
                 f"cell {cell.name}: bus {cell.can.interface}:{cell.can.channel} is held by another"
-                f" session ({_holder(path)}). Wait until it ends, or stop it: `rid-daq stop`."
+                f" session ({_holder(path)}). Wait until it ends, or stop it:"
+                f" `rid-daq stop {cell.name}`."
             ) from None
         except OSError as error:
             raise RecordingError(

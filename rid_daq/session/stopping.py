@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
@@ -11,7 +11,7 @@ from typing import Final
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskState
-from rid_daq.session.running_sessions import RunningSession, running_sessions
+from rid_daq.session.running_sessions import RunningSession
 
 LOOK_S: Final = 0.002
 STOP_PATIENCE_S: Final = 2.0
@@ -38,10 +38,10 @@ class Stopped:
     rest_at: str | None = None
 
 
-def stop_sessions(cell: str | None = None) -> list[tuple[RunningSession, Stopped]]:
-    """Stop the sessions on a cell, or all of them; return what became of each."""
+def stop_sessions(sessions: Sequence[RunningSession]) -> list[tuple[RunningSession, Stopped]]:
+    """Stop sessions; return what became of each."""
     # First the request to everyone, then the looking.
-    waits = [(session, _ask(session)) for session in running_sessions(cell)]
+    waits = [(session, _ask(session)) for session in sessions]
     return [(session, wait()) for session, wait in waits]
 
 

@@ -114,7 +114,7 @@ def test_a_session_without_a_motion_is_ended_by_a_name_whatever_else_is_wrong(
         assert run(["stop", "another_cell"]) == 1
         said = capsys.readouterr().out
         assert "No session runs on cell another_cell" in said
-        assert re.search(r"Still running: .* on ir361 .*`rid-daq stop` stops it", said)
+        assert re.search(r"Still running: .* on ir361 .*`rid-daq stop ir361` stops it", said)
         torn = tmp_path / "cell.yaml"
         torn.write_text("format: [\nname: ir361 # as it was\n}{")
         assert run(["stop", str(torn)]) == 0
@@ -153,6 +153,6 @@ def test_a_motion_that_ended_meanwhile_is_no_failure(
 
     monkeypatch.setattr(ProgramWords, "request_stop", end)
     session = RunningSession(Path("x"), 17, "rid-daq record", "ir361")
-    monkeypatch.setattr("rid_daq.session.stopping.running_sessions", lambda cell: [session])
+    monkeypatch.setattr("rid_daq.session.running_sessions.running_sessions", lambda cell: [session])
     assert run(["stop"]) == 0
     assert "ended by itself meanwhile" in capsys.readouterr().out

@@ -58,8 +58,7 @@ def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Stopped]]:
     """Return what stops such sessions and says what became of each."""
 
     def stop(*sessions: Told) -> list[Stopped]:
-        monkeypatch.setattr(stopping, "running_sessions", lambda _cell: list(sessions))
-        return [result for _, result in stop_sessions()]
+        return [result for _, result in stop_sessions(sessions)]
 
     return stop
 

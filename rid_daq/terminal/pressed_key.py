@@ -1,0 +1,19 @@
+"""`read_key`: one key of a terminal, as soon as it is pressed."""
+
+from __future__ import annotations
+
+import os
+import sys
+import termios
+import tty
+
+
+def read_key() -> str:
+    """Return the next key that is pressed, without showing it; empty at the end of the input."""
+    stdin = sys.stdin.fileno()
+    before = termios.tcgetattr(stdin)
+    tty.setcbreak(stdin, termios.TCSANOW)  # a key that was pressed already counts
+    try:
+        return os.read(stdin, 1).decode("ascii", "replace")
+    finally:
+        termios.tcsetattr(stdin, termios.TCSADRAIN, before)

@@ -1,0 +1,117 @@
+"""`rid-daq stop` without a name: one session is stopped at once, of several one is chosen."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+HOLDER = """
+import contextlib, signal, sys
+from pathlib import Path
+from config.process.file_locks import held_file
+from rid_daq.app import _end_once
+from rid_daq.session.running_sessions import signed
+signal.signal(signal.SIGTERM, _end_once)
+path = Path(sys.argv[1])
+with held_file(path), signed(path, path.stem.removeprefix("rid-daq-")):
+    print("held", flush=True)
+    signal.pause()
+"""
+PATIENCE_S = 120.0
+Held = Callable[[str], "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Held]:
+    """Return what begins a session on a cell; no other session of this computer is seen."""
+    monkeypatch.setenv("RID_DAQ_LOCKS", str(tmp_path))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with ExitStack() as stack:
+
+        def begin(cell: str) -> subprocess.Popen[str]:
+            words = [sys.executable, "-c", HOLDER, str(tmp_path / f"rid-daq-{cell}.lock")]
+            holder = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE, text=True))
+            stack.callback(holder.kill)
+            assert holder.stdout is not None
+            assert holder.stdout.readline() == "held\n"
+            return holder
+
+        yield begin
+
+
+def stop(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rid_daq", "stop", *words]
+    nobody = subprocess.DEVNULL
+    return subprocess.run(
+        command, stdin=nobody, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+
+
+def in_a_terminal(key: bytes) -> tuple[int, str]:
+    """Press a key once a stop has asked for it; return its exit code and what it showed."""
+    ours, its = pty.openpty()
+    command = [sys.executable, "-m", "rid_daq", "stop"]
+    process = subprocess.Popen(command, stdin=its, stdout=its, stderr=its)
+    os.close(its)
+    shown = b""
+    try:
+        while b"all of them" not in shown:
+            shown += os.read(ours, 4096)
+        os.write(ours, key)
+        while True:
+            shown += os.read(ours, 4096)
+    except OSError:  # it has closed the terminal
+        pass
+    finally:
+        os.close(ours)
+    return process.wait(PATIENCE_S), shown.decode()
+
+
+@pytest.mark.promise("stop-one-session")
+def test_the_only_session_is_stopped_at_once(held: Held) -> None:
+    only = held("left")
+    assert stop().returncode == 0
+    assert only.wait(PATIENCE_S) == 143
+
+
+@pytest.mark.promise("stop-one-session")
+def test_a_script_stops_none_of_several_unless_it_says_which(held: Held) -> None:
+    left, right = held("left"), held("right")
+    told = stop()
+    assert told.returncode == 2
+    assert "RID-STOP-WHICH" in told.stderr
+    assert "rid-daq stop left" in told.stderr
+    assert (left.poll(), right.poll()) == (None, None)
+    assert stop("left").returncode == 0
+    assert left.wait(PATIENCE_S) == 143
+    assert right.poll() is None
+
+
+@pytest.mark.promise("stop-one-session")
+def test_all_of_them_are_stopped_if_asked(held: Held) -> None:
+    both = held("left"), held("right")
+    assert stop("left", "--all").returncode == 2
+    assert stop("--all").returncode == 0
+    assert [each.wait(PATIENCE_S) for each in both] == [143, 143]
+
+
+@pytest.mark.promise("stop-one-session")
+def test_a_person_chooses_by_one_digit(held: Held) -> None:
+    left, right = held("left"), held("right")
+    code, shown = in_a_terminal(b"x")
+    assert code == 2
+    assert (left.poll(), right.poll()) == (None, None)
+    code, shown = in_a_terminal(b"2")
+    assert code == 0, shown
+    assert right.wait(PATIENCE_S) == 143
+    assert left.poll() is None
+    right = held("right")
+    assert in_a_terminal(b"0")[0] == 0
+    assert [left.wait(PATIENCE_S), right.wait(PATIENCE_S)] == [143, 143]
