@@ -14,18 +14,24 @@ from typing import Final
 from acquisition.hold_to_run.held_key import KeyMessage
 from config.process.safety_clock import safety_now_s
 
-SHORTEST_S: Final = 0.03
+SHORTEST_S: Final = 0.02
 """Least time between two challenges [s]: TCP sends a lost packet again as soon as three later ones
 have arrived, so answers that follow quickly make a loss short."""
 
 LONGEST_S: Final = 0.1
-"""Most time between two challenges [s]; also if nobody answers."""
+"""Most time between two challenges [s]."""
+
+IDLE_S: Final = 0.05
+"""Time between two challenges while nobody answers [s]."""
+
+QUICK_S: Final = 0.06
+"""Round trip below which a link is not filled by challenges in the shortest time [s]."""
 
 OF_ROUND_TRIP: Final = 0.75
-"""Time between two challenges, as a share of the latest round trip: a narrow link is not filled."""
+"""Time between two challenges on other links, as a share of the latest round trip."""
 
 REMEMBERED: Final = 512
-"""Challenges that are kept: of the last 15 s, so that a late answer's round trip is known."""
+"""Challenges that are kept: of the last 10 s, so that a late answer's round trip is known."""
 
 _connections = itertools.count(1)
 
@@ -44,7 +50,7 @@ class Challenges:
         self._connection = next(_connections)
         self._issued: dict[tuple[str, str], float] = {}
         self._round_trip_s = 0.0
-        self._answered_s = -LONGEST_S
+        self._answered_s = 0.0
 
     def issue(self, job: str) -> dict[str, object]:
         """Return the message with a new challenge for whoever holds a key of a job."""
@@ -58,8 +64,10 @@ class Challenges:
     def pause_s(self) -> float:
         """Time to the next challenge [s]."""
         if self._now_s() - self._answered_s > 5.0 * LONGEST_S:
-            return LONGEST_S
-        return min(max(SHORTEST_S, OF_ROUND_TRIP * self._round_trip_s), LONGEST_S)
+            return IDLE_S
+        if self._round_trip_s < QUICK_S:
+            return SHORTEST_S
+        return min(OF_ROUND_TRIP * self._round_trip_s, LONGEST_S)
 
     def message(self, job: str, lease: str, told: dict[str, object]) -> KeyMessage | None:
         """Return what a viewer says about a key, with the age of the challenge that it answers.

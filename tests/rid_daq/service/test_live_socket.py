@@ -15,7 +15,7 @@ from acquisition.hold_to_run.held_key import KeyMessage
 from config.process.safety_clock import safety_now_s
 from rid_daq.service.api import live_socket
 from rid_daq.service.api.app import make_api
-from rid_daq.service.api.challenges import LONGEST_S, Challenges
+from rid_daq.service.api.challenges import IDLE_S, Challenges
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import HeldLease, Identity, Job, JobState, Role, Token
@@ -201,15 +201,15 @@ def test_a_key_is_of_one_lease_and_moves_nothing_once_that_has_ended(
 def test_challenges_follow_one_another_as_quickly_as_the_link_allows() -> None:
     clock = Clock()
     challenges = Challenges(clock)
-    assert challenges.pause_s == LONGEST_S
-    for round_trip_s, pause_s in ((0.004, 0.03), (0.04, 0.03), (0.08, 0.06), (0.34, 0.1)):
+    assert challenges.pause_s == IDLE_S
+    for round_trip_s, pause_s in ((0.004, 0.02), (0.04, 0.02), (0.08, 0.06), (0.34, 0.1)):
         value = challenges.issue("1")["value"]
         clock.now_s += round_trip_s
         told = {"held": "+", "sequence": 1, "challenge": value}
         assert challenges.message("1", "lease", told) is not None
         assert challenges.pause_s == pytest.approx(pause_s)
     clock.now_s += 1.0
-    assert challenges.pause_s == LONGEST_S, "nobody answers"
+    assert challenges.pause_s == IDLE_S, "nobody answers"
 
 
 def test_a_viewer_that_says_nothing_sees_no_more_once_its_token_is_revoked(

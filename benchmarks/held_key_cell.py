@@ -1,0 +1,159 @@
+"""From the service's challenges to the set-points of the cyclic task, in simulated time.
+
+Everything is the program's own but the clock, the processes and the ways between them: the check
+of the service, the orders as lines of JSON, the worker's judge, the pilot, the dead-man in shared
+memory, and the set-points of each cycle.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections import deque
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from acquisition.hold_to_run.dead_man import DeadMan
+from acquisition.hold_to_run.held_motion import HeldMotion
+from acquisition.hold_to_run.line import LineCheck
+from acquisition.hold_to_run.pilot import LOOK_S, Pilot
+from benchmarks.held_key_links import Page, Told, Way
+from config.load import load_cell
+from rid_daq.commissioning.jog_job import Jogging
+from rid_daq.service.api.challenges import Challenges
+from rid_daq.terminal.console import Console
+from rid_daq.worker.orders import Orders
+
+TICK_S: Final = 0.002
+JOB: Final = "job"
+SPEED_SHARE: Final = 0.05
+LOADED: Final = load_cell("ir361")
+START: Final = np.array(LOADED.config.home)
+
+
+class Connection:
+    """A connection of a page: its challenges, and the way back.
+
+    Parameters
+    ----------
+    back : Way
+        Leads to the page.
+    clock : Clock
+        The simulated time.
+    """
+
+    def __init__(self, back: Way, clock: Clock) -> None:
+        self.back = back
+        self.challenges = Challenges(clock)
+        self._next_s = 0.0
+
+    def work(self, now_s: float) -> None:
+        """Issue a challenge if one is due."""
+        if now_s >= self._next_s:
+            self.back.send(now_s, self.challenges.issue(JOB))
+            self._next_s = now_s + self.challenges.pause_s
+
+    def order(self, told: Told) -> str | None:
+        """Return what the service writes to the worker of a page's message."""
+        message = self.challenges.message(JOB, "lease", told)
+        return None if message is None else json.dumps(message.order())
+
+
+@dataclass
+class Clock:
+    """The simulated time."""
+
+    now_s: float = 1000.0
+
+    def __call__(self) -> float:
+        """Return it [s]."""
+        return self.now_s
+
+
+@dataclass
+class Stall:
+    """A time in which a process does nothing, and what waits for it is dealt with afterwards."""
+
+    begin_s: float = 0.0
+    end_s: float = 0.0
+
+    def __contains__(self, now_s: float) -> bool:
+        return self.begin_s <= now_s < self.end_s
+
+
+class SimulatedJog:
+    """A jog that one page holds keys for, for as long as the `with` lasts.
+
+    Parameters
+    ----------
+    page : Page
+        The page.
+    back : Way
+        The way from the service to the page.
+    """
+
+    def __init__(self, page: Page, back: Way) -> None:
+        self.clock = Clock()
+        self.page = page
+        self.connection = Connection(back, self.clock)
+        self.service_stall, self.worker_stall = Stall(), Stall()
+        self.refused: list[str] = []
+        self.speed = 0.0
+        self._orders = Orders(io.StringIO(), self.clock)
+        self._pipe: deque[str] = deque()
+        robot, self._cycle_s = LOADED.robot, LOADED.config.cycle_time_s
+        dead_man = DeadMan.create()
+        self._motion = HeldMotion(robot, self._cycle_s, dead_man, now_s=self.clock)
+        self._motion.begin(False, START)
+        line = LineCheck(LOADED.config, robot, SPEED_SHARE)
+        self._jogging = Jogging(robot, None, line, Console(as_json=True))
+        self._pilot = Pilot(dead_man, len(robot.joints), self._orders, self._jogging.line)
+        self._row = 0
+        self._next_cycle_s = self._next_look_s = self.clock.now_s
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        self._stack.enter_context(
+            self._orders.keys_to(
+                lambda _key: None, lambda text, _round_trip_s: self.refused.append(text)
+            )
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def connect(self, there: Way, back: Way) -> None:
+        """Have the page come by another connection; what is on the way on the old one is lost."""
+        self.connection = Connection(back, self.clock)
+        self.page.connect(there)
+
+    def tick(self) -> None:
+        """Let `TICK_S` pass."""
+        now_s = self.clock.now_s = self.clock.now_s + TICK_S
+        for told in self.connection.back.arrived(now_s):
+            self.page.take(told, now_s)
+        self.page.watch(now_s)
+        if now_s not in self.service_stall:
+            for told in self.page.there.arrived(now_s):
+                line = self.connection.order(told)
+                if line is not None:
+                    self._pipe.append(line)
+            self.connection.work(now_s)
+        if now_s not in self.worker_stall:
+            self._work(now_s)
+        if now_s >= self._next_cycle_s:
+            self._next_cycle_s += self._cycle_s
+            point = self._motion.at(self._row)
+            self._row += 1
+            self.speed = 0.0 if point is None else float(np.abs(point.velocity).max())
+
+    def _work(self, now_s: float) -> None:
+        while self._pipe:
+            self._orders.take(json.loads(self._pipe.popleft()))
+        if now_s >= self._next_look_s:
+            self._next_look_s = now_s + LOOK_S
+            self._pilot.look()

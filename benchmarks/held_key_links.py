@@ -1,0 +1,231 @@
+"""Links between a page and a service in simulated time, and the page that holds a key over them."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import random
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+Told = dict[str, Any]
+
+RTO_S: Final = 0.2
+"""Least time after which TCP sends again what was not acknowledged [s] (Linux)."""
+
+LIMIT_S: Final = 0.3  # LIMIT_MS of held_key.js
+
+
+class Way(Protocol):
+    """One direction of a link."""
+
+    def send(self, now_s: float, told: Told) -> None:
+        """Send a message."""
+
+    def arrived(self, now_s: float) -> list[Told]:
+        """Return the messages that have arrived since the last look."""
+
+
+class DisturbedWay:
+    """A way with any delay a message, in order or not, and with messages that come again.
+
+    Parameters
+    ----------
+    arrival_s : callable
+        Returns when a message arrives that is sent at a time [s].
+    ordered : bool
+        Whether a message waits for those that were sent before it.
+    again_s : float or None
+        How long after its arrival each message comes again [s].
+    """
+
+    def __init__(
+        self,
+        arrival_s: Callable[[float], float],
+        *,
+        ordered: bool = True,
+        again_s: float | None = None,
+    ) -> None:
+        self._arrival_s = arrival_s
+        self._ordered = ordered
+        self._again_s = again_s
+        self._latest_s = 0.0
+        self._numbers = itertools.count()
+        self._waiting: list[tuple[float, int, Told]] = []
+
+    def send(self, now_s: float, told: Told) -> None:
+        """Send a message."""
+        arrives_s = self._arrival_s(now_s)
+        if self._ordered:
+            arrives_s = self._latest_s = max(arrives_s, self._latest_s)
+        heapq.heappush(self._waiting, (arrives_s, next(self._numbers), told))
+        if self._again_s is not None:
+            again = (arrives_s + self._again_s, next(self._numbers), told)
+            heapq.heappush(self._waiting, again)
+
+    def arrived(self, now_s: float) -> list[Told]:
+        """Return the messages that have arrived since the last look."""
+        found = []
+        while self._waiting and self._waiting[0][0] <= now_s:
+            found.append(heapq.heappop(self._waiting)[2])
+        return found
+
+
+@dataclass
+class _Packet:
+    told: Told
+    sent_s: float
+    arrives_s: float | None  # None while it is lost
+    timeout_s: float
+
+
+class LossyWay:
+    """A way of TCP that loses packets: a lost one holds up those after it until it came again.
+
+    A packet counts as lost once so many packets that were sent after it, or after it was sent
+    again, are known to have arrived, or after its timeout. One message is one packet.
+
+    Parameters
+    ----------
+    latency_s : float
+        One way [s]; the same for acknowledgements, which are not lost.
+    loss : float
+        Share of packets.
+    chance : random.Random
+        Decides which.
+    later : int
+        1 as Linux and Windows do (RACK, RFC 8985, which also waits for a quarter of the round
+        trip); 3 as older systems (fast retransmit, RFC 5681).
+    """
+
+    def __init__(self, latency_s: float, loss: float, chance: random.Random, later: int) -> None:
+        self._latency_s = latency_s
+        self._loss = loss
+        self._chance = chance
+        self._later = later
+        self._packets: deque[_Packet] = deque()
+
+    def send(self, now_s: float, told: Told) -> None:
+        """Send a message."""
+        timeout_s = 2.0 * self._latency_s + RTO_S
+        self._packets.append(_Packet(told, now_s, self._try(now_s), timeout_s))
+
+    def arrived(self, now_s: float) -> list[Told]:
+        """Return the messages that have arrived since the last look."""
+        for packet in self._packets:
+            if packet.arrives_s is None:
+                self._look_after(packet, now_s)
+        found = []
+        while self._packets:
+            arrives_s = self._packets[0].arrives_s
+            if arrives_s is None or arrives_s > now_s:
+                break
+            found.append(self._packets.popleft().told)
+        return found
+
+    def _look_after(self, packet: _Packet, now_s: float) -> None:
+        """Send a lost packet again if that is known by now."""
+        waited_s = now_s - packet.sent_s
+        if waited_s < 2.5 * self._latency_s:
+            return
+        later = sum(
+            each.arrives_s is not None
+            and each.sent_s > packet.sent_s
+            and each.arrives_s + self._latency_s <= now_s
+            for each in self._packets
+        )
+        if waited_s >= packet.timeout_s:
+            packet.timeout_s *= 2.0
+        elif later < self._later:
+            return
+        packet.sent_s, packet.arrives_s = now_s, self._try(now_s)
+
+    def _try(self, now_s: float) -> float | None:
+        return None if self._chance.random() < self._loss else now_s + self._latency_s
+
+
+class NarrowWay:
+    """A way that takes a time for each message.
+
+    Parameters
+    ----------
+    each_s : float
+        That time [s].
+    """
+
+    def __init__(self, each_s: float) -> None:
+        self._each_s = each_s
+        self._free_s = 0.0
+        self._way = DisturbedWay(lambda _sent_s: self._free_s)
+
+    def send(self, now_s: float, told: Told) -> None:
+        """Send a message."""
+        self._free_s = max(self._free_s, now_s) + self._each_s
+        self._way.send(now_s, told)
+
+    def arrived(self, now_s: float) -> list[Told]:
+        """Return the messages that have arrived since the last look."""
+        return self._way.arrived(now_s)
+
+
+class Page:
+    """What `held_key.js` does; or, if careless, a program that answers whatever comes.
+
+    Parameters
+    ----------
+    there : Way
+        Leads to the service.
+    careless : bool
+        Whether it goes on with a press after a gap, and after its connection was replaced.
+    """
+
+    def __init__(self, there: Way, *, careless: bool) -> None:
+        self.there = there
+        self.ended = 0  # presses that it has ended itself
+        self._careless = careless
+        self._sequence = 0
+        self._newest: tuple[Any, float] | None = None
+        self._press: tuple[str, float] | None = None
+        self._counts = False
+
+    def hold(self, key: str, now_s: float) -> None:
+        """Press a button."""
+        self._press, self._counts = (key, now_s), True
+        self._say(now_s, held="")
+        if self._age(now_s) < LIMIT_S or self._careless:
+            self._say(now_s, held=key)
+
+    def let_go(self, now_s: float) -> None:
+        """Let the button go."""
+        self._press = None
+        self._say(now_s, held="")
+
+    def take(self, told: Told, now_s: float) -> None:
+        """Take a challenge."""
+        self.watch(now_s)
+        self._newest = told["value"], now_s
+        if self._press is not None and self._counts:
+            self._say(now_s, held=self._press[0])
+
+    def watch(self, now_s: float) -> None:
+        """End a press after a gap."""
+        if self._press is None or not self._counts or self._careless:
+            return
+        if min(self._age(now_s), now_s - self._press[1]) >= LIMIT_S:
+            self._counts = False
+            self.ended += 1
+
+    def connect(self, there: Way) -> None:
+        """Go over to another connection."""
+        self.there, self._newest = there, None
+        self._counts = self._counts and self._careless
+
+    def _age(self, now_s: float) -> float:
+        return LIMIT_S if self._newest is None else now_s - self._newest[1]
+
+    def _say(self, now_s: float, **key: str) -> None:
+        self._sequence += 1
+        challenge = None if self._newest is None else self._newest[0]
+        self.there.send(now_s, {**key, "sequence": self._sequence, "challenge": challenge})
