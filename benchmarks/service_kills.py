@@ -43,10 +43,10 @@ from rid_daq.service.client import ServiceClient
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, Job
 from rid_daq.service.running_job import EventTail
-from rid_daq.service.service import STATE_FOLDER
 from rid_daq.service.sockets import socket_of
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.jobs import JobStore
+from rid_daq.service.store.state_folder import STATE_FOLDER
 
 PATIENCE_S: Final = 300.0
 CELL: Final = "ir361"

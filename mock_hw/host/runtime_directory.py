@@ -6,12 +6,12 @@ import contextlib
 import fcntl
 import os
 import shutil
-import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from config.errors import TransportError
+from config.process.private_folder import changeable_by_others, private_folder_problem
 
 _SOCKET_PATH_BYTES = 107
 _IN_USE = "in-use"
@@ -34,13 +34,11 @@ def runtime_directory() -> Path:
         directory = Path("/tmp") / f"rid-daq-{os.getuid()}"
     try:
         directory.mkdir(mode=0o700, exist_ok=True)
-        status = directory.lstat()
+        problem = private_folder_problem(directory) or changeable_by_others(directory.parent)
     except OSError as error:
         raise TransportError(f"{directory}: cannot make the folder for sockets ({error})") from None
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-        raise TransportError(f"{directory}: is not a folder of this user; remove it")
-    if stat.S_IMODE(status.st_mode) & 0o077:
-        raise TransportError(f"{directory}: is open to other users; run 'chmod 700 {directory}'")
+    if problem:
+        raise TransportError(f"{directory}: {problem}", code="RID-RUNTIME-NOT-PRIVATE")
     return directory
 
 

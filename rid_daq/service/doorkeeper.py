@@ -1,4 +1,10 @@
-"""`Doorkeeper`: who asks, by what they show; nobody is trusted for where they ask from."""
+"""`Doorkeeper`: who asks, by what they show; nobody is trusted for where they ask from.
+
+With TLS the certificate proves that a browser talks to this service, and a cookie is safe. Without
+TLS cookies are neither given nor taken: browsers send them to every port of 127.0.0.1, and to
+whoever has this port after the service. There a page keeps a session secret in its own storage,
+which other ports cannot read, sends it as a bearer token, and it ends with this run of the service.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +14,64 @@ import re
 import secrets
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from config.process.safety_clock import safety_now_s
 from rid_daq.service.pairing import Pairing
-from rid_daq.service.records import Identity, Role
+from rid_daq.service.records import Identity, Role, TokenEnd
 from rid_daq.service.refusals import NotAllowedError, NotKnownError
-from rid_daq.service.store.tokens import TokenStore
+from rid_daq.service.store.tokens import UNUSED_S, TokenStore, hashed
 
 USE_NOTED_EVERY_S: Final = 60.0
+SOCKET_PROTOCOL: Final = "rid-daq"
+"""A WebSocket's protocol; `rid-daq.SECRET` beside it shows a session secret."""
+
 LOCAL: Final = Identity(name="this computer", role=Role.ADMINISTRATOR, person=False, token="")
+
+
+TICKET_S: Final = 30.0
+MOST_TICKETS: Final = 1000
+
+
+@dataclass(frozen=True)
+class _Ticket:
+    secret: str
+    path: str
+    until_s: float
+
+
+class DoorTickets:
+    """Tickets that are good once, for one path, for 30 s. They are kept in memory only."""
+
+    def __init__(self) -> None:
+        self._tickets: dict[str, _Ticket] = {}
+
+    def issue(self, secret: str, path: str) -> str:
+        """Return a ticket.
+
+        Parameters
+        ----------
+        secret : str
+            The secret of the token that it stands for.
+        path : str
+            The only path that it is good for.
+        """
+        now_s = safety_now_s()
+        self._tickets = {key: each for key, each in self._tickets.items() if each.until_s > now_s}
+        while len(self._tickets) >= MOST_TICKETS:
+            del self._tickets[next(iter(self._tickets))]
+        ticket = secrets.token_urlsafe(24)
+        self._tickets[hashed(ticket)] = _Ticket(secret, path, now_s + TICKET_S)
+        return ticket
+
+    def take(self, ticket: str, path: str) -> str | None:
+        """Return the secret that a ticket stands for, and void it; None if it is not good here."""
+        found = self._tickets.pop(hashed(ticket), None)
+        if found is None or found.path != path or safety_now_s() > found.until_s:
+            return None
+        return found.secret
 
 
 class Doorkeeper:
@@ -30,22 +84,28 @@ class Doorkeeper:
     port : int
         Where pages are served: cookies do not know ports, so their name does.
     secure : bool
-        Whether cookies are for TLS alone.
+        Whether pages are served by TLS.
 
     Attributes
     ----------
+    secure : bool
+        The same.
     pairing : Pairing
         The devices that wait.
+    tickets : DoorTickets
+        Tickets of single downloads.
     link_secret : str
         What the address shown in the terminal ends in; good as long as the service runs.
     """
 
     def __init__(self, tokens: TokenStore, port: int, *, secure: bool) -> None:
         self.tokens = tokens
-        self.pairing = Pairing(tokens)
+        tokens.end_sessions()
+        self.secure = secure
+        self.pairing = Pairing(tokens, TokenEnd.UNUSED if secure else TokenEnd.SERVICE)
+        self.tickets = DoorTickets()
         self.link_secret = secrets.token_urlsafe(32)
-        self._cookie = f"rid_daq_service_{port}"
-        self._secure = secure
+        self._cookie = f"__Host-rid-daq-{port}"
         self._noted: dict[str, float] = {}
 
     def identity(self, headers: Mapping[str, str], *, local: bool) -> Identity:
@@ -72,7 +132,7 @@ class Doorkeeper:
 
     def look(self, headers: Mapping[str, str], *, local: bool) -> Identity | None:
         """Return who asks, None where nobody knows."""
-        secret = self._shown(headers)
+        secret = self.secret_of(headers)
         token = None if secret is None else self.tokens.known(secret)
         if token is None:
             return LOCAL if local else None
@@ -84,11 +144,12 @@ class Doorkeeper:
 
     def was_let_in(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request shows a secret that was ever issued, also a revoked one."""
-        secret = self._shown(headers)
-        return secret is not None and self.tokens.was_issued(secret)
+        cookies = (each.partition("=")[2] for each in headers.get("cookie", "").split(";"))
+        shown = (self.secret_of(headers), *cookies)  # also a cookie of an earlier version
+        return any(secret and self.tokens.was_issued(secret.strip()) for secret in shown)
 
     def log_in(self, link_secret: str, agent: str = "") -> str:
-        """Return the cookie of somebody who has opened the address from the terminal.
+        """Return the session secret of a browser that has opened the address from the terminal.
 
         Parameters
         ----------
@@ -107,15 +168,27 @@ class Doorkeeper:
                 "this address is of another start of the service: see its terminal"
             )
         name = self._name_of(browser_words(agent))
-        _, secret = self.tokens.add(name, Role.ADMINISTRATOR, person=True)
-        return self.cookie(secret)
+        _, secret = self.tokens.add(name, Role.ADMINISTRATOR, person=True, ends=TokenEnd.SERVICE)
+        return secret
 
     def cookie(self, secret: str) -> str:
-        """Return the Set-Cookie header that holds a token."""
-        secure = "; Secure" if self._secure else ""
-        return (
-            f"{self._cookie}={secret}; HttpOnly; SameSite=Strict; Path=/; Max-Age=31536000{secure}"
-        )
+        """Return the Set-Cookie header that holds a session secret; only for TLS.
+
+        It lasts as long as its token: to the browser's end, or 30 days after its last use.
+        """
+        if not self.secure:
+            raise RuntimeError("a cookie without TLS would be sent to other programs")
+        token = self.tokens.known(secret)
+        lasts = f"; Max-Age={UNUSED_S:.0f}" if token and token.ends is TokenEnd.UNUSED else ""
+        return f"{self._cookie}={secret}; Secure; HttpOnly; SameSite=Strict; Path=/{lasts}"
+
+    def renewed_cookie(self, headers: Mapping[str, str]) -> str | None:
+        """Return the Set-Cookie header that keeps a paired device let in while it is used."""
+        secret = self.secret_of(headers)
+        token = None if secret is None or not self.secure else self.tokens.known(secret)
+        if secret is None or token is None or token.ends is not TokenEnd.UNUSED:
+            return None
+        return self.cookie(secret)
 
     def _name_of(self, browser: str) -> str:
         """Return a name that no token has: leases and the log of who did what tell them apart."""
@@ -124,10 +197,18 @@ class Doorkeeper:
             name for n in itertools.count(1) if (name := f"{browser}, number {n}") not in taken
         )
 
-    def _shown(self, headers: Mapping[str, str]) -> str | None:
+    def secret_of(self, headers: Mapping[str, str]) -> str | None:
+        """Return the secret that a request shows, None if it shows none."""
         kind, _, bearer = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and bearer.strip():
             return bearer.strip()
+        protocols = headers.get("sec-websocket-protocol", "").split(",")
+        for each in protocols:  # the only header of a WebSocket that a page chooses
+            name, dot, secret = each.strip().partition(".")
+            if name == SOCKET_PROTOCOL and dot:
+                return secret
+        if not self.secure:
+            return None
         cookies = (each.partition("=") for each in headers.get("cookie", "").split(";"))
         found = (value.strip() for name, _, value in cookies if name.strip() == self._cookie)
         return next(found, None)

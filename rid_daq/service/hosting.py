@@ -26,9 +26,10 @@ from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
 from rid_daq.service.served_cell import ServedCell
-from rid_daq.service.service import STATE_FOLDER, CellService
+from rid_daq.service.service import CellService
 from rid_daq.service.sockets import local_listener
 from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.service.store.state_folder import open_state_folder
 from rid_daq.session.ownership import owned
 
 LIMITS: Final = Limits(
@@ -141,9 +142,9 @@ def _allow_descriptors() -> None:
 
 @contextlib.contextmanager
 def _only_one(folder: Path) -> Iterator[None]:
-    (folder / STATE_FOLDER).mkdir(exist_ok=True, mode=0o700)
+    state = open_state_folder(folder)
     try:
-        with held_file(folder / STATE_FOLDER / "lock"):
+        with held_file(state / "lock"):
             yield
     except BlockingIOError:
         raise LockedError(f"{folder}: another service works in this folder") from None

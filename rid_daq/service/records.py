@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Literal
+from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from rid_daq.service.job_kinds import JobKind
+
+MOST_CHARACTERS: Final = 200
+"""Of names, notes and other texts that every answer repeats."""
+
+ShortText = Annotated[str, StringConstraints(max_length=MOST_CHARACTERS)]
 
 
 class Record(BaseModel):
@@ -104,6 +109,14 @@ class HeldLease(Lease):
     key: str
 
 
+class TokenEnd(StrEnum):
+    """When a token ends that nobody revokes."""
+
+    NEVER = "never"
+    UNUSED = "unused"
+    SERVICE = "service"
+
+
 class Token(Record):
     """What somebody shows to be let in; the secret itself is not kept."""
 
@@ -113,6 +126,10 @@ class Token(Record):
     person: bool
     created_s: float
     used_s: float | None = None
+    ends: TokenEnd = Field(
+        default=TokenEnd.NEVER,
+        description="Never; after 30 days without use; or with this run of the service.",
+    )
 
 
 class AuditEntry(Record):

@@ -39,13 +39,13 @@ from rid_daq.service.store.cells import CellStore
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.jobs import JobStore
 from rid_daq.service.store.leases import LeaseStore
+from rid_daq.service.store.state_folder import open_state_folder
 from rid_daq.service.store.tokens import TokenStore
 from rid_daq.service.workshop import Workshop
 
 LOOK_S: Final = 0.05
 CELLS_S: Final = 0.2
 MOST_EVENTS: Final = 2000
-STATE_FOLDER: Final = ".rid-daq-service"
 
 
 class CellService:
@@ -72,8 +72,7 @@ class CellService:
         self.cells = {cell.name: cell for cell in cells}
         if len(self.cells) != len(cells):
             raise ConfigError("two of the cells have one name: give each its own")
-        state = self.folder / STATE_FOLDER
-        state.mkdir(exist_ok=True, mode=0o700)
+        state = open_state_folder(self.folder)
         self.database = open_database(state / "service.db")
         self.jobs = JobStore(self.database)
         self.tokens = TokenStore(self.database)

@@ -9,7 +9,7 @@ from fastapi.responses import RedirectResponse
 from starlette.responses import Response
 
 from rid_daq.service.api.context import Door, Service, is_local
-from rid_daq.workbench.visit import PageRoute, bare_page
+from rid_daq.workbench.visit import PageRoute, bare_page, door_page
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
@@ -19,10 +19,13 @@ async def first_page(
     request: Request, door: Door, service: Service, t: str | None = None
 ) -> Response:
     """Lead to the first cell; the link from the terminal lets its browser in."""
+    agent = request.headers.get("user-agent", "")
+    if t is not None and not door.secure:
+        return door_page(door.log_in(t, agent))
     if t is not None:
         answer = RedirectResponse("/", HTTPStatus.SEE_OTHER)
         if door.look(request.headers, local=is_local(request)) is None:
-            answer.headers["set-cookie"] = door.log_in(t, request.headers.get("user-agent", ""))
+            answer.headers["set-cookie"] = door.cookie(door.log_in(t, agent))
         return answer
     door.identity(request.headers, local=is_local(request))
     return RedirectResponse(f"/cells/{next(iter(service.cells))}", HTTPStatus.SEE_OTHER)

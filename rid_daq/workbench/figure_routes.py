@@ -35,7 +35,7 @@ class FigureName(Record):
 
 
 @router.get("/script/bokeh.js", response_class=FileResponse)
-def bokeh_library(who: Who) -> Response:
+def bokeh_library() -> Response:
     """Return BokehJS as its package has it."""
     from rid_daq.figures.embedding import bokeh_script
 
@@ -43,7 +43,7 @@ def bokeh_library(who: Who) -> Response:
 
 
 @router.get("/script/figure.js", response_class=FileResponse)
-def figure_library(who: Who) -> Response:
+def figure_library() -> Response:
     """Return the module that shows figures."""
     from rid_daq.figures.embedding import figure_script
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from http import HTTPStatus
+from importlib.resources import files
 from typing import Annotated, Any, Final
 
 import jinja2
 from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.routing import APIRoute
+from markupsafe import Markup
 from starlette.responses import Response
 
 from config.errors import RidDaqError
+from rid_daq.live.guard import PLOT_POLICY
 from rid_daq.service.api.context import OfCell, Service, Who
+from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Identity
 from rid_daq.service.refusals import NotKnownError, status_of
 from rid_daq.service.served_cell import ServedCell
@@ -104,6 +110,24 @@ Visitor = Annotated[Visit, Depends(_visit)]
 """The parameter of a page's route: whose address has `{cell}` in it."""
 
 
+def door_page(key: str = "") -> HTMLResponse:
+    """Return the page that fetches the page of its own address with this browser's session secret.
+
+    Without TLS a browser cannot prove who it is when it goes to an address (see `Doorkeeper`).
+
+    Parameters
+    ----------
+    key : str
+        The session secret of a browser that has just been let in.
+    """
+    script = files("rid_daq.workbench").joinpath("templates", "door.js").read_text(encoding="utf-8")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = PLOT_POLICY.replace("script-src 'self'", f"script-src 'self' 'sha256-{digest}'")
+    page = bare_page("door.html", key=key, script=Markup(script))
+    page.headers["content-security-policy"] = policy
+    return page
+
+
 class PageRoute(APIRoute):
     """A route of a page: who is not known comes to the pairing, and a refusal is a page too."""
 
@@ -112,11 +136,22 @@ class PageRoute(APIRoute):
         handler = super().get_route_handler()
 
         async def answer(request: Request) -> Response:
+            door: Doorkeeper = request.app.state.doorkeeper
             try:
-                return await handler(request)
+                return _renewed(await handler(request), request, door)
             except NotKnownError:
+                if not door.secure and "authorization" not in request.headers:
+                    return door_page()
                 return RedirectResponse("/pair", HTTPStatus.SEE_OTHER)
             except RidDaqError as error:
                 return bare_page("problem.html", status_of(error), message=str(error))
 
         return answer
+
+
+def _renewed(answer: Response, request: Request, door: Doorkeeper) -> Response:
+    """Return an answer that keeps the device let in."""
+    cookie = door.renewed_cookie(request.headers)
+    if cookie is not None and "set-cookie" not in answer.headers:
+        answer.headers["set-cookie"] = cookie
+    return answer

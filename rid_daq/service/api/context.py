@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from typing import Annotated
 
 from fastapi import Depends
@@ -33,8 +34,20 @@ Service = Annotated[CellService, Depends(_service)]
 Door = Annotated[Doorkeeper, Depends(_doorkeeper)]
 
 
+def credentials(connection: HTTPConnection, door: Doorkeeper) -> Mapping[str, str]:
+    """Return the headers that say who asks.
+
+    A browser gives no header to a link that it opens: a ticket in its address stands for one.
+    """
+    ticket = connection.query_params.get("ticket")
+    if ticket is None or connection.scope.get("method") != "GET":
+        return connection.headers
+    secret = door.tickets.take(ticket, connection.scope["path"])
+    return connection.headers if secret is None else {"authorization": f"Bearer {secret}"}
+
+
 async def _who(connection: HTTPConnection, door: Door) -> Identity:
-    return door.identity(connection.headers, local=is_local(connection))
+    return door.identity(credentials(connection, door), local=is_local(connection))
 
 
 Who = Annotated[Identity, Depends(_who)]

@@ -16,7 +16,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from config.errors import LockedError, RidDaqError
 from rid_daq.service.api.challenges import Challenges
 from rid_daq.service.api.context import is_local
-from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.doorkeeper import SOCKET_PROTOCOL, Doorkeeper
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.refusals import UnknownError
@@ -67,7 +67,8 @@ async def look_on(socket: WebSocket) -> None:
     if service.feed.viewers >= MOST_VIEWERS:
         await socket.close(TOO_MANY, "too many look on")
         return
-    await socket.accept()
+    offered = socket.scope.get("subprotocols", ())
+    await socket.accept(SOCKET_PROTOCOL if SOCKET_PROTOCOL in offered else None)
     sender = _Sender(socket)
     challenges = Challenges()
     beside = [

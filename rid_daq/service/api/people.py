@@ -6,11 +6,12 @@ from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Body, Query, Request, Response
+from pydantic import Field
 
 from rid_daq.service.api.context import Administrator, Door, Service, Who
 from rid_daq.service.pairing import WaitingDevice
-from rid_daq.service.records import AuditEntry, Identity, Record, Role, Token
-from rid_daq.service.refusals import StoreBusyError, UnknownError
+from rid_daq.service.records import AuditEntry, Identity, Record, Role, ShortText, Token
+from rid_daq.service.refusals import NotKnownError, StoreBusyError, UnknownError
 
 router = APIRouter(prefix="/api/v1", tags=["people"])
 
@@ -18,7 +19,7 @@ router = APIRouter(prefix="/api/v1", tags=["people"])
 class TokenWanted(Record):
     """A token that is to be made, for a program or a person."""
 
-    name: str
+    name: ShortText
     role: Role = Role.OPERATOR
     person: bool = False
 
@@ -27,6 +28,18 @@ class NewToken(Token):
     """A token with its secret, which is shown this once."""
 
     secret: str
+
+
+class TicketWanted(Record):
+    """The path that a browser is to open or save, as its address has it."""
+
+    path: str = Field(max_length=2000)
+
+
+class NewTicket(Record):
+    """A ticket."""
+
+    ticket: str
 
 
 class PairingBegun(Record):
@@ -43,16 +56,17 @@ class PairingAsked(Record):
 
 
 class PairingState(Record):
-    """Whether a device has been let in; its cookie is set then."""
+    """Whether a device has been let in; with TLS its cookie is set then."""
 
     confirmed: bool
+    key: str = Field(default="", description="Without TLS: the session secret, a bearer token.")
 
 
 class PairingConfirmed(Record):
-    """Whom a code lets in, and as what."""
+    """The code that a device shows, typed by a person; the device's name and role."""
 
-    code: str
-    name: str
+    code: str = Field(max_length=20)
+    name: ShortText
     role: Role = Role.OPERATOR
 
 
@@ -94,11 +108,22 @@ async def revoke_token(token: str, who: Administrator, service: Service) -> None
     await service.database.saved()
 
 
+@router.post("/tickets", status_code=HTTPStatus.CREATED)
+async def make_ticket(
+    who: Who, request: Request, door: Door, wanted: Annotated[TicketWanted, Body()]
+) -> NewTicket:
+    """Make a ticket: `?ticket=` lets one GET of this path through, within 30 s."""
+    secret = door.secret_of(request.headers)
+    if secret is None:
+        raise NotKnownError("show a token: a ticket stands for one", code="RID-TICKET-NO-TOKEN")
+    return NewTicket(ticket=door.tickets.issue(secret, wanted.path))
+
+
 @router.post("/pairing", status_code=HTTPStatus.CREATED)
 async def begin_pairing(request: Request, door: Door) -> PairingBegun:
-    """Begin to pair this device: it shows the code, somebody at the cell confirms it."""
-    waiting, secret = door.pairing.begin(request.headers.get("user-agent", "a device"))
-    return PairingBegun(code=waiting.code, secret=secret)
+    """Begin to pair this device: it shows the code, a person at the cell types it."""
+    code, secret = door.pairing.begin("" if request.client is None else request.client.host)
+    return PairingBegun(code=code, secret=secret)
 
 
 @router.post("/pairing/state")
@@ -107,14 +132,17 @@ async def pairing_state(
 ) -> PairingState:
     """Return whether this device has been let in, and let it in then."""
     secret = door.pairing.collect(asked.secret)
-    if secret is not None:
-        response.headers["set-cookie"] = door.cookie(secret)
-    return PairingState(confirmed=secret is not None)
+    if secret is None:
+        return PairingState(confirmed=False)
+    if not door.secure:
+        return PairingState(confirmed=True, key=secret)
+    response.headers["set-cookie"] = door.cookie(secret)
+    return PairingState(confirmed=True)
 
 
 @router.get("/pairing")
 async def list_waiting(who: Administrator, door: Door) -> list[WaitingDevice]:
-    """Return the devices that wait to be let in."""
+    """Return the devices that wait to be let in, without their codes."""
     return list(door.pairing.waiting())
 
 
@@ -126,7 +154,7 @@ async def confirm_pairing(
     confirmed: Annotated[PairingConfirmed, Body()],
 ) -> Token:
     """Let in the device that shows a code."""
-    token = door.pairing.confirm(confirmed.code, confirmed.name, confirmed.role)
+    token = door.pairing.confirm(confirmed.code, confirmed.name, confirmed.role, who.token)
     service.audit.note(who.name, "paired a device", details=f"{token.name}, {token.role.value}")
     return token
 

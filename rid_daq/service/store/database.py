@@ -233,7 +233,8 @@ def open_database(path: Path) -> Database:
         It cannot be opened, is damaged, or was written by a newer program.
     """
     try:
-        os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
+        flags = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
+        os.close(os.open(path, flags, 0o600))
         connection = sqlite3.connect(
             path, isolation_level=None, timeout=LOCK_S, check_same_thread=False
         )

@@ -8,11 +8,14 @@ import time
 from collections.abc import Sequence
 from typing import Final
 
-from rid_daq.service.records import Role, Token
+from rid_daq.service.records import Role, Token, TokenEnd
 from rid_daq.service.store.database import Database
 
 MOST_ISSUED: Final = 100_000
 """Secrets whose hash is kept for ever, so that they may stop; the oldest is forgotten."""
+
+UNUSED_S: Final = 30 * 86400.0
+"""How long a device that is not used stays let in [s]."""
 
 
 def hashed(secret: str) -> str:
@@ -40,11 +43,18 @@ class TokenStore:
         for key in self._tokens:  # those of before the table
             self._note_issued(key)
 
-    def add(self, name: str, role: Role, *, person: bool) -> tuple[Token, str]:
+    def add(
+        self, name: str, role: Role, *, person: bool, ends: TokenEnd = TokenEnd.NEVER
+    ) -> tuple[Token, str]:
         """Make a token; its secret is returned here and nowhere else."""
         secret = secrets.token_urlsafe(32)
         token = Token(
-            id=secrets.token_hex(8), name=name, role=role, person=person, created_s=time.time()
+            id=secrets.token_hex(8),
+            name=name,
+            role=role,
+            person=person,
+            created_s=time.time(),
+            ends=ends,
         )
         self._tokens[hashed(secret)] = token
         self._database.write(
@@ -62,8 +72,18 @@ class TokenStore:
         return hashed(secret) in self._issued
 
     def known(self, secret: str) -> Token | None:
-        """Return the token of a secret, None if it is nobody's."""
-        return self._tokens.get(hashed(secret))
+        """Return the token of a secret, None if it is nobody's or was not used for too long."""
+        token = self._tokens.get(hashed(secret))
+        if token is None or token.ends is not TokenEnd.UNUSED:
+            return token
+        used_s = token.created_s if token.used_s is None else token.used_s
+        return token if time.time() - used_s < UNUSED_S else None
+
+    def end_sessions(self) -> None:
+        """Revoke the tokens of former runs of the service that end with it."""
+        for token in self.all():
+            if token.ends is TokenEnd.SERVICE:
+                self.revoke(token.id)
 
     def note_use(self, token: Token) -> None:
         """Keep that a token was used now."""

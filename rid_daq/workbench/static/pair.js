@@ -16,7 +16,7 @@ async function begin() {
   try {
     const begun = await post("/api/v1/pairing", {});
     code.textContent = `${begun.code.slice(0, 3)} ${begun.code.slice(3)}`;
-    words.textContent = "Waiting until somebody confirms it. The code is good for 5 minutes.";
+    words.textContent = "Waiting until somebody types it there. The code is good for 5 minutes.";
     setTimeout(look, POLL_MS, begun.secret);
   } catch (error) {
     giveUp(error);
@@ -28,6 +28,7 @@ async function look(secret) {
     const state = await post("/api/v1/pairing/state", { secret });
     if (state.confirmed) {
       words.textContent = "Confirmed.";
+      if (state.key) localStorage.setItem("rid-daq session", state.key);
       location.replace("/");
       return;
     }

@@ -3,40 +3,8 @@ import { dialog } from "./dialog.js";
 import { element, find, moment, table } from "./dom.js";
 import { ask } from "./service.js";
 
-const LOOK_MS = 2000;
 const code = find("pairing-code");
-
-async function showWaiting() {
-  let devices;
-  try {
-    devices = await ask("GET", "/pairing");
-  } catch {
-    return; // the shell says that the service is out of reach
-  }
-  const shown = [...find("waiting").children].map((each) => each.value).join();
-  if (shown === devices.map((each) => each.code).join()) return;
-  find("waiting").replaceChildren(
-    ...devices.map((each) =>
-      element(
-        "button",
-        { type: "button", value: each.code, onclick: () => choose(each) },
-        `${each.code.slice(0, 3)} ${each.code.slice(3)}: ${deviceWords(each.device)}`,
-      ),
-    ),
-  );
-}
-
-// What a browser says of itself, shortened to what a person recognises.
-function deviceWords(agent) {
-  const system = agent.match(/Android|iPad|iPhone|Windows|Macintosh|Linux/)?.[0] ?? "a device";
-  const browser = agent.match(/Firefox|Edg|Chrome|Safari/)?.[0] ?? "";
-  return [system, browser].filter(Boolean).join(", ");
-}
-
-function choose(device) {
-  code.value = device.code;
-  find("pairing-name").focus();
-}
+const ENDS = { never: "when revoked", unused: "30 days after its last use", service: "with this run of the service" };
 
 find("pairing").addEventListener("submit", async (event) => {
   event.preventDefault();
@@ -51,7 +19,7 @@ find("pairing").addEventListener("submit", async (event) => {
     words.className = "verdict good";
     words.textContent = `${token.name} is let in as ${token.role}.`;
     event.target.reset();
-    await Promise.all([showTokens(), showWaiting(), showAudit()]);
+    await Promise.all([showTokens(), showAudit()]);
   } catch (error) {
     words.className = "verdict bad";
     words.textContent = error.message;
@@ -67,9 +35,10 @@ async function showTokens() {
     token.person ? "person" : "program",
     moment(token.created_s),
     token.used_s ? moment(token.used_s) : "never",
+    ENDS[token.ends],
     revoke(token),
   ]);
-  find("tokens").replaceChildren(table(["name", "role", "who", "made", "last used", "revoke"], rows, null, "tokens"));
+  find("tokens").replaceChildren(table(["name", "role", "who", "made", "last used", "ends", "revoke"], rows, null, "tokens"));
 }
 
 async function revokeToken(token) {
@@ -116,5 +85,3 @@ async function load(part, show) {
 
 load("tokens", showTokens);
 load("audit", showAudit);
-showWaiting();
-setInterval(showWaiting, LOOK_MS);

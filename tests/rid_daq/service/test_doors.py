@@ -11,11 +11,17 @@ import pytest
 
 from config.errors import LockedError
 from rid_daq.service.doorkeeper import Doorkeeper
-from rid_daq.service.pairing import LASTS_S, MOST_WAITING, Pairing
+from rid_daq.service.pairing import (
+    LASTS_S,
+    MOST_OF_ADDRESS,
+    MOST_WAITING,
+    MOST_WRONG,
+    Pairing,
+)
 from rid_daq.service.records import Role
 from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
 from rid_daq.service.store.database import open_database
-from rid_daq.service.store.tokens import TokenStore
+from rid_daq.service.store.tokens import UNUSED_S, TokenStore
 from tests.builders.clock import Clock
 
 PATIENCE_S = 60.0
@@ -68,11 +74,12 @@ def test_nobody_is_trusted_for_where_they_ask_from(door: Doorkeeper) -> None:
     assert (local.role, local.person) == (Role.ADMINISTRATOR, False)
 
 
-def test_the_address_from_the_terminal_makes_a_cookie(door: Doorkeeper) -> None:
-    cookie = door.log_in(door.link_secret)
-    assert "HttpOnly" in cookie
-    assert "SameSite=Strict" in cookie
-    who = door.identity({"cookie": cookie.partition(";")[0]}, local=False)
+def bearer(secret: str) -> dict[str, str]:
+    return {"authorization": f"Bearer {secret}"}
+
+
+def test_the_address_from_the_terminal_lets_a_browser_in(door: Doorkeeper) -> None:
+    who = door.identity(bearer(door.log_in(door.link_secret)), local=False)
     assert (who.role, who.person) == (Role.ADMINISTRATOR, True)
     with pytest.raises(NotAllowedError, match="another start"):
         door.log_in("guessed")
@@ -83,8 +90,8 @@ def test_browsers_let_in_by_the_address_are_told_apart(door: Doorkeeper) -> None
     edge = "Mozilla/5.0 (Windows NT 10.0) AppleWebKit/537.36 Chrome/140.0 Safari/537.36 Edg/140.0"
     names = []
     for agent in (firefox, firefox, edge, "\x1b[31m", ""):
-        cookie = door.log_in(door.link_secret, agent).partition(";")[0]
-        names.append(door.identity({"cookie": cookie}, local=False).name)
+        secret = door.log_in(door.link_secret, agent)
+        names.append(door.identity(bearer(secret), local=False).name)
     assert names == [
         "Firefox on Linux, number 1",
         "Firefox on Linux, number 2",
@@ -94,36 +101,95 @@ def test_browsers_let_in_by_the_address_are_told_apart(door: Doorkeeper) -> None
     ]
 
 
-def test_cookies_are_for_tls_alone_where_there_is_tls(tokens: TokenStore) -> None:
-    assert "Secure" in Doorkeeper(tokens, 8642, secure=True).cookie("x")
+@pytest.mark.promise("no-cookie-without-tls")
+def test_without_tls_no_cookie_is_given_or_taken(door: Doorkeeper) -> None:
+    secret = door.log_in(door.link_secret)
+    for name in ("rid_daq_service_8642", "__Host-rid-daq-8642", "rid-daq session"):
+        assert door.look({"cookie": f"{name}={secret}"}, local=False) is None
+    with pytest.raises(RuntimeError):
+        door.cookie(secret)
+
+
+def test_a_websocket_shows_its_session_as_a_protocol(door: Doorkeeper) -> None:
+    secret = door.log_in(door.link_secret)
+    shown = {"sec-websocket-protocol": f"rid-daq, rid-daq.{secret}"}
+    assert door.look(shown, local=False) is not None
+    assert door.look({"sec-websocket-protocol": "rid-daq"}, local=False) is None
+
+
+@pytest.mark.promise("session-ends-with-the-service")
+def test_a_session_ends_with_the_run_of_the_service_and_may_still_stop(
+    door: Doorkeeper, tokens: TokenStore
+) -> None:
+    link = door.log_in(door.link_secret)
+    code, waiting = door.pairing.begin("127.0.0.1")
+    door.pairing.confirm(code, "tablet", Role.OPERATOR)
+    paired = door.pairing.collect(waiting)
+    assert paired is not None
+    _, program = tokens.add("CI", Role.OPERATOR, person=False)
+    after = Doorkeeper(tokens, 8642, secure=False)
+    for secret in (link, paired):
+        assert after.look(bearer(secret), local=False) is None
+        assert after.was_let_in(bearer(secret))
+    assert after.look(bearer(program), local=False) is not None
+
+
+@pytest.mark.promise("cookie-of-this-host")
+def test_a_cookie_is_for_tls_and_this_host_alone(tokens: TokenStore) -> None:
+    door = Doorkeeper(tokens, 8642, secure=True)
+    cookie = door.cookie(door.log_in(door.link_secret))
+    assert cookie.startswith("__Host-rid-daq-8642=")
+    assert "; Secure; HttpOnly; SameSite=Strict; Path=/" in cookie
+    assert "Max-Age" not in cookie  # it goes with the browser
+    assert door.look({"cookie": f"a=b; {cookie.partition(';')[0]}"}, local=False) is not None
+
+
+def test_a_paired_device_stays_known_over_a_restart_while_it_is_used(
+    tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    door = Doorkeeper(tokens, 8642, secure=True)
+    code, waiting = door.pairing.begin("10.0.0.7")
+    door.pairing.confirm(code, "tablet", Role.OPERATOR)
+    secret = door.pairing.collect(waiting)
+    assert secret is not None
+    cookie = door.cookie(secret)
+    assert f"Max-Age={UNUSED_S:.0f}" in cookie
+    shown = {"cookie": cookie.partition(";")[0]}
+    after = Doorkeeper(tokens, 8642, secure=True)
+    assert after.look(shown, local=False) is not None
+    assert after.renewed_cookie(shown) == cookie
+    later_s = time.time() + UNUSED_S + 1.0
+    monkeypatch.setattr(time, "time", lambda: later_s)
+    assert after.look(shown, local=False) is None
+    assert after.renewed_cookie(shown) is None
+
+
+@pytest.mark.promise("one-download-a-ticket")
+def test_a_ticket_is_good_once_for_one_path(door: Doorkeeper) -> None:
+    secret = door.log_in(door.link_secret)
+    path = "/api/v1/runs/one/report"
+    elsewhere, used = door.tickets.issue(secret, path), door.tickets.issue(secret, path)
+    assert door.tickets.take(elsewhere, "/api/v1/runs/other/report") is None
+    assert door.tickets.take(elsewhere, path) is None
+    assert door.tickets.take(used, path) == secret
+    assert door.tickets.take(used, path) is None
 
 
 def test_a_device_is_let_in_by_the_code_that_it_shows(tokens: TokenStore) -> None:
     pairing = Pairing(tokens)
-    shown, secret = pairing.begin("Tablet")
+    code, secret = pairing.begin("10.0.0.7")
     assert pairing.collect(secret) is None
-    assert [each.code for each in pairing.waiting()] == [shown.code]
-    pairing.confirm(shown.code, "tablet at cell 4", Role.OPERATOR)
+    (waits,) = pairing.waiting()
+    assert (waits.code, waits.device) == ("", "10.0.0.7")
+    pairing.confirm(code, "tablet at cell 4", Role.OPERATOR)
     got = pairing.collect(secret)
     assert got is not None
     known = tokens.known(got)
     assert known is not None
     assert (known.name, known.role, known.person) == ("tablet at cell 4", Role.OPERATOR, True)
-    with pytest.raises(UnknownError, match="begin again"):
+    with pytest.raises(UnknownError) as refused:
         pairing.collect(secret)
-
-
-def test_a_code_runs_out_and_a_wrong_one_lets_nobody_in(tokens: TokenStore) -> None:
-    now_s = 0.0
-    pairing = Pairing(tokens, lambda: now_s)
-    shown, secret = pairing.begin("Tablet")
-    wrong = f"{(int(shown.code) + 1) % 1_000_000:06d}"
-    with pytest.raises(UnknownError, match="no device that waits"):
-        pairing.confirm(wrong, "x", Role.VIEWER)
-    now_s = LASTS_S + 1.0
-    with pytest.raises(UnknownError, match="run out"):
-        pairing.collect(secret)
-    assert tokens.all() == []
+    assert refused.value.refusal == "RID-PAIR-OVER"
 
 
 @pytest.mark.promise("safety-clock")
@@ -131,10 +197,10 @@ def test_a_jump_of_the_date_neither_extends_nor_ends_a_code(
     tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = Clock()
-    pairing = Pairing(tokens, clock)
+    pairing = Pairing(tokens, now_s=clock)
     for date_s in (0.0, 4e9):
         monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
-        pairing.begin("Tablet")
+        pairing.begin("10.0.0.7")
     assert len(pairing.waiting()) == 2
     clock.now_s += LASTS_S + 1.0
     assert pairing.waiting() == []
@@ -145,16 +211,62 @@ def test_codes_are_timed_by_the_safety_clock(
     tokens: TokenStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pairing = Pairing(tokens)
-    pairing.begin("Tablet")
+    pairing.begin("10.0.0.7")
     assert pairing.waiting() != []
     later_s = time.clock_gettime(time.CLOCK_BOOTTIME) + LASTS_S + 60.0
     monkeypatch.setattr("time.clock_gettime", lambda _number: later_s)
     assert pairing.waiting() == []
 
 
-def test_strangers_cannot_fill_the_list_of_waiting_devices(tokens: TokenStore) -> None:
+def wrong_code(code: str) -> str:
+    return f"{(int(code) + 1) % 1_000_000:06d}"
+
+
+def test_a_code_runs_out_and_a_wrong_one_lets_nobody_in(tokens: TokenStore) -> None:
+    clock = Clock()
+    pairing = Pairing(tokens, now_s=clock)
+    code, secret = pairing.begin("10.0.0.7")
+    with pytest.raises(UnknownError) as refused:
+        pairing.confirm(wrong_code(code), "x", Role.VIEWER)
+    assert refused.value.refusal == "RID-PAIR-CODE"
+    clock.now_s += LASTS_S + 1.0
+    with pytest.raises(UnknownError) as over:
+        pairing.collect(secret)
+    assert over.value.refusal == "RID-PAIR-OVER"
+    assert tokens.all() == []
+
+
+@pytest.mark.promise("typed-code")
+def test_wrong_codes_are_counted(tokens: TokenStore) -> None:
+    clock = Clock()
+    pairing = Pairing(tokens, now_s=clock)
+    code, _ = pairing.begin("10.0.0.7")
+    for _ in range(MOST_WRONG):
+        with pytest.raises(UnknownError):
+            pairing.confirm(wrong_code(code), "x", Role.VIEWER, by="guesser")
+    with pytest.raises(LockedError) as refused:
+        pairing.confirm(code, "x", Role.VIEWER, by="guesser")
+    assert refused.value.refusal == "RID-PAIR-ATTEMPTS"
+    clock.now_s += LASTS_S - 1.0
+    assert pairing.confirm(code, "x", Role.VIEWER, by="another").name == "x"
+
+
+@pytest.mark.promise("places-by-address")
+def test_a_stranger_fills_the_places_of_their_own_address_only(tokens: TokenStore) -> None:
+    pairing = Pairing(tokens)
+    for _ in range(MOST_OF_ADDRESS):
+        pairing.begin("10.0.0.66")
+    with pytest.raises(LockedError) as refused:
+        pairing.begin("10.0.0.66")
+    assert refused.value.refusal == "RID-PAIR-ADDRESS-FULL"
+    code, _ = pairing.begin("10.0.0.7")
+    assert pairing.confirm(code, "tablet", Role.VIEWER).name == "tablet"
+
+
+def test_the_list_of_waiting_devices_is_bounded(tokens: TokenStore) -> None:
     pairing = Pairing(tokens)
     for number in range(MOST_WAITING):
-        pairing.begin(f"device {number}")
-    with pytest.raises(LockedError, match="too many devices wait"):
+        pairing.begin(f"address {number}")
+    with pytest.raises(LockedError) as refused:
         pairing.begin("one more")
+    assert refused.value.refusal == "RID-PAIR-FULL"

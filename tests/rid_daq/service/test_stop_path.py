@@ -30,9 +30,10 @@ from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Role
-from rid_daq.service.service import STATE_FOLDER, CellService
+from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_desk import is_loopback
 from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.service.store.state_folder import STATE_FOLDER
 from tests.rid_daq.service.conftest import Worker, job
 
 PATIENCE_S = 120.0

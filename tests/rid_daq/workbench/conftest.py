@@ -63,6 +63,24 @@ def open_page(
     assert problems == []
 
 
+@pytest.fixture
+def open_page_of(browser: Browser) -> Iterator[OpenPage]:
+    """Open an address in a new browser profile."""
+    contexts = []
+
+    def opened(address: str) -> Page:
+        context = browser.new_context()
+        context.set_default_timeout(PATIENCE_MS)
+        contexts.append(context)
+        page = context.new_page()
+        page.goto(address)
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
 @pytest.fixture(scope="session")
 def screenshots() -> Path:
     """Where pictures are kept for people: RID_DAQ_SCREENSHOTS, or build/screenshots."""

@@ -1,0 +1,91 @@
+"""A service believes its state folder only if nobody else could have made or changed it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from config.errors import RecordingError
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+from rid_daq.service.store.state_folder import NOT_PRIVATE, STATE_FOLDER, open_state_folder
+
+NOBODY = 65534
+as_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, for a second user's files")
+
+Change = Callable[[Path], None]
+
+
+def _state_of_another_user(state: Path) -> None:
+    os.chown(state, NOBODY, NOBODY)
+
+
+def _database_of_another_user(state: Path) -> None:
+    os.chown(state / "service.db", NOBODY, NOBODY)
+
+
+def _journal_of_another_user(state: Path) -> None:
+    journal = state / "jobs" / "one.jsonl"
+    journal.touch()
+    os.chown(journal, NOBODY, NOBODY)
+
+
+def _parent_of_another_user(state: Path) -> None:
+    os.chown(state.parent, NOBODY, NOBODY)
+
+
+def _parent_writable_by_everybody(state: Path) -> None:
+    state.parent.chmod(0o777)
+
+
+def _state_open_to_others(state: Path) -> None:
+    state.chmod(0o755)
+
+
+def _database_writable_by_everybody(state: Path) -> None:
+    (state / "service.db").chmod(0o666)
+
+
+def _state_behind_a_link(state: Path) -> None:
+    state.rename(state.with_name("elsewhere"))
+    state.symlink_to("elsewhere")
+
+
+def _database_behind_a_link(state: Path) -> None:
+    database = state / "service.db"
+    database.rename(state.parent / "elsewhere.db")
+    database.symlink_to(state.parent / "elsewhere.db")
+
+
+@pytest.mark.promise("own-state")
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(_state_of_another_user, marks=as_root),
+        pytest.param(_database_of_another_user, marks=as_root),
+        pytest.param(_journal_of_another_user, marks=as_root),
+        pytest.param(_parent_of_another_user, marks=as_root),
+        _parent_writable_by_everybody,
+        _state_open_to_others,
+        _database_writable_by_everybody,
+        _state_behind_a_link,
+        _database_behind_a_link,
+    ],
+)
+def test_state_that_others_may_have_made_is_refused(tmp_path: Path, change: Change) -> None:
+    folder = tmp_path / "served"
+    folder.mkdir(mode=0o755)
+    CellService(folder, [ServedCell("ir361", 20.0)]).database.close()
+    change(folder / STATE_FOLDER)
+    with pytest.raises(RecordingError) as refused:
+        CellService(folder, [ServedCell("ir361", 20.0)])
+    assert refused.value.refusal == NOT_PRIVATE
+
+
+def test_a_shared_folder_is_served_in_if_it_is_sticky(tmp_path: Path) -> None:
+    tmp_path.chmod(0o1777)
+    assert open_state_folder(tmp_path).stat().st_mode & 0o777 == 0o700
+    assert open_state_folder(tmp_path).name == STATE_FOLDER
