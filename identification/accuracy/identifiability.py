@@ -13,7 +13,7 @@ from config.formats.interval import plus_minus
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
-from identification.consistency.closest_robot import jackknife_metric
+from identification.consistency.metric import jackknife_metric
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns
 from identification.regression.intervals import FEW_CLUSTERS, widening

@@ -21,6 +21,7 @@ from identification.estimation.fitted_periods import FittedPeriods
 from identification.estimation.nonlinear_parameters import step_prior
 from identification.regression.intervals import jackknife
 from identification.regression.least_squares import Triangle, solve
+from identification.regression.multiple_tests import holm
 
 STEPS: Final = 4
 SIGNIFICANT_P: Final = 0.01
@@ -152,7 +153,7 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
     return TorqueConsistency(
         tuple(
             TorqueScale(joint, float(ratio), float(s), float(p))
-            for joint, ratio, s, p in zip(joints, scale, sigma, _holm(alone), strict=True)
+            for joint, ratio, s, p in zip(joints, scale, sigma, holm(alone), strict=True)
         ),
         float(fdtrc(n, freedom, wald)),
     )
@@ -168,13 +169,3 @@ def _scaled(
             columns[:, j] = part.matrix @ near
             part = part.scaled(float(scale[j]))
         yield part.widened(columns)
-
-
-def _holm(p_values: FloatArray) -> FloatArray:
-    """Return p-values adjusted for testing several axes at once (Holm 1979)."""
-    order = np.argsort(p_values)
-    factors = len(p_values) - np.arange(len(p_values))
-    adjusted = np.minimum(np.maximum.accumulate(p_values[order] * factors), 1.0)
-    out = np.empty_like(p_values)
-    out[order] = adjusted
-    return out

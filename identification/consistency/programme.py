@@ -1,8 +1,10 @@
-"""The semidefinite programme behind `closest_robot`, solved by Clarabel."""
+"""`ConsistencyProgramme`: the nearest robot that satisfies the constraints, by Clarabel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 from clarabel import DefaultSettings, DefaultSolver, NonnegativeConeT, PSDTriangleConeT  # pyright: ignore[reportAttributeAccessIssue]
@@ -10,100 +12,154 @@ from scipy import sparse
 
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from identification.consistency.pseudo_inertia import BASIS, SIZE, pseudo_inertia
+from identification.consistency.pseudo_inertia import BASIS, SIZE
 
-TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class ConsistencyProgramme:
-    """Least |r|^2 + weight |x|^2 over x with A x - b = r, bodies that exist, and G theta >= 0.
-
-    The standard parameters are theta = centre + scale x.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (b, p)
-        A, of full row rank: r in standard deviations.
-    rhs : ndarray, shape (b,)
-        b.
-    weight : float
-        Of the distance from `centre`.
-    centre, scale : ndarray, shape (p,)
-        Nominal parameters, and how far each may be off.
-    bodies : tuple of slice
-        The ten parameters of each body.
-    floors : ndarray, shape (bodies, 4, 4)
-        What each body's pseudo-inertia must be at least, positive definite.
-    not_negative : ndarray, shape (k, p)
-        G.
-    """
-
-    matrix: FloatArray
-    rhs: FloatArray
-    weight: float
-    centre: FloatArray
-    scale: FloatArray
-    bodies: tuple[slice, ...]
-    floors: FloatArray
-    not_negative: FloatArray
-
-    def cost(self, standard: FloatArray) -> float:
-        """Return what is made small, at standard parameters of shape (p,)."""
-        x = (standard - self.centre) / self.scale
-        return float(np.sum((self.matrix @ x - self.rhs) ** 2) + self.weight * np.sum(x**2))
-
-    def solve(self) -> FloatArray:
-        """Return the standard parameters theta, shape (p,).
-
-        Raises
-        ------
-        EstimationError
-            The solver found no solution.
-        """
-        # Coordinates y = (r, z): residuals, and directions that change none. In them the
-        # programme's numbers are of one size, however precise the measurement is.
-        b = len(self.matrix)
-        left, size, right = np.linalg.svd(self.matrix)
-        seen = right[:b].T @ (left / size).T
-        start = seen @ self.rhs
-        directions = np.column_stack([seen, right[b:].T])
-        quadratic = self.weight * directions.T @ directions
-        quadratic[:b, :b] += np.eye(b)
-        linear = self.weight * directions.T @ start
-
-        theta, slopes = self.centre + self.scale * start, self.scale[:, np.newaxis] * directions
-        rows, rhs = [-self.not_negative @ slopes], [self.not_negative @ theta]
-        cones: list[object] = [NonnegativeConeT(len(self.not_negative))]
-        for body, floor in zip(self.bodies, self.floors, strict=True):
-            # By congruence with the floor every body's matrix is of the floor's size: theirs >= 1.
-            unit = np.linalg.inv(np.linalg.cholesky(floor))
-            basis = np.array([_stacked(unit @ element @ unit.T) for element in BASIS])
-            own = _stacked(unit @ pseudo_inertia(theta[body]) @ unit.T - np.eye(SIZE))
-            rows.append(-basis.T @ slopes[body])
-            rhs.append(own)
-            cones.append(PSDTriangleConeT(SIZE))
-        settings = DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
-        solution = DefaultSolver(
-            sparse.csc_matrix(np.triu(quadratic)),
-            linear,
-            sparse.csc_matrix(np.vstack(rows)),
-            np.concatenate(rhs),
-            cones,
-            settings,
-        ).solve()
-        if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise EstimationError(
-                f"no physically consistent parameters were found (Clarabel: {solution.status});"
-                " look for parameters with senseless values or standard deviations in the estimate"
-            )
-        return np.asarray(theta + slopes @ np.array(solution.x))
+TOLERANCE: Final = 1e-9
+UNITS_SIGMAS: Final = (1.0, 100.0, 1e4)
+TO_BODY: Final = np.linalg.pinv(BASIS.reshape(len(BASIS), -1).T)
 
 
 def _stacked(matrix: FloatArray) -> FloatArray:
     """Return the upper triangle column by column, off-diagonals times the root of 2."""
     column, row = np.tril_indices(SIZE)
     return np.asarray(matrix[row, column] * np.where(row == column, 1.0, np.sqrt(2.0)))
+
+
+_STACKED_BASIS: Final = np.array([_stacked(element) for element in BASIS]).T
+
+
+@dataclass(frozen=True, eq=False)
+class ConsistencyProgramme:
+    """Least |A theta - target|^2 + weight |(theta - centre) / scale|^2 over consistent robots.
+
+    A robot is consistent if the pseudo-inertia of every body is at least its floor, and
+    G theta >= 0.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (b, p)
+        A, of full row rank: A theta are the base parameters in standard deviations, decorrelated.
+    weight : float
+        Of the distance from `centre`.
+    centre, scale : ndarray, shape (p,)
+        Nominal parameters, and their uncertainty.
+    bodies : tuple of slice
+        The ten parameters of each body.
+    nominal : ndarray, shape (bodies, 4, 4)
+        Pseudo-inertias of the bodies' size, positive definite.
+    floors : ndarray, shape (bodies, 4, 4)
+        Smallest pseudo-inertias; zero allows every body of positive mass.
+    not_negative : ndarray, shape (k, p)
+        G.
+    """
+
+    matrix: FloatArray
+    weight: float
+    centre: FloatArray
+    scale: FloatArray
+    bodies: tuple[slice, ...]
+    nominal: FloatArray
+    floors: FloatArray
+    not_negative: FloatArray
+
+    def cost(self, target: FloatArray, standard: FloatArray) -> float:
+        """Return the cost of standard parameters of shape (p,)."""
+        x = (standard - self.centre) / self.scale
+        return float(np.sum((self.matrix @ standard - target) ** 2) + self.weight * np.sum(x**2))
+
+    @cached_property
+    def units(self) -> FloatArray:
+        """The matrix S of theta = S y, (p, p).
+
+        y has of each body the ten parameters whose pseudo-inertia is L^-1 P L^-T, with L L^T the
+        nominal one, and of other parameters values in `scale`: numbers of one size.
+        """
+        units = np.diag(self.scale)
+        for body, nominal in zip(self.bodies, self.nominal, strict=True):
+            root = np.linalg.cholesky(nominal)
+            units[body, body] = TO_BODY @ (root @ BASIS @ root.T).reshape(len(BASIS), -1).T
+        return units
+
+    @cached_property
+    def effects(self) -> FloatArray:
+        """A S, (b, p): effects of y on the base parameters."""
+        return np.asarray(self.matrix @ self.units)
+
+    @cached_property
+    def _directions(self) -> FloatArray:
+        """D of y = start + D (r, z), (p, p): residuals r, and z that change none.
+
+        In these coordinates the programme's numbers are of one size, however precise the
+        measurement is.
+        """
+        b = len(self.matrix)
+        left, size, right = np.linalg.svd(self.effects)
+        return np.column_stack([right[:b].T @ (left / size).T, right[b:].T])
+
+    @cached_property
+    def _pull(self) -> FloatArray:
+        return self.units / self.scale[:, np.newaxis]
+
+    @cached_property
+    def _quadratic(self) -> sparse.csc_matrix:
+        pull = self._pull @ self._directions
+        quadratic = self.weight * pull.T @ pull
+        b = len(self.matrix)
+        quadratic[:b, :b] += np.eye(b)
+        return sparse.csc_matrix(np.triu(quadratic))
+
+    @cached_property
+    def _constraints(self) -> FloatArray:
+        """R of R y >= 0, (10 bodies + k, p): stacked pseudo-inertias, then G theta."""
+        rows = np.zeros((len(_STACKED_BASIS) * len(self.bodies), len(self.centre)))
+        for number, body in enumerate(self.bodies):
+            place = len(_STACKED_BASIS) * number
+            rows[place : place + len(_STACKED_BASIS), body] = _STACKED_BASIS
+        return np.vstack([rows, self.not_negative @ self.units])
+
+    @cached_property
+    def _slopes(self) -> sparse.csc_matrix:
+        return sparse.csc_matrix(-self._constraints @ self._directions)
+
+    def solve(self, target: FloatArray) -> FloatArray:
+        """Return the standard parameters theta, shape (p,).
+
+        Parameters
+        ----------
+        target : ndarray, shape (b,)
+            Base parameters in standard deviations, decorrelated.
+
+        Raises
+        ------
+        EstimationError
+            The solver found no solution.
+        """
+        b, k = len(self.matrix), len(self.not_negative)
+        directions = self._directions
+        nominal = np.linalg.solve(self.units, self.centre)
+        start = nominal + directions[:, :b] @ (target - self.effects @ nominal)
+        linear = self.weight * directions.T @ (self._pull.T @ (self._pull @ (start - nominal)))
+        floor = np.zeros(len(start))
+        for body, least in zip(self.bodies, self.floors, strict=True):
+            floor[body] = TO_BODY @ least.ravel()
+        room = self._constraints @ (start - np.linalg.solve(self.units, floor))
+        settings = DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
+        for unit in UNITS_SIGMAS:  # far from every consistent robot the solver needs a larger one
+            solution = DefaultSolver(
+                self._quadratic,
+                linear / unit,
+                self._slopes,
+                room / unit,
+                [*(PSDTriangleConeT(SIZE) for _ in self.bodies), NonnegativeConeT(k)],
+                settings,
+            ).solve()
+            if str(solution.status) in ("Solved", "AlmostSolved"):
+                x = unit * np.array(solution.x)
+                return np.asarray(self.units @ (start + directions @ x))
+        raise EstimationError(
+            f"no physically consistent parameters were found (Clarabel: {solution.status});"
+            " look for parameters with senseless values or standard deviations in the estimate"
+        )

@@ -10,6 +10,8 @@ from config.arrays import FloatArray
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 
 SIZE: Final = 4
+SMALLEST_BODY: Final = (0.01, 0.0, 0.0, 0.0, 4e-7, 0.0, 0.0, 4e-7, 0.0, 4e-7)
+"""The ten parameters of a ball of 10 g and 1 cm radius."""
 
 
 def _basis() -> FloatArray:

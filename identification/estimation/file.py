@@ -6,9 +6,10 @@ covariances, the cell and the software version, so that it can be used without a
 
 from __future__ import annotations
 
+from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -28,7 +29,16 @@ from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.model.options import ModelOptions
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 LARGEST_FILE_BYTES = 50_000_000
+
+_ELSEWHERE = (
+    "options", "base", "values", "covariance_jackknife", "nonlinear_covariance", "cell_name",
+    "run_ids",
+)  # fmt: skip
+"""Fields of an estimate that the document has by another name."""
 
 Size = Annotated[float, Field(ge=0.0)]
 Row = tuple[float, ...]
@@ -160,9 +170,23 @@ def estimate_content(data: bytes, path: Path) -> Estimate:
         raise ConfigError(words, code=UNSOUND_MODEL) from error
 
 
+def _require_room(kind: type[ConfigModel], source: DataclassInstance, *elsewhere: str) -> None:
+    """Refuse a source with a field for which the file has no place, instead of dropping it."""
+    names = {field.name for field in fields(source)} - set(elsewhere)
+    lost = names - set(kind.model_fields)
+    if lost:
+        raise EstimationError(
+            f"an estimate's file has no place for {', '.join(sorted(lost))}: add it to"
+            " identification/estimation/file.py",
+            code="RID-MODEL-OPTION",
+        )
+
+
 def estimate_document(estimate: Estimate) -> EstimateDocument:
     """Return an estimate as what stands in its file."""
     base, model, plate = estimate.base, estimate.model, estimate.plate
+    _require_room(_Options, estimate.options, "nonlinear")
+    _require_room(EstimateDocument, estimate, *_ELSEWHERE)
     noise = estimate.sigma_noise
     return EstimateDocument.taken(
         estimate,

@@ -20,6 +20,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
 from dynamics.terms.rotors import Rotors
 from dynamics.terms.spring import Spring
 from identification.consistency.closest_robot import ConsistentEstimate
+from identification.consistency.consistency_test import ConsistencyTest
 from identification.consistency.rigid_body import LinkBody
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
@@ -57,6 +58,8 @@ class ExportModel:
         Where they come from, a line each.
     warming : Warming or None
         How joints warm up, where their friction depends on a temperature that no one measured.
+    test : ConsistencyTest or None
+        The test behind physically consistent parameters; None of other parameters.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class ExportModel:
     parameters: FloatArray
     origin: tuple[str, ...] = ()
     warming: Warming | None = None
+    test: ConsistencyTest | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.model.parameter_names),)
@@ -94,7 +98,7 @@ class ExportModel:
         estimate = found.estimate
         origin = _origin(estimate, found.sentence)
         values = found.standard_values
-        return cls(estimate.robot, estimate.model, values, origin, estimate.warming)
+        return cls(estimate.robot, estimate.model, values, origin, estimate.warming, found.test)
 
     @cached_property
     def links(self) -> tuple[LinkBody, ...]:

@@ -130,6 +130,9 @@ def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str
         "condition_number": estimate.condition_number,
         "residual_nm": estimate.residual_nm.tolist(),
         "unseen": list(estimate.base.unseen),
+        "consistency": None
+        if consistent is None or consistent.test is None
+        else asdict(consistent.test),
         "parameters": [asdict(row) for row in table(estimate, consistent)],
     }
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"

@@ -19,7 +19,7 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.closest_robot import full_rank_covariance
+from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.options import ModelOptions

@@ -15,9 +15,9 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED
-from identification.consistency.closest_robot import SMALLEST_BODY, SMALLEST_P
+from identification.consistency.consistency_test import SMALLEST_P
 from identification.consistency.programme import ConsistencyProgramme
-from identification.consistency.pseudo_inertia import pseudo_inertia
+from identification.consistency.pseudo_inertia import SMALLEST_BODY, pseudo_inertia
 from identification.payload.body import PARAMETERS, PayloadBody, reported, reported_slopes
 from identification.payload.equations import PayloadEquations, Procedure
 from identification.payload.known import Known, with_held
@@ -26,7 +26,6 @@ from identification.regression.fit_grade import FitGrade, grade_fit
 
 PULL: Final = 1e-9
 FLOOR_SHARE: Final = 0.02
-UNITS_SIGMAS: Final = (1.0, 100.0, 1e4)
 IDLE_SHARE: Final = 0.01
 HELD_SHARE: Final = 1e-6
 
@@ -325,34 +324,27 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     sigma = np.sqrt(np.maximum(np.diagonal(estimate.covariance), least**2))
     correlation = estimate.covariance / np.outer(sigma, sigma)
     np.fill_diagonal(correlation, 1.0)
-    lower = np.linalg.cholesky(correlation + 1e-9 * np.eye(PARAMETERS_PER_LINK))
-    programmes = [
-        ConsistencyProgramme(
-            matrix=np.asarray(np.linalg.inv(unit * lower), dtype=np.float64),
-            rhs=np.zeros(PARAMETERS_PER_LINK),
-            weight=PULL,
-            centre=values,
-            scale=sigma,
-            bodies=(slice(0, PARAMETERS_PER_LINK),),
-            floors=floor[np.newaxis],
-            not_negative=np.zeros((0, PARAMETERS_PER_LINK)),
-        )
-        for unit in UNITS_SIGMAS
-    ]
-    standard = first_solved(programmes)
-    distance = float(np.sum(np.linalg.solve(lower, (standard - values) / sigma) ** 2))
+    factor = np.linalg.cholesky(correlation + 1e-9 * np.eye(PARAMETERS_PER_LINK))
+    programme = ConsistencyProgramme(
+        matrix=np.linalg.solve(factor, np.diag(1.0 / sigma)),
+        weight=PULL,
+        centre=values,
+        scale=sigma,
+        bodies=(slice(0, PARAMETERS_PER_LINK),),
+        nominal=_ball(values)[np.newaxis],
+        floors=floor[np.newaxis],
+        not_negative=np.zeros((0, PARAMETERS_PER_LINK)),
+    )
+    standard = programme.solve(programme.matrix @ values)
+    distance = float(np.sum((programme.matrix @ (standard - values)) ** 2))
     return with_held(estimate.known, standard), float(chdtrc(PARAMETERS_PER_LINK, distance))
 
 
-def first_solved(programmes: Sequence[ConsistencyProgramme]) -> FloatArray:
-    """Solve one programme in several units: where deviations are large, the solver needs others."""
-    *others, last = programmes
-    for programme in others:
-        try:
-            return programme.solve()
-        except EstimationError:
-            continue
-    return last.solve()
+def _ball(values: FloatArray) -> FloatArray:
+    """Return the pseudo-inertia of a ball about the origin of a payload's size."""
+    smallest = np.diagonal(pseudo_inertia(np.array(SMALLEST_BODY)))
+    size = np.abs(np.diagonal(pseudo_inertia(values)))
+    return np.diag([*np.full(3, max(size[:3].max(), smallest[0])), max(size[3], smallest[3])])
 
 
 def _at_least(clustered: FloatArray, noise: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.consistency.closest_robot import full_rank_covariance
+from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS

@@ -12,7 +12,7 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED, PayloadLimits
-from identification.consistency.closest_robot import SMALLEST_P
+from identification.consistency.consistency_test import SMALLEST_P
 from identification.payload.body import REPORTED_UNITS
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.findings import inertia_size

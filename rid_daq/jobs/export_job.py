@@ -13,6 +13,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
 from config.formats.whole_file import write_whole
 from identification.consistency.closest_robot import consistent
+from identification.consistency.consistency_test import ConsistencyTest
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.export.description import pinocchio_model, sdf, urdf
@@ -81,10 +82,11 @@ class ExportRequest:
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """A model that was written: whose, and how far it is from what was identified."""
+    """A model that was written: whose, how far it is from what was identified, and its test."""
 
     robot: str
     sentence: str
+    test: ConsistencyTest | None
 
 
 @dataclass(frozen=True)
@@ -130,18 +132,19 @@ def export_model(request: ExportRequest) -> ExportedModel:
     else:
         found = consistent(estimate)
         chosen, sentence = ExportModel.consistent(found), found.sentence
-        if not (found.can_exist or request.despite_misfit):
+        if not (found.test.is_consistent or request.despite_misfit):
             also = ", write what was identified (--as-identified)" if to in NEED_NO_LINKS else ""
             raise EstimationError(
                 f"{sentence} The model lacks something, or the intervals are too narrow: compare"
-                f" models and measure with another motion{also}, or accept it (--despite-misfit)"
+                f" models and measure with another motion{also}, or accept it (--despite-misfit)",
+                code="RID-MODEL-INCONSISTENT",
             )
     if to in TABLES:
         text = TABLES[to](estimate, None if as_identified else chosen)
     else:
         text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
     write_whole(request.output, text.encode())
-    return ExportedModel(estimate.robot.name, sentence)
+    return ExportedModel(estimate.robot.name, sentence, chosen.test)
 
 
 def export_recording(

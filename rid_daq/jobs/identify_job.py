@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from identification.accuracy.identifiability import bound_findings, few_findings, weak_parameters
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
 from identification.choices import LoadMassKg, LoadMassSigmaKg
-from identification.consistency.closest_robot import consistent
+from identification.consistency.closest_robot import check_consistency
+from identification.consistency.consistency_test import ConsistencyTest
 from identification.cross_checks.agreement import CrossCheck, Method
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
@@ -178,11 +177,14 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     output = request.output or first.folder.file(MODEL)
     write_estimate(output, estimate)
     note_output(first.folder, output)
-    findings = _findings(estimate, data, weight)
+    consistency, consistency_words = _consistency(estimate)
+    findings = [*_findings(estimate, data, weight), consistency_words]
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
     findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
     before = result_of(first, notes)
-    section = EstimateSection.of(estimate, findings=findings, mistakes=mistakes)
+    section = EstimateSection.of(
+        estimate, findings=findings, mistakes=mistakes, consistency=consistency
+    )
     result = before.by_model(
         ModelFile.of(output),
         estimate=section,
@@ -260,25 +262,21 @@ def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, 
     for item in data:
         drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
-    return [*findings, _existence(estimate)]
+    return findings
 
 
-def _existence(estimate: Estimate) -> str:
-    """Say whether the parameters are physically consistent."""
+def _consistency(estimate: Estimate) -> tuple[ConsistencyTest | None, str]:
+    """Return the test of physical consistency, None if it cannot be made, and a sentence."""
     try:
-        robot = consistent(estimate)
+        test = check_consistency(estimate)
     except EstimationError as error:
-        return f"Whether the parameters are physically consistent is not known: {error}."
-    if robot.can_exist:
-        return (
-            "The parameters are physically consistent (positive masses, inertias and friction;"
-            f" p = {robot.p_value:.2g}). That does not show that the model fits: see the residual"
-            " of each axis."
+        return None, f"Whether the parameters are physically consistent is not known: {error}."
+    if test.is_consistent:
+        return test, (
+            f"{test.sentence} That does not show that the model fits: see the residual of each"
+            " axis."
         )
-    worst = int(np.argmax(np.abs(robot.moved_sigmas)))
-    return (
-        f"No robot can have these parameters (p = {robot.p_value:.2g}): the closest one differs"
-        f" most in {estimate.base.expressions[worst]}, by {abs(robot.moved_sigmas[worst]):.1f} σ. A"
-        " term is missing in the model, or a sign, ratio or torque constant in the robot file is"
-        " wrong."
+    return test, (
+        f"{test.sentence} A term is missing in the model, or a sign, ratio or torque constant in"
+        " the robot file is wrong."
     )

@@ -12,6 +12,7 @@ from rid_daq.jobs.export_job import (
     export_model,
     export_recording,
 )
+from rid_daq.report.consistency_entry import ConsistencyEntry
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 
@@ -34,6 +35,7 @@ def _print_model(console: Console, request: ExportRequest, exported: ExportedMod
             "robot": exported.robot,
             "parameters": "identified" if request.as_identified else "consistent",
             "sentence": exported.sentence,
+            "consistency": None if exported.test is None else ConsistencyEntry.of(exported.test),
         }
     )
     console.say(exported.sentence)

@@ -1,4 +1,4 @@
-"""`PAGES`: the routers of all pages, the one for unknown addresses last."""
+"""`PAGES`: the routers of all pages."""
 
 from __future__ import annotations
 
@@ -24,5 +24,4 @@ PAGES: Final[tuple[APIRouter, ...]] = (
     job_pages.router,
     runs_pages.router,
     settings_page.router,
-    door_pages.unknown,
 )

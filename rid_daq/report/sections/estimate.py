@@ -9,11 +9,13 @@ import numpy as np
 
 from identification.regression.fit_grade import Grade
 from identification.wiring.mistakes import Kind
+from rid_daq.report.consistency_entry import ConsistencyEntry
 from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
+    from identification.consistency.consistency_test import ConsistencyTest
     from identification.estimation.estimate import Estimate
 
 
@@ -192,6 +194,8 @@ class EstimateSection(Section):
     mistakes : tuple of MistakeEntry
         Mistakes of wiring, units and files that explain the data far better; left out where nobody
         looked.
+    consistency : ConsistencyEntry or None
+        Test of physical consistency; left out if it was not made.
     """
 
     sentence: str
@@ -207,6 +211,7 @@ class EstimateSection(Section):
     axes: tuple[AxisResidual, ...]
     findings: Texts | None = None
     mistakes: tuple[MistakeEntry, ...] | None = None
+    consistency: ConsistencyEntry | None = None
 
     @classmethod
     def of(
@@ -215,6 +220,7 @@ class EstimateSection(Section):
         truth: Sequence[float] | np.ndarray[Any, Any] | None = None,
         findings: Sequence[str] | None = None,
         mistakes: tuple[MistakeEntry, ...] | None = None,
+        consistency: ConsistencyTest | None = None,
     ) -> EstimateSection:
         """Return what is said of an estimate.
 
@@ -228,6 +234,8 @@ class EstimateSection(Section):
             What a person should know of it.
         mistakes : tuple of MistakeEntry, optional
             Mistakes that explain the data far better.
+        consistency : ConsistencyTest, optional
+            Its test of physical consistency.
         """
         return cls.taken(
             estimate,
@@ -262,6 +270,7 @@ class EstimateSection(Section):
             ),
             findings=None if findings is None else tuple(findings),
             mistakes=mistakes,
+            consistency=None if consistency is None else ConsistencyEntry.of(consistency),
         )
 
     def print(self, console: Console) -> None:

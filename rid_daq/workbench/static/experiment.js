@@ -1,8 +1,7 @@
 // Experiment: choose or design a motion, see it, rehearse and record it.
 import { duration, element, find } from "./dom.js";
-import { newest } from "./requests.js";
 import { on, page } from "./service.js";
-import { CELL, WorkPanel, endFigure, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
+import { CELL, WorkPanel, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
 
 const motion = find("motion");
 const kind = find("kind");
@@ -33,11 +32,11 @@ const panel = new WorkPanel(find("job"), {
 });
 
 // ---- the motion and its picture
-const replacing = newest();
+let asked = 0;
 let chosenKind = "";
 
 async function showMotion() {
-  const signal = replacing();
+  const mine = ++asked;
   const problem = find("motion-problem");
   const facts = find("facts");
   find("no-motion").hidden = motion.options.length > 0;
@@ -45,8 +44,8 @@ async function showMotion() {
   if (!motion.value) return;
   find("label").placeholder = motion.value.replace(/\.yaml$/, "");
   try {
-    const told = await look(factsUrl(motion.value), { signal });
-    if (signal.aborted) return;
+    const told = await look(factsUrl(motion.value));
+    if (mine !== asked) return;
     chosenKind = told.kind;
     const lines = [["Motion", told.sentence], ["Takes", duration(told.duration_s)]];
     if (told.periods !== null) lines.push(["Periods", String(told.periods)]);
@@ -54,9 +53,8 @@ async function showMotion() {
     facts.replaceChildren(...lines.map(([word, value]) => element("div", {}, element("dt", {}, word), element("dd", {}, value))));
     figureIn(picture, motionUrl(motion.value, find("model").value));
   } catch (error) {
-    if (signal.aborted) return;
+    if (mine !== asked) return;
     facts.replaceChildren();
-    endFigure(picture);
     picture.replaceChildren();
     problem.textContent = error.message;
   }

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError, EstimationError, RecordingError
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import read_estimate, write_estimate
@@ -196,3 +196,20 @@ def test_nothing_but_our_errors_comes_of_a_changed_model(
     except ConfigError as error:
         said = str(error)
     assert said.startswith(str(path))
+
+
+@dataclass(frozen=True)
+class MoreOptions(ModelOptions):
+    """Options with one that the file does not know."""
+
+    backlash: bool = True
+
+
+def test_an_option_without_a_place_in_the_file_is_refused(
+    tmp_path: Path, estimate: Estimate
+) -> None:
+    options = MoreOptions(**vars(estimate.options))
+    with pytest.raises(EstimationError) as refused:
+        write_estimate(tmp_path / "model.json", replace(estimate, options=options))
+    assert refused.value.refusal == "RID-MODEL-OPTION"
+    assert not (tmp_path / "model.json").exists()

@@ -164,10 +164,10 @@ def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
     out = tmp_path / "robot.urdf"
     words = ["export", str(tmp_path / "model.json"), "--to", "urdf", "-o", str(out)]
     assert run(words) == 6
-    assert "DOES NOT explain the data" in capsys.readouterr().err
+    assert "NOT physically consistent" in capsys.readouterr().err
     assert not out.exists()
     assert run([*words, "--despite-misfit"]) == 0
-    assert "DOES NOT explain the data" in out.read_text().partition("<robot")[0]
+    assert "NOT physically consistent" in out.read_text().partition("<robot")[0]
     measured("exit 6, no file")
 
 

@@ -1,0 +1,292 @@
+"""`ConsistencyTest`: test whether identified parameters can be those of a real robot.
+
+Two statistics, each with the law that it has for a consistent robot; the smaller p-value counts
+twice (Bonferroni):
+
+- The largest violation of a single parameter that no robot has below zero: one-sided, corrected for
+  the number of such parameters (Holm 1979). It keeps its power with many parameters.
+- The distance d2 to the cone of consistent robots, in the estimate's own metric. Its law is a
+  mixture of chi-squares (Shapiro 1988), which is simulated: estimates of a robot near the estimate
+  are drawn and projected until enough of them lie as far away (Besag and Clifford 1991).
+
+The law of d2 depends on how many constraints the true robot meets with equality. The nearest
+consistent robot has everything within `BORDER_SIGMAS` of the border moved onto it (Andrews and
+Soares 2010). Moving a robot towards the cone's apex never makes the law too narrow: the cone is
+convex, so that the distance of beta + k + e is at most that of beta + e for every k in the cone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import chdtrc, fdtrc, ndtr, stdtr
+
+from config.arrays import BoolArray, FloatArray
+from identification.consistency.programme import TO_BODY, ConsistencyProgramme
+from identification.consistency.pseudo_inertia import BASIS, SIZE
+from identification.regression.intervals import widening
+from identification.regression.multiple_tests import holm
+
+SMALLEST_P: Final = 0.05
+BORDER_SIGMAS: Final = 3.0
+SHOWN_P: Final = 1e-6
+MOST_NAMED: Final = 3
+DRAWS: Final = 120
+ENOUGH: Final = 10
+SEED: Final = 20130013
+NO_DISTANCE: Final = 1e-2  # the pull to the nominal robot costs as much
+ROUNDING_SHARE: Final = 1e-7
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A parameter that no real robot has below zero, and that was identified there.
+
+    Attributes
+    ----------
+    name, expression : str
+        Its name, and the combination of standard parameters that it is.
+    sigmas : float
+        Its distance below zero [standard deviations].
+    p_value : float
+        Probability of a value as low or lower if the true one is zero, corrected for the number of
+        parameters that were tested.
+    """
+
+    name: str
+    expression: str
+    sigmas: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class ConsistencyTest:
+    """Result of the test.
+
+    Attributes
+    ----------
+    p_value : float
+        Of both statistics together.
+    single_p_value : float
+        Of the largest single violation.
+    distance_p_value, distance : float or None
+        Of the squared distance from the nearest consistent robot, and that distance in
+        decorrelated standard deviations; None if the single violation refutes already.
+    tested : int
+        Number of parameters that cannot be negative.
+    violations : tuple of Violation
+        Those of them that were identified below zero, the largest first.
+    """
+
+    p_value: float
+    single_p_value: float
+    distance_p_value: float | None
+    distance: float | None
+    tested: int
+    violations: tuple[Violation, ...]
+
+    @property
+    def is_consistent(self) -> bool:
+        """False if every consistent robot is refuted at `SMALLEST_P`."""
+        return self.p_value >= SMALLEST_P
+
+    @property
+    def largest(self) -> Violation | None:
+        """The largest single violation; None if no such parameter is below zero."""
+        return self.violations[0] if self.violations else None
+
+    @property
+    def refuted(self) -> tuple[Violation, ...]:
+        """The violations that are significant each."""
+        return tuple(each for each in self.violations if 2.0 * each.p_value < SMALLEST_P)
+
+    @property
+    def sentence(self) -> str:
+        """The result, with the largest single violations."""
+        p = f"p = {self.p_value:.2g}" if self.p_value >= SHOWN_P else f"p < {SHOWN_P:g}"
+        if self.is_consistent:
+            return f"The parameters are physically consistent ({p}): {self._largest}."
+        if self.refuted:
+            parts = [f"{v.expression} is {v.sigmas:.1f} σ below zero" for v in self.refuted]
+            more = len(parts) - MOST_NAMED
+            named = "; ".join(parts[:MOST_NAMED]) + (f"; and {more} more" if more > 0 else "")
+            why = f"{named}. No robot has these below zero"
+        else:
+            far = 0.0 if self.distance is None else self.distance
+            why = (
+                f"together they lie {np.sqrt(far):.1f} σ from the nearest consistent robot;"
+                f" {self._largest}"
+            )
+        return f"The parameters are NOT physically consistent ({p}): {why}."
+
+    @property
+    def _largest(self) -> str:
+        largest = self.largest
+        if largest is None:
+            return f"none of the {self.tested} parameters that cannot be negative is below zero"
+        return (
+            f"of the {self.tested} parameters that cannot be negative, {largest.expression} is"
+            f" lowest, {largest.sigmas:.1f} σ below zero"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedParameters:
+    """Estimated parameters with their uncertainty.
+
+    Attributes
+    ----------
+    names, expressions : tuple of str
+        Names, and the combinations of standard parameters.
+    values, sigma : ndarray, shape (b,)
+        Values and standard deviations.
+    factor : ndarray, shape (b, b)
+        Lower Cholesky factor of their correlations.
+    clusters : int or None
+        Parts of the data that the standard deviations rest on; None if they are known.
+    """
+
+    names: tuple[str, ...]
+    expressions: tuple[str, ...]
+    values: FloatArray
+    sigma: FloatArray
+    factor: FloatArray
+    clusters: int | None = None
+
+
+def judge_consistency(parameters: JudgedParameters, cone: ConsistencyProgramme) -> ConsistencyTest:
+    """Test whether estimated parameters can be those of a real robot.
+
+    Parameters
+    ----------
+    parameters : JudgedParameters
+        The estimate.
+    cone : ConsistencyProgramme
+        The consistent robots, without floors and with a weak pull; its targets are the parameters
+        in decorrelated standard deviations.
+
+    Raises
+    ------
+    EstimationError
+        The solver found no nearest robot.
+    """
+    violations, tested = _violations(parameters, cone)
+    single = min((each.p_value for each in violations), default=1.0)
+    if 2.0 * single < SMALLEST_P:
+        return ConsistencyTest(2.0 * single, single, None, None, tested, violations)
+    target = np.asarray(
+        solve_triangular(parameters.factor, parameters.values / parameters.sigma, lower=True)
+    )
+    nearest = cone.solve(target)
+    distance, far = _distance(cone, nearest, target), 1.0
+    if distance >= NO_DISTANCE:
+        y = np.asarray(np.linalg.solve(cone.units, nearest), dtype=float)
+        border = cone.effects @ _towards_apex(cone, y)
+        far = min(
+            _widest_tail(distance, len(target), parameters.clusters),
+            _simulated_tail(cone, border, distance, parameters.clusters),
+        )
+    p_value = min(1.0, 2.0 * min(single, far))
+    return ConsistencyTest(p_value, single, far, distance, tested, violations)
+
+
+def _violations(
+    parameters: JudgedParameters, cone: ConsistencyProgramme
+) -> tuple[tuple[Violation, ...], int]:
+    """Return the parameters below zero that cannot be, the largest first, and how many cannot."""
+    tested = np.flatnonzero(cannot_be_negative(parameters, cone))
+    z = (parameters.values / parameters.sigma)[tested]
+    if parameters.clusters is None:
+        alone = ndtr(z)
+    else:
+        alone = stdtr(parameters.clusters - 1, z * widening(parameters.clusters))
+    adjusted = holm(np.asarray(alone))
+    found = [
+        Violation(parameters.names[i], parameters.expressions[i], -float(z[k]), float(adjusted[k]))
+        for k, i in enumerate(tested)
+        if z[k] < 0.0
+    ]
+    return tuple(sorted(found, key=lambda each: -each.sigmas)), len(tested)
+
+
+def cannot_be_negative(parameters: JudgedParameters, cone: ConsistencyProgramme) -> BoolArray:
+    """Return the parameters that no consistent robot has below zero, shape (b,).
+
+    A parameter is a sum over the bodies <Y, P> of coefficients Y with pseudo-inertias P, and over
+    scalars. It cannot be negative exactly if every Y is positive semidefinite, no scalar has a
+    negative coefficient, and none that may be negative has one at all.
+    """
+    rows = (parameters.sigma[:, np.newaxis] * parameters.factor) @ cone.effects
+    alone, _ = _constrained(cone)
+    found = np.zeros(len(rows), dtype=bool)
+    for i, row in enumerate(rows):
+        coefficients = np.array([row[body] for body in cone.bodies]) @ TO_BODY
+        eigenvalues = np.linalg.eigvalsh(coefficients.reshape(-1, SIZE, SIZE)).ravel()
+        scalars = np.where(alone, row, -np.abs(row))
+        for body in cone.bodies:
+            scalars[body] = 0.0
+        parts = np.concatenate([eigenvalues, scalars])
+        found[i] = -np.minimum(parts, 0.0).sum() <= ROUNDING_SHARE * np.maximum(parts, 0.0).sum()
+    return found
+
+
+def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
+    """Return the parameters that must not be negative alone, and those together, each (p,)."""
+    involved = cone.not_negative != 0.0
+    single = np.count_nonzero(involved, axis=1) == 1
+    alone = np.any(involved[single], axis=0)
+    return alone, np.any(involved, axis=0) & ~alone
+
+
+def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
+    """Return a robot with everything within `BORDER_SIGMAS` of the border moved onto it.
+
+    Of each body, each eigenvalue of its pseudo-inertia becomes zero if that moves the base
+    parameters by less; so does each scalar. Curved friction, whose terms brake together, becomes
+    zero as a whole in any case.
+    """
+    out = y.copy()
+    for body in cone.bodies:
+        values, vectors = np.linalg.eigh(np.tensordot(y[body], BASIS, axes=1))
+        for value, vector in zip(values, vectors.T, strict=True):
+            part = TO_BODY @ (value * np.outer(vector, vector)).ravel()
+            if np.linalg.norm(cone.effects[:, body] @ part) < BORDER_SIGMAS:
+                out[body] -= part
+    alone, together = _constrained(cone)
+    for column in np.flatnonzero(alone):
+        if np.linalg.norm(cone.effects[:, column] * y[column]) < BORDER_SIGMAS:
+            out[column] = 0.0
+    out[together] = 0.0
+    return out
+
+
+def _simulated_tail(
+    cone: ConsistencyProgramme, centre: FloatArray, distance: float, clusters: int | None
+) -> float:
+    """Return the probability that an estimate of a robot lies as far away as `distance`."""
+    random = np.random.default_rng(SEED)
+    exceeded = 0
+    for draw in range(1, DRAWS + 1):
+        error = random.normal(size=len(centre))
+        if clusters is not None:  # their standard deviations are uncertain: Student's t
+            freedom = clusters - 1
+            error *= np.sqrt(freedom / random.chisquare(freedom)) / widening(clusters)
+        target = centre + error
+        exceeded += _distance(cone, cone.solve(target), target) >= distance
+        if exceeded == ENOUGH:
+            return ENOUGH / draw
+    return (exceeded + 1) / (DRAWS + 1)
+
+
+def _widest_tail(distance: float, count: int, clusters: int | None) -> float:
+    """Return an upper bound of that probability: that of a robot without any freedom."""
+    if clusters is None:
+        return float(chdtrc(count, distance))
+    return float(fdtrc(count, clusters - 1, distance * widening(clusters) ** 2 / count))
+
+
+def _distance(cone: ConsistencyProgramme, theta: FloatArray, target: FloatArray) -> float:
+    return float(np.sum((cone.matrix @ theta - target) ** 2))

@@ -1,0 +1,106 @@
+"""Constraints on the standard parameters of a real robot, term by term of its model."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel
+from dynamics.terms.armature import Armature
+from dynamics.terms.conditions import Conditions
+from dynamics.terms.friction import Friction, FrictionFunction
+from dynamics.terms.payload import Payload
+from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
+from dynamics.terms.rotors import Rotors
+from dynamics.terms.spring import Spring
+
+SLOWEST_SHARE: Final = 0.02
+SPEEDS: Final = 40
+
+_STRAIGHT: frozenset[FrictionFunction] = frozenset({"coulomb", "viscous", "forward", "backward"})
+_CURVED: frozenset[FrictionFunction] = frozenset({"cubic", "cube_root", "stribeck"})
+_FREE: frozenset[FrictionFunction] = frozenset(
+    {"offset", "coulomb_by_temperature", "viscous_by_temperature"}
+)
+
+
+def bodies(model: RobotModel) -> tuple[slice, ...]:
+    """Return the places of the ten parameters of each link, and of a payload."""
+    return tuple(
+        slice(start, start + PARAMETERS_PER_LINK)
+        for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True)
+        if isinstance(term, RigidBodies | Payload)
+        for start in range(columns.start, columns.stop, PARAMETERS_PER_LINK)
+    )
+
+
+def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
+    """Return rows G, shape (k, p), of G theta >= 0: rotors, springs, and friction that brakes.
+
+    Offsets of friction, its change with temperature and the Fourier form of a spring are free.
+
+    Raises
+    ------
+    EstimationError
+        The model has a term or a friction function whose constraints are not known.
+    """
+    names, identity = model.parameter_names, np.eye(len(model.parameter_names))
+    rows: list[FloatArray] = []
+    for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
+        match term:
+            case RigidBodies() | Payload() | Spring(distances_m=None):
+                pass
+            case Rotors() | Armature() | Spring():
+                rows.extend(identity[columns])
+            case Friction():
+                _require_known({column.function for column in term.columns})
+                for j in range(model.chain.n):
+                    own = {c.function for c in term.columns if c.joint == j}
+                    if own & _CURVED:
+                        fastest = robot.joints[j].limits.velocity
+                        rows.extend(_braking(model, term, columns, j, fastest))
+                        continue
+                    rows.extend(
+                        identity[names.index(c.parameter_name)]
+                        for c in term.columns
+                        if c.joint == j and c.function in _STRAIGHT
+                    )
+            case _:
+                raise EstimationError(
+                    f"physical consistency is not known of the model's term {term.name}: state its"
+                    " constraints in identification/consistency/constraints.py, or leave it out",
+                    code="RID-MODEL-TERM",
+                )
+    return np.array(rows).reshape(-1, len(names))
+
+
+def _require_known(functions: set[FrictionFunction]) -> None:
+    unknown = functions - (_STRAIGHT | _CURVED | _FREE)
+    if unknown:
+        raise EstimationError(
+            f"physical consistency is not known of friction {', '.join(sorted(unknown))}: state its"
+            " constraints in identification/consistency/constraints.py, or leave it out",
+            code="RID-MODEL-TERM",
+        )
+
+
+def _braking(
+    model: RobotModel, friction: Friction, columns: slice, joint: int, fastest: float
+) -> FloatArray:
+    """Return rows whose product with theta is a joint's braking friction at several speeds."""
+    speed = np.linspace(SLOWEST_SHARE * fastest, fastest, SPEEDS)
+    actuator = np.zeros((2 * SPEEDS, model.chain.n))
+    actuator[:, joint] = np.concatenate([speed, -speed])
+    v = actuator if model.coupling is None else actuator @ model.coupling.joints_by_motors.T
+    reference = Conditions(temperature_k=np.full(model.chain.n, 293.15))  # columns left free
+    motion = model.motion(np.zeros_like(v), v, np.zeros_like(v), reference)
+    torque = np.zeros((*v.shape, len(friction.columns)))
+    friction.fill_torque(motion, torque)
+    torque[:, :, [c.function in _FREE for c in friction.columns]] = 0.0
+    rows = np.zeros((len(v), len(model.parameter_names)))
+    rows[:, columns] = torque[:, joint] * np.sign(actuator[:, [joint]])
+    return rows

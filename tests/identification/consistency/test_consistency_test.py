@@ -1,0 +1,141 @@
+"""The test of physical consistency: sound robots pass it, impossible parameters do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmarks.consistency import border_robots, noisy_estimate, sound_robot
+from config.errors import EstimationError
+from config.load import load_robot
+from dynamics.terms.friction import Friction, FrictionFunction
+from dynamics.terms.term import Term
+from identification.consistency.closest_robot import check_consistency, cone
+from identification.consistency.consistency_test import JudgedParameters, cannot_be_negative
+from identification.consistency.constraints import not_negative
+from identification.consistency.metric import jackknife_metric
+from identification.estimation.estimate import Estimate
+from identification.model.options import ModelOptions
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def estimate() -> Estimate:
+    """A UR10e's 52 base parameters, exact, with the intervals that a noise of 3 N m leaves."""
+    noisy = noisy_estimate(0)
+    return replace(noisy, values=noisy.base.from_standard(sound_robot(noisy)))
+
+
+def judged(estimate: Estimate) -> JudgedParameters:
+    base = estimate.base
+    return JudgedParameters(
+        base.names, base.expressions, estimate.values, *jackknife_metric(estimate)
+    )
+
+
+def below_zero(estimate: Estimate, name: str, sigmas: float) -> Estimate:
+    """Return the estimate with one parameter below zero."""
+    values, place = estimate.values.copy(), estimate.base.names.index(name)
+    values[place] = -sigmas * estimate.sigma[place]
+    return replace(estimate, values=values)
+
+
+@pytest.mark.parametrize("name", ["Im6", "fv_joint3", "fc_joint1", "Izz4"])
+def test_one_parameter_at_minus_five_sigma_of_52_is_refuted_and_named(
+    estimate: Estimate, name: str
+) -> None:
+    test = check_consistency(below_zero(estimate, name, 5.0))
+    assert not test.is_consistent
+    assert test.largest is not None
+    assert test.largest.name == name
+    assert test.largest.sigmas == pytest.approx(5.0)
+    assert test.single_p_value == pytest.approx(test.tested * 2.8665e-7, rel=1e-3)
+    assert test.p_value == 2.0 * test.single_p_value
+
+
+def test_what_may_have_either_sign_is_no_violation(estimate: Estimate) -> None:
+    for name in ("Ixy2", "sx3", "Iyz6"):
+        assert name not in [each.name for each in check_consistency(estimate).violations]
+    one_sign = cannot_be_negative(judged(estimate), cone(estimate))
+    either = [n for n, one in zip(estimate.base.names, one_sign, strict=True) if not one]
+    assert {"Ixy2", "sx2", "Iyz6", "Ixx5", "sy6"} <= set(either)
+    assert {"Izz1", "Izz6", "Im3", "fv_joint6"}.isdisjoint(either)
+
+
+def test_of_every_sound_robot_a_tested_parameter_is_positive(estimate: Estimate) -> None:
+    one_sign = cannot_be_negative(judged(estimate), cone(estimate))
+    base, random = estimate.base, np.random.default_rng(1)
+    for _ in range(20):
+        robot = sound_robot(estimate, random)
+        rounding = 1e-9 * np.abs(base.combination) @ np.abs(robot)
+        assert np.all((base.from_standard(robot) >= -rounding)[one_sign])
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_robots_on_the_border_pass(estimate: Estimate, number: int) -> None:
+    # No viscous friction, no rotor inertia, links without thickness; the noise is one draw each.
+    _, robot = border_robots(estimate)[number]
+    sigma, factor = jackknife_metric(estimate)
+    error = sigma * (factor @ np.random.default_rng(number).normal(size=len(sigma)))
+    test = check_consistency(replace(estimate, values=estimate.base.from_standard(robot) + error))
+    assert test.is_consistent
+    assert test.distance is not None
+
+
+def test_an_impossible_body_is_refuted_although_no_single_parameter_is(estimate: Estimate) -> None:
+    # Products of inertia of either sign, but far larger than the moments allow.
+    values = estimate.values.copy()
+    for name in ("Ixy6", "Ixz6", "Iyz6"):
+        place = estimate.base.names.index(name)
+        values[place] += 15.0 * estimate.sigma[place]
+    test = check_consistency(replace(estimate, values=values))
+    assert not test.is_consistent
+    assert test.refuted == ()
+    assert test.distance_p_value is not None
+    assert test.distance_p_value < 0.025
+
+
+def test_the_same_estimate_gives_the_same_result(estimate: Estimate) -> None:
+    low = below_zero(estimate, "Im6", 2.0)
+    assert check_consistency(low) == check_consistency(low)
+
+
+def test_few_clusters_give_wider_tails(estimate: Estimate) -> None:
+    low = below_zero(estimate, "fv_joint3", 4.0)
+    few = check_consistency(replace(low, clusters=6))
+    assert few.single_p_value > 10.0 * check_consistency(low).single_p_value
+
+
+class UnknownTerm:
+    """A term that consistency knows nothing of."""
+
+    name, through_gears, inertial = "unknown", False, True
+    parameter_names, parameter_units = ("U1",), ("N m",)
+
+
+def test_a_term_whose_constraints_are_not_known_is_refused() -> None:
+    robot = load_robot("ur10e")
+    model = ModelOptions().build(robot)
+    more = replace(model, terms=(*model.terms, cast(Term, UnknownTerm())))
+    with pytest.raises(EstimationError) as refused:
+        not_negative(more, robot)
+    assert refused.value.refusal == "RID-MODEL-TERM"
+
+
+def test_a_friction_whose_constraints_are_not_known_is_refused() -> None:
+    robot = load_robot("ur10e")
+    model = ModelOptions().build(robot)
+    friction = next(term for term in model.terms if isinstance(term, Friction))
+    sticky = cast(FrictionFunction, "sticky")
+    unknown = replace(
+        friction, columns=tuple(replace(column, function=sticky) for column in friction.columns)
+    )
+    terms = tuple(unknown if term is friction else term for term in model.terms)
+    with pytest.raises(EstimationError) as refused:
+        not_negative(replace(model, terms=terms), robot)
+    assert refused.value.refusal == "RID-MODEL-TERM"
