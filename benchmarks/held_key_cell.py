@@ -118,7 +118,9 @@ class SimulatedJog:
     def __enter__(self) -> Self:
         self._stack.enter_context(
             self._orders.keys_to(
-                lambda _key: None, lambda text, _round_trip_s: self.refused.append(text)
+                lambda _key: None,
+                lambda text, _round_trip_s: self.refused.append(text),
+                lambda: None,
             )
         )
         return self

@@ -20,6 +20,10 @@ class Keys(Protocol):
     """Whatever has keys to hold: a keyboard, or the button of a page."""
 
     @abstractmethod
+    def begin(self) -> None:
+        """Let keys count that are pressed from now on: the robot is at rest and ready to move."""
+
+    @abstractmethod
     def look(self) -> Held | None:
         """Return which key is held now, None where none is."""
 
@@ -94,6 +98,7 @@ class Pilot:
         if pose is not None and self._ready is not None:
             self._ready(pose)
             self._ready = None
+            self._keys.begin()
         if pose is not None and self._until is not None and (pose == self._until).all():
             self._dead_man.finish()
         held = self._keys.look()
@@ -119,6 +124,9 @@ class HeldForGood:
 
     def __init__(self, key: str) -> None:
         self._key = key
+
+    def begin(self) -> None:
+        """Do nothing."""
 
     def look(self) -> Held:
         """Return that the key is held."""

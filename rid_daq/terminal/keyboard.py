@@ -67,6 +67,11 @@ class Keyboard:
         # what was typed too much answers no question that comes next
         termios.tcsetattr(self._input, termios.TCSAFLUSH, self._before)
 
+    def begin(self) -> None:
+        """Let keys count that are pressed from now on; one that is held already does not."""
+        self._held = False
+        self._unseen = self._now_s() - self._came_s < DEAD_MAN_S
+
     def look(self) -> Held | None:
         """Return which key is held now, by what has come since the last look."""
         typed = b""

@@ -173,8 +173,11 @@ class JobConsole(Console):
     @contextmanager
     def _held_keys(self, tapped: Callable[[str], None]) -> Iterator[Keys]:
         number = self.orders.next_question()
-        self.events.write(Asked(at_s=time.time(), question=number, form="hold", text=""))
-        with self.orders.keys_to(tapped, self._refuse_key):
+
+        def ask() -> None:
+            self.events.write(Asked(at_s=time.time(), question=number, form="hold", text=""))
+
+        with self.orders.keys_to(tapped, self._refuse_key, ask):
             yield self.orders
         self.events.write(Answered(at_s=time.time(), question=number))
 

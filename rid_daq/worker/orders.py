@@ -63,6 +63,7 @@ class Orders:
         self._next_s = 0.0
         self._tapped: Callable[[str], None] = lambda _key: None
         self._refused: Refused = lambda _text, _round_trip_s: None
+        self._asks: Callable[[], None] = lambda: None
 
     def start(self) -> None:
         """Begin to read."""
@@ -80,6 +81,12 @@ class Orders:
                 self._changed.wait(0.2)  # so that signals are looked at
             return self._answers.get(number)
 
+    def begin(self) -> None:
+        """Ask for keys, and let them count."""
+        with self._judging:
+            self._key.ask(True)
+        self._asks()
+
     def look(self) -> Held | None:
         """Return which key is held now, None if there is none."""
         with self._judging:
@@ -88,8 +95,10 @@ class Orders:
             return self._key.held(now_s)
 
     @contextlib.contextmanager
-    def keys_to(self, tapped: Callable[[str], None], refused: Refused) -> Iterator[None]:
-        """Let keys count for as long as the `with` lasts.
+    def keys_to(
+        self, tapped: Callable[[str], None], refused: Refused, asks: Callable[[], None]
+    ) -> Iterator[None]:
+        """Take keys for as long as the `with` lasts; they count from `begin` on.
 
         Parameters
         ----------
@@ -97,16 +106,17 @@ class Orders:
             Told of every key that is tapped.
         refused : callable
             Told once a press why it does not count, or no longer.
+        asks : callable
+            Asks for keys, once they count.
         """
-        self._tapped, self._refused = tapped, refused
-        with self._judging:
-            self._key.ask(True)
+        self._tapped, self._refused, self._asks = tapped, refused, asks
         try:
             yield
         finally:
             with self._judging:
                 self._key.ask(False)
             self._tapped, self._refused = lambda _key: None, lambda _text, _round_trip_s: None
+            self._asks = lambda: None
 
     def take(self, order: dict[str, object]) -> None:
         """Take one order: an answer, or a message about a key."""

@@ -28,6 +28,10 @@ class Desk:
         self.plans: list[str] = []
         self.meanwhile: Callable[[], None] = lambda: None
         self.looks = 0
+        self.begun = False
+
+    def begin(self) -> None:
+        self.begun = True
 
     def look(self) -> Held | None:
         self.looks += 1
@@ -125,6 +129,7 @@ def test_nothing_is_pressed_before_the_robot_rests(dead_man: DeadMan) -> None:
         desk.key = "+"
         desk.looks_again()
         assert desk.plans == []
+        assert not desk.begun, "keys count once the robot rests"
         dead_man.rest(POSE, 1)
         wait_for(lambda: dead_man.number == 2)
 

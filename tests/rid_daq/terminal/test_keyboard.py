@@ -128,3 +128,11 @@ def test_a_release_is_another_press(typed: Typed) -> None:
     assert first is not None
     assert second is not None
     assert second.press == first.press + 1
+
+
+def test_a_key_that_is_held_when_the_robot_gets_ready_must_be_pressed_again(typed: Typed) -> None:
+    assert typed.passes(0.5) == "+"
+    typed.desk.keyboard.begin()
+    assert typed.passes(2.0) is None
+    typed.passes(0.3, repeating=False)
+    assert typed.passes(0.5) == "+"

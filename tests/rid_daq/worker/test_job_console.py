@@ -6,7 +6,8 @@ import io
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
+from acquisition.hold_to_run.pilot import Keys
 from config.errors import ConfigError, PreflightError
 from rid_daq.service.remote_jobs import _Shown
 from rid_daq.service.running_job import EventTail
@@ -158,6 +160,30 @@ def test_where_the_service_is_gone_nobody_answers_and_the_job_is_told_to_end(
     assert len(killed) == 1
 
 
+@contextmanager
+def asked(console: JobConsole, tapped: Callable[[str], None] = lambda _key: None) -> Iterator[Keys]:
+    """Have the console's keys, of a robot that is ready to move."""
+    with console.keys(tapped) as keys:
+        keys.begin()
+        yield keys
+
+
+def test_a_key_is_asked_for_once_the_robot_is_ready_and_none_counts_before(
+    holder: Holder, console: JobConsole, events: Path
+) -> None:
+    with console.keys(lambda _key: None) as keys:
+        assert EventTail(events).new() == []
+        holder.says(held="+")
+        assert keys.look() is None
+        keys.begin()
+        assert [event.kind for event in EventTail(events).new()] == ["asked"]
+        holder.says(held="+")
+        assert keys.look() is None, "it was held before"
+        holder.says(held="")
+        holder.says(held="+")
+        assert keys.look() is not None
+
+
 class Holder:
     """A page whose messages reach the worker when the test says so."""
 
@@ -188,7 +214,7 @@ def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
     holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
     taps: list[str] = []
-    with console.keys(taps.append) as keys:
+    with asked(console, taps.append) as keys:
         holder.says(tapped="2")
         holder.says(held="+")
         held = keys.look()
@@ -211,7 +237,7 @@ def test_a_held_key_holds_for_the_dead_mans_time_and_no_longer(
 def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
     holder: Holder, clock: Clock, console: JobConsole
 ) -> None:
-    with console.keys(lambda _key: None) as keys:
+    with asked(console) as keys:
         holder.says(held="+", late_s=0.2)
         held = keys.look()
         assert held is not None
@@ -224,7 +250,7 @@ def test_the_age_of_the_challenge_counts_when_the_worker_acts_on_the_order(
 def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
     holder: Holder, clock: Clock, console: JobConsole, events: Path
 ) -> None:
-    with console.keys(lambda _key: None) as keys:
+    with asked(console) as keys:
         for _ in range(5):
             holder.says(held="+", late_s=0.34)
             assert keys.look() is None
@@ -238,7 +264,7 @@ def test_a_link_that_is_too_slow_is_said_once_a_press_with_its_round_trip(
 def test_a_link_that_stalls_is_said_when_the_key_counts_no_longer(
     holder: Holder, clock: Clock, console: JobConsole, events: Path
 ) -> None:
-    with console.keys(lambda _key: None) as keys:
+    with asked(console) as keys:
         holder.says(held="+", late_s=0.04)
         clock.now_s += 0.21
         assert keys.look() is None
@@ -253,7 +279,7 @@ def test_a_tap_that_is_late_chooses_nothing_and_no_key_counts_before_another(
     holder: Holder, console: JobConsole
 ) -> None:
     taps: list[str] = []
-    with console.keys(taps.append) as keys:
+    with asked(console, taps.append) as keys:
         holder.says(tapped="2", late_s=0.31)
         holder.says(held="+")
         assert keys.look() is None, "it would move another axis than was chosen"
@@ -267,10 +293,10 @@ def test_a_tap_that_is_late_chooses_nothing_and_no_key_counts_before_another(
 def test_a_key_that_is_held_from_one_question_to_the_next_must_be_let_go(
     holder: Holder, console: JobConsole
 ) -> None:
-    with console.keys(lambda _key: None):
+    with asked(console):
         holder.says(held=" ")
     holder.says(held=" ")
-    with console.keys(lambda _key: None) as keys:
+    with asked(console) as keys:
         holder.says(held=" ")
         assert keys.look() is None
         holder.says(held="")
