@@ -32,7 +32,7 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.record import record_motion
+from acquisition.session.record import OtherProcesses, record_motion
 from acquisition.task.states import Progress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
@@ -110,7 +110,7 @@ class Bench:
             samples,
             RunFolder.create(self.folder, "live"),
             on_progress=on_progress,  # type: ignore[arg-type]
-            observer=self.page.observer("benchmark", samples, cell, robot),
+            others=OtherProcesses(self.page.observer("benchmark", samples, cell, robot)),
         )
 
 

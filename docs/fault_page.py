@@ -130,6 +130,11 @@ ROWS: dict[int, Row] = {
         "an error that has a name",
         "no traceback, nothing left",
     ),
+    51: Row(
+        "the service that has ordered a motion hangs",
+        "quick stop, named, whatever its client has declared; the next motion needs a check",
+        "≤ 3 s + 2 T",
+    ),
 }
 
 _HEAD = """# Faults

@@ -31,6 +31,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
 from acquisition.task.process import run_cyclic_task
 from acquisition.task.ring import Ring
+from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import PlannedMotion, SetPointSource
 from acquisition.task.states import Progress, RecorderState, TaskState
 from config.cell.amplifier_profile import AmplifierProfile
@@ -73,6 +74,23 @@ class DeviceProfiles:
     drives: DriveProfile | None = None
 
 
+@dataclass(frozen=True)
+class OtherProcesses:
+    """Processes beside those of the motion.
+
+    Attributes
+    ----------
+    observer : callable or None
+        Makes one more process, such as the live page's. It is not waited for, and its death changes
+        nothing.
+    service : ServiceBeat or None
+        Signs of life of the service that has ordered the motion: without them it stops.
+    """
+
+    observer: Observer | None = None
+    service: ServiceBeat | None = None
+
+
 def record_motion(
     cell: CellConfig,
     robot: RobotDescription,
@@ -82,7 +100,7 @@ def record_motion(
     on_progress: Callable[[Progress], None] | None = None,
     enough: EarlyStopRule | None = None,
     profiles: DeviceProfiles | None = None,
-    observer: Observer | None = None,
+    others: OtherProcesses | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -108,9 +126,8 @@ def record_motion(
         over to its run-out after the period under way.
     profiles : DeviceProfiles, optional
         What the cell's amplifier and its drives' registers speak.
-    observer : callable, optional
-        Makes one more process, such as the live page's. It is not waited for, and its death changes
-        nothing.
+    others : OtherProcesses, optional
+        Who looks on, and who has ordered the motion.
 
     Raises
     ------
@@ -129,6 +146,7 @@ def record_motion(
     else:
         source = motion
     profiles = profiles or DeviceProfiles()
+    others = others or OtherProcesses()
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
     _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
@@ -148,7 +166,16 @@ def record_motion(
     task = HelperProcess(
         "cyclic task",
         run_cyclic_task,
-        (cell, robot, source, ring, control, os.getpid(), folder.file(DRIVE_WRITES)),
+        (
+            cell,
+            robot,
+            source,
+            ring,
+            control,
+            os.getpid(),
+            folder.file(DRIVE_WRITES),
+            others.service,
+        ),
         patience_s=STOP_PATIENCE_S,
         loss="the drives stop by themselves when the heartbeat ends",
     )
@@ -159,7 +186,7 @@ def record_motion(
         patience_s=FINISH_PATIENCE_S,
     )
     monitor = monitor_process(cell, robot, profiles.drives, control, folder)
-    watcher = None if observer is None else observer(ring, control)
+    watcher = None if others.observer is None else others.observer(ring, control)
     joints = JointWatch(ring, cell, robot)
     with (
         suspension_refused(NO_PAUSE),

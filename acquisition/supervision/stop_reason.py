@@ -34,6 +34,7 @@ class StopCode(IntEnum):
     STOP_COMMAND = 23
     STOP_BUTTON = 24
     CLIENT_LOST = 25
+    SERVICE_LOST = 26
     POINTS_LOST = 31
     POINTS_REFUSED = 32
     SECOND_ANSWERS = 33

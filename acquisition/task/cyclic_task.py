@@ -9,7 +9,6 @@ made up for. Nothing is logged.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -57,12 +56,12 @@ class CyclicTask:
     ring : Ring
         Takes a row a cycle.
     control : ControlBlock
-        Stop requests in, progress and the reason of a stop out.
+        Progress and the reason of a stop.
     lockstep : bool
         Whether `clock` is a simulated one, that stands still while this task works: then a full
         ring is waited for.
-    orphaned : callable
-        Whether the program that started this task is gone.
+    orders : StopOrders
+        Whether anybody wants the motion to stop.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class CyclicTask:
         control: ControlBlock,
         *,
         lockstep: bool,
-        orphaned: Callable[[], bool],
+        orders: StopOrders,
     ) -> None:
         self._axes = axes
         self._clock = clock
@@ -83,7 +82,7 @@ class CyclicTask:
         self._robot = robot
         self._ring = ring
         self._control = control
-        self._orders = StopOrders(control, orphaned)
+        self._orders = orders
         self._period_s = cell.cycle_time_s
         self._loop = PositionLoop.of_cell(cell, robot)
         self._lateness = Lateness(cell)

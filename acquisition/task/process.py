@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from acquisition.task.control_block import ControlBlock
@@ -12,6 +11,7 @@ from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.lockstep import PAUSE_S, RECORDER_PATIENCE_S
 from acquisition.task.realtime import become_realtime, freeze_garbage
 from acquisition.task.ring import Ring
+from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import SetPointSource
 from acquisition.task.states import RecorderState, TaskState
 from acquisition.task.stop_orders import StopOrders
@@ -36,6 +36,7 @@ def run_cyclic_task(
     control: ControlBlock,
     parent: int,
     drive_writes: Path,
+    service: ServiceBeat | None = None,
 ) -> None:
     """Run the cyclic task; the main function of its process.
 
@@ -54,6 +55,8 @@ def run_cyclic_task(
         Process id of the program.
     drive_writes : Path
         Where what is written to the drives is kept.
+    service : ServiceBeat, optional
+        Signs of life of the service that has ordered the motion, if one has.
     """
     leave_terminal()
     set_process_name(ProcessName.TASK)
@@ -63,9 +66,9 @@ def run_cyclic_task(
     def orphaned() -> bool:
         return os.getppid() != parent
 
-    orders = StopOrders(control, orphaned)
+    orders = StopOrders(control, orphaned, service)
     try:
-        _await_recorder(control, orphaned)
+        _await_recorder(control, orders)
         source.prepare()
         log = WriteLog(drive_writes, durable=not cell.simulated)
         with open_cell(cell, robot, log, stopped=orders.given) as opened:
@@ -86,7 +89,7 @@ def run_cyclic_task(
                 ring,
                 control,
                 lockstep=lockstep,
-                orphaned=orphaned,
+                orders=orders,
             ).run(source)
     except Exception as error:
         reason = orders.reason() if isinstance(error, SafetyStop) else None
@@ -101,12 +104,12 @@ def run_cyclic_task(
         control.task.state = TaskState.FINISHED
 
 
-def _await_recorder(control: ControlBlock, orphaned: Callable[[], bool]) -> None:
+def _await_recorder(control: ControlBlock, orders: StopOrders) -> None:
     """Wait until the recorder has its file: nothing is moved that is not recorded."""
     until_s = time.monotonic() + RECORDER_PATIENCE_S
     while control.recorder.state is RecorderState.STARTING:
-        if control.program.stop_code or orphaned():
-            return
+        if orders.given():
+            break
         if time.monotonic() > until_s:
             raise RecordingError("the recorder did not start; nothing was moved")
         time.sleep(PAUSE_S)

@@ -36,6 +36,11 @@ class SharedMemory:
             prot=mmap.PROT_READ | (mmap.PROT_WRITE if writable else 0),
         )
 
+    @property
+    def descriptor(self) -> int:
+        """The file descriptor; it is this object's."""
+        return self._descriptor
+
     @classmethod
     def create(cls, label: str, size: int) -> SharedMemory:
         """Return fresh memory of `size` bytes; `label` says to other programs what it is.

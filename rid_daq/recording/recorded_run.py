@@ -31,6 +31,7 @@ _WHAT_TO_DO = {
     StopCode.STOP_COMMAND: _AGAIN,
     StopCode.STOP_BUTTON: _AGAIN,
     StopCode.CLIENT_LOST: "Bring the client back into reach, then start again.",
+    StopCode.SERVICE_LOST: "Find out why the service hung, then check the cell and start again.",
     StopCode.RECORDER: "Check the disk (free space, speed) and who else works in the run folder,"
     " then start again.",
     StopCode.BUS: "Then run `rid-daq check`.",

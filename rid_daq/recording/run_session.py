@@ -19,7 +19,8 @@ from acquisition.runs.folder import RunFolder
 from acquisition.session.early_stop import NewPeriods
 from acquisition.session.frame_recorder import FrameRecorder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.record import DeviceProfiles, record_motion
+from acquisition.session.record import DeviceProfiles, OtherProcesses, record_motion
+from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
 from config.errors import RecordingError, TransportError
@@ -149,6 +150,8 @@ class RunSession:
         Where motions are shown too.
     axis_test : str
         What is known of the axis test of a real cell; empty for a simulated one.
+    service : ServiceBeat or None
+        Signs of life of the service that has ordered the session, if one has.
     """
 
     loaded: LoadedCell
@@ -158,6 +161,7 @@ class RunSession:
     simulated: SimulatedCell | None = None
     page: LivePage | None = None
     axis_test: str = ""
+    service: ServiceBeat | None = None
 
     def record(self, request: RunRequest) -> RecordedRun:
         """Record a motion, judge it and write its report; also where the motion was stopped.
@@ -254,7 +258,7 @@ class RunSession:
                     profiles=DeviceProfiles(
                         self.loaded.amplifier_profile, self.loaded.drive_profile
                     ),
-                    observer=observer,
+                    others=OtherProcesses(observer, self.service),
                 )
             for note in outcome.notes:
                 self.display.say(f"note: {note}")
@@ -374,4 +378,4 @@ def open_session(
         live_page(console, live or LiveOptions()) as page,
         mountable_cell(loaded, simulation) as (cell, simulated),
     ):
-        yield RunSession(loaded, cell, runs, console, simulated, page, tested)
+        yield RunSession(loaded, cell, runs, console, simulated, page, tested, console.service)

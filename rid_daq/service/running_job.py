@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from acquisition.task.service_beat import ServiceBeat
 from config.process.own_process import own_python
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
@@ -65,6 +66,22 @@ class EventTail:
         return events
 
 
+@dataclass(frozen=True)
+class WorkerProcess:
+    """A worker, and the memory in which it sees that the service lives.
+
+    Attributes
+    ----------
+    process : asyncio.subprocess.Process
+        The worker.
+    beat : ServiceBeat
+        The memory.
+    """
+
+    process: asyncio.subprocess.Process
+    beat: ServiceBeat
+
+
 class RunningJob:
     """A job that runs.
 
@@ -74,7 +91,7 @@ class RunningJob:
         As it is journalled.
     cell : ServedCell
         Its cell.
-    process : asyncio.subprocess.Process
+    worker : WorkerProcess
         Its worker.
     events : Path
         The file of its events.
@@ -83,6 +100,8 @@ class RunningJob:
     ----------
     job : Job
         As it is journalled last.
+    beat : ServiceBeat
+        Where its worker sees that the service lives.
     stopping : str
         Why it was told to stop; empty where it was not.
     question : Asked or None
@@ -91,12 +110,11 @@ class RunningJob:
         Its own last word.
     """
 
-    def __init__(
-        self, job: Job, cell: ServedCell, process: asyncio.subprocess.Process, events: Path
-    ) -> None:
+    def __init__(self, job: Job, cell: ServedCell, worker: WorkerProcess, events: Path) -> None:
         self.job = job
         self.cell = cell
-        self.process = process
+        self.process = worker.process
+        self.beat = worker.beat
         self.stopping = ""
         self.question: Asked | None = None
         self.ended: Ended | None = None
@@ -232,33 +250,36 @@ class WarmWorker:
 
     def __init__(self, log: Path) -> None:
         self._log = log
-        self._ready: asyncio.subprocess.Process | None = None
+        self._ready: WorkerProcess | None = None
 
     async def prepare(self) -> None:
         """Start one, where none is ready."""
-        if self._ready is None or self._ready.returncode is not None:
+        if self._ready is None or self._ready.process.returncode is not None:
             self._ready = await self._start()
 
-    async def take(self) -> asyncio.subprocess.Process:
+    async def take(self) -> WorkerProcess:
         """Return a worker that waits for its job."""
         ready, self._ready = self._ready, None
-        if ready is not None and ready.returncode is None:
+        if ready is not None and ready.process.returncode is None:
             return ready
         return await self._start()
 
     async def end(self) -> None:
         """End the one that is ready."""
         ready, self._ready = self._ready, None
-        if ready is not None and ready.returncode is None:
-            ready.kill()
-            await ready.wait()
+        if ready is not None and ready.process.returncode is None:
+            ready.process.kill()
+            await ready.process.wait()
 
-    async def _start(self) -> asyncio.subprocess.Process:
+    async def _start(self) -> WorkerProcess:
+        beat = ServiceBeat.create()
         with self._log.open("ab") as log:
-            return await asyncio.create_subprocess_exec(
-                *own_python("rid_daq.worker"),
+            process = await asyncio.create_subprocess_exec(
+                *own_python("rid_daq.worker", str(beat.descriptor)),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=log,
                 stderr=log,
                 start_new_session=True,
+                pass_fds=(beat.descriptor,),
             )
+        return WorkerProcess(process, beat)

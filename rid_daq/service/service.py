@@ -16,11 +16,13 @@ from typing import Any, Final
 
 from acquisition.hold_to_run.held_key import KeyMessage
 from acquisition.runs.run_id import new_run_id
+from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import ConfigError, LockedError, PreflightError
+from config.process.safety_clock import safety_now_s
 from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
-from rid_daq.service.logs import Mishaps
+from rid_daq.service.logs import LOG, Mishaps
 from rid_daq.service.readiness import PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.records import (
     CellState,
@@ -45,6 +47,7 @@ from rid_daq.service.workshop import Workshop
 
 LOOK_S: Final = 0.05
 CELLS_S: Final = 0.2
+BEAT_S: Final = 0.1
 MOST_EVENTS: Final = 2000
 
 
@@ -96,6 +99,7 @@ class CellService:
         self.started_s = time.time()
         self.stops = 0
         self._told: dict[str, str] = {}
+        self._beat_s: float | None = None
         self._mishaps = Mishaps()
 
     def cell(self, name: str) -> ServedCell:
@@ -278,6 +282,15 @@ class CellService:
     async def run(self, until: asyncio.Event) -> None:
         """Watch jobs and leases until the event; then stop what moves, and end."""
         await self.workshop.prepare()
+        beating = asyncio.create_task(self._beat())
+        try:
+            await self._watch(until)
+            await self.workshop.close()
+        finally:
+            beating.cancel()
+        await asyncio.to_thread(self.database.close)
+
+    async def _watch(self, until: asyncio.Event) -> None:
         next_s = 0.0
         while not until.is_set():
             await self.workshop.look()
@@ -288,12 +301,31 @@ class CellService:
                         self._publish_cell(cell)
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(until.wait(), LOOK_S)
-        await self.workshop.close()
-        await asyncio.to_thread(self.database.close)
+
+    async def _beat(self) -> None:
+        """Give signs of life from the event loop, which tell that it can still answer a STOP."""
+        while True:
+            with self._mishaps.of("the service's signs of life"):
+                self._note_standstill()
+                self.workshop.give_signs_of_life()
+            await asyncio.sleep(BEAT_S)
+
+    def _note_standstill(self) -> None:
+        """Void every preflight after this process has stood still, or the computer has slept.
+
+        What was asked for meanwhile is answered only now: nobody expects it to move the robot.
+        """
+        now_s, before_s = safety_now_s(), self._beat_s
+        self._beat_s = now_s
+        if before_s is not None and now_s - before_s > SERVICE_LIMIT_S:
+            still = f"the service stood still for {now_s - before_s:.0f} s"
+            LOG.warning("%s; preflights count no more", still)
+            self.readiness.void_all(f"{still}: check it again.")
 
     def _require_free(
         self, cell: ServedCell, kind: JobKind, lease: str | None, *, cleared: bool
     ) -> None:
+        self._note_standstill()
         cell.look_again()
         self.leases.require(cell.name, lease)
         running = self.workshop.of_cell(cell.name)

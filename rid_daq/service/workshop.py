@@ -5,14 +5,17 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import signal
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Final
 
 from acquisition.supervision.stop_reason import StopCode
+from config.process.safety_clock import safety_now_s
 from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
@@ -27,6 +30,9 @@ from rid_daq.service.store.jobs import JobStore
 from rid_daq.terminal.job_events import Ended, MotionBegun
 
 LOOK_S: Final = 0.05
+_BY_TERM: Final = (-signal.SIGTERM, 128 + signal.SIGTERM)
+"""How a worker ends that is told to before it can say so; nothing has moved."""
+
 END_PATIENCE_S: Final = 20.0
 NICENESS: Final = 10
 
@@ -173,6 +179,12 @@ class Workshop:
             if not self._running:
                 await self.prepare()
 
+    def give_signs_of_life(self) -> None:
+        """Tell every worker that the service lives, and until when its motion's client does."""
+        now_s = safety_now_s()
+        for running in self:
+            running.beat.give(now_s, self._lease_end_s(running.job))
+
     async def close(self) -> None:
         """Stop what moves, end what computes, and mark all of it."""
         self.closing = True
@@ -208,11 +220,15 @@ class Workshop:
 
     def _watch_lease(self, running: RunningJob) -> None:
         job = running.job
-        if job.kind.moves and not running.stopping and job.on_lost_client == "stop":
-            lease = self._leases.of(job.cell)
-            if lease is None or lease.id != job.lease:
-                running.stop(f"{job.owner} is out of reach", StopCode.CLIENT_LOST)
-                self._audit.note(job.owner, "was out of reach", job.cell, f"job {job.id} stopped")
+        if not running.stopping and self._lease_end_s(job) == -inf:
+            running.stop(f"{job.owner} is out of reach", StopCode.CLIENT_LOST)
+            self._audit.note(job.owner, "was out of reach", job.cell, f"job {job.id} stopped")
+
+    def _lease_end_s(self, job: Job) -> float:
+        """Return when a job stops unless its client shows itself, on the safety clock [s]."""
+        if job.kind.moves and job.on_lost_client == "stop":
+            return self._leases.end_s(job.cell, job.lease)
+        return inf
 
     def _settle(self, running: RunningJob) -> None:
         """Write what became of a job whose worker has ended."""
@@ -278,19 +294,21 @@ class Workshop:
         try:
             if job.kind.opens_cell:
                 await self._journal(job)
-            process = await self._warm.take()
+            worker = await self._warm.take()
         except OSError as error:
             reason = f"its process cannot be started: {error.strerror}"
             return self._change(job, JobState.FAILED, reason)
         finally:
             del self._starting[job.id]
+        process = worker.process
         if starting.stopping:
             process.kill()
             await process.wait()
             return self._change(job, JobState.STOPPED, f"{starting.stopping} before it began")
         job = self._jobs.change(job, state=JobState.RUNNING, began_s=time.time(), pid=process.pid)
-        running = RunningJob(job, cell, process, self.events(job.id))
+        running = RunningJob(job, cell, worker, self.events(job.id))
         self._running[job.id] = running
+        self.give_signs_of_life()
         running.order(
             kind=job.kind.value,
             request=job.request,
@@ -346,6 +364,9 @@ def _give_up(running: RunningJob) -> None:
 def outcome_of(running: RunningJob, closing: bool) -> tuple[JobState, str]:
     """Return what became of a job whose process has ended, and why in a sentence."""
     ended, document = running.ended, running.document
+    told_before = running.run is None and running.process.returncode in _BY_TERM
+    if ended is None and running.stopping and told_before:
+        return JobState.INTERRUPTED if closing else JobState.STOPPED, running.stopping
     if ended is None:
         return JobState.INTERRUPTED, (
             f"its process died (exit code {running.process.returncode}); the drives stop by their"

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console as RichConsole
 
     from acquisition.hold_to_run.pilot import Keys
+    from acquisition.task.service_beat import ServiceBeat
 
 T = TypeVar("T")
 
@@ -134,6 +135,11 @@ class Console:
     def is_terminal(self) -> bool:
         """Whether a person sees this as it is written."""
         return not self.as_json and sys.stdout is not None and sys.stdout.isatty()
+
+    @property
+    def service(self) -> ServiceBeat | None:
+        """Signs of life of the service that has ordered what is done; None without one."""
+        return None
 
     @property
     def columns(self) -> int | None:

@@ -33,6 +33,7 @@ from rid_daq.worker.orders import Orders
 
 if TYPE_CHECKING:
     from acquisition.hold_to_run.pilot import Keys
+    from acquisition.task.service_beat import ServiceBeat
 
 T = TypeVar("T")
 
@@ -85,6 +86,11 @@ class JobConsole(Console):
     def is_terminal(self) -> bool:
         """Nobody sees this as it is written."""
         return False
+
+    @property
+    def service(self) -> ServiceBeat | None:
+        """The one that has started this worker."""
+        return self.orders.service
 
     def say(self, text: str = "") -> None:
         """Tell a sentence."""

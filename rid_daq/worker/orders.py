@@ -23,6 +23,8 @@ from acquisition.hold_to_run.held_key import (
     KeyMessage,
     KeyVerdict,
 )
+from acquisition.task.service_beat import ServiceBeat
+from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
 
 SAYING_S: Final = 0.5
@@ -48,9 +50,17 @@ class Orders:
         Where they come from; its first line has been taken.
     now_s : callable
         The clock by which the service issues challenges [s].
+    service : ServiceBeat, optional
+        Signs of life of the service.
     """
 
-    def __init__(self, source: IO[str], now_s: Callable[[], float] = safety_now_s) -> None:
+    def __init__(
+        self,
+        source: IO[str],
+        now_s: Callable[[], float] = safety_now_s,
+        service: ServiceBeat | None = None,
+    ) -> None:
+        self.service = service
         self._source = source
         self._now_s = now_s
         self._changed = threading.Condition()
@@ -75,11 +85,25 @@ class Orders:
         return self._questions
 
     def wait_for_answer(self, number: int) -> str | None:
-        """Return the answer to a question; None where none can come any more."""
+        """Return the answer to a question; None where none can come any more.
+
+        Raises
+        ------
+        PreflightError
+            The service hangs, or the lease of the motion has ended: an answer comes too late.
+        """
         with self._changed:
-            while number not in self._answers and not self._ended:
+            while True:
+                self._require_service()
+                if number in self._answers or self._ended:
+                    return self._answers.get(number)
                 self._changed.wait(0.2)  # so that signals are looked at
-            return self._answers.get(number)
+
+    def _require_service(self) -> None:
+        reason = None if self.service is None else self.service.reason(self._now_s())
+        if reason is not None:
+            code = f"RID-{reason.code.name.replace('_', '-')}"
+            raise PreflightError(f"{reason.text}; nothing more is moved", code=code)
 
     def begin(self) -> None:
         """Ask for keys, and let them count."""

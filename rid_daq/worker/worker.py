@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
 from pydantic import BaseModel, ConfigDict
 
+from acquisition.task.service_beat import ServiceBeat
 from config.formats.approved_files import approve_files
+from config.process.termination import signals_deferred
 from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import printable
@@ -58,16 +62,35 @@ class WorkOrder(BaseModel):
 
 
 def main() -> int:
-    """Wait for the job on standard input, do it, and return its exit code."""
+    """Wait for the job on standard input, do it, and return its exit code.
+
+    The argument is the descriptor of the service's signs of life (`ServiceBeat`). A signal that
+    comes before the job can say how it ended is held back until then.
+    """
     end_by_signals()
-    _warm_up()
-    line = sys.stdin.readline()
-    if not line:
-        return 0
-    return work(WorkOrder.model_validate_json(line), sys.stdin)
+    service = ServiceBeat.inherited(int(sys.argv[1]))
+    os.set_inheritable(service.descriptor, False)
+    with contextlib.ExitStack() as deferral:
+        deferral.enter_context(signals_deferred())
+        _warm_up()
+        line = sys.stdin.readline()
+        if not line:
+            return 0
+        order = WorkOrder.model_validate_json(line)
+        return work(order, sys.stdin, service, let_signals_in=deferral.close)
 
 
-def work(order: WorkOrder, source: IO[str]) -> int:
+def _let_in() -> None:
+    """Do nothing: signals come in already."""
+
+
+def work(
+    order: WorkOrder,
+    source: IO[str],
+    service: ServiceBeat | None = None,
+    *,
+    let_signals_in: Callable[[], None] = _let_in,
+) -> int:
     """Do a job; its end is the last of its events.
 
     Parameters
@@ -76,15 +99,21 @@ def work(order: WorkOrder, source: IO[str]) -> int:
         The job.
     source : text stream
         Where further orders come from.
+    service : ServiceBeat, optional
+        Signs of life of the service.
+    let_signals_in : callable
+        Called once a signal may end the job.
     """
     os.chdir(order.folder)
     approve_files(order.approved)
     os.nice(order.niceness)
     with EventFile(order.events) as events:
-        orders = Orders(source)
+        orders = Orders(source, service=service)
         console = JobConsole(events=events, orders=orders)
 
         def job() -> None:
+            perform = performer(order.kind)  # an import that a signal ends is a mistake
+            let_signals_in()
             told = order.request
             request = request_of(
                 order.kind,
@@ -94,7 +123,7 @@ def work(order: WorkOrder, source: IO[str]) -> int:
                 cleared=order.cleared,
                 owner=order.owner,
             )
-            performer(order.kind)(request, console)
+            perform(request, console)
 
         orders.start()
         try:

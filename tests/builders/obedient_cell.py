@@ -18,6 +18,7 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
+from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
 from config.errors import RidDaqError
 from config.robot.kinematic_table import KinematicRow, Kinematics
@@ -245,7 +246,7 @@ class Outcome:
                 opened.axes.quick_stop = stopped  # type: ignore[method-assign]
                 task = CyclicTask(
                     opened.axes, opened.clock, cell, robot, ring, control,
-                    lockstep=True, orphaned=lambda: False,
+                    lockstep=True, orders=StopOrders(control, lambda: False),
                 )  # fmt: skip
                 self.reason = task.run(SpeedUp(cell, robot, rows, sign, control))
         except RidDaqError as error:

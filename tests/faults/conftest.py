@@ -27,6 +27,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
+from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CellConfig
 from config.errors import RidDaqError, TransportError
 from config.load import LoadedCell, load_cell
@@ -268,7 +269,7 @@ class Rig:
                     hook(cell, control)
                 reason = CyclicTask(
                     cell.axes, cell.clock, cell.config, self._loaded.robot, ring, control,
-                    lockstep=True, orphaned=lambda: False,
+                    lockstep=True, orders=StopOrders(control, lambda: False),
                 ).run(PlannedMotion(samples))  # fmt: skip
         except RidDaqError as problem:
             error = problem

@@ -34,6 +34,7 @@ from acquisition.task.cyclic_task import RING_LIMIT, CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
 from acquisition.task.states import RecorderState, TaskState
+from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CellConfig
 from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription
@@ -100,7 +101,14 @@ class Bench:
         self.ring, self.control = Ring.create(3, 64), ControlBlock.create()
         self.axes = axes
         self._task = CyclicTask(
-            axes, clock, cell, robot, self.ring, self.control, lockstep=True, orphaned=lambda: False
+            axes,
+            clock,
+            cell,
+            robot,
+            self.ring,
+            self.control,
+            lockstep=True,
+            orders=StopOrders(self.control, lambda: False),
         )
 
     def run(self, motion: MotionSamples, path: Path) -> StopReason | None:

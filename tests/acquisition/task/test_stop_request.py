@@ -16,6 +16,7 @@ from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
 from acquisition.task.states import TaskState
+from acquisition.task.stop_orders import StopOrders
 from config.load import load_cell
 from drivers.cell import open_cell
 from mock_hw.cell import SimulatedCell
@@ -65,7 +66,7 @@ def test_every_axis_is_told_to_stop_before_the_sync_after_the_request(
         opened.axes.start()
         reason = CyclicTask(
             opened.axes, opened.clock, cell.cell, robot, ring, control,
-            lockstep=True, orphaned=ask_in_mid_motion,
+            lockstep=True, orders=StopOrders(control, ask_in_mid_motion),
         ).run(PlannedMotion(samples))  # fmt: skip
         assert not cell.axes().enabled.any()
     assert reason is not None

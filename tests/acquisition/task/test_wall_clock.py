@@ -25,6 +25,7 @@ from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.set_points import PlannedMotion
 from acquisition.task.states import TaskState
+from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CellConfig
 from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription
@@ -72,7 +73,14 @@ def test_a_recording_does_not_notice_that_the_clock_leaps(
     ring, control = Ring.create(3, 4096), ControlBlock.create()
     folder = RunFolder.create(tmp_path, "leaps")
     task = CyclicTask(
-        axes, clock, cell, robot, ring, control, lockstep=True, orphaned=lambda: False
+        axes,
+        clock,
+        cell,
+        robot,
+        ring,
+        control,
+        lockstep=True,
+        orders=StopOrders(control, lambda: False),
     )
     assert task.run(PlannedMotion(motion)) is None
     control.task.state = TaskState.FINISHED

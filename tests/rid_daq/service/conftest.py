@@ -12,16 +12,17 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from acquisition.task.service_beat import ServiceBeat
 from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Job, JobState
-from rid_daq.service.running_job import WarmWorker
+from rid_daq.service.running_job import WarmWorker, WorkerProcess
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.service.sockets import socket_of
@@ -86,6 +87,10 @@ class Worker:
         return self.returncode
 
 
+def as_worker(process: Worker) -> WorkerProcess:
+    return WorkerProcess(cast("Any", process), ServiceBeat.create())
+
+
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
     """The next worker, which is there once somebody asks for it a second time."""
@@ -93,7 +98,7 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
 
     async def take(_warm: WarmWorker) -> Any:
         await asyncio.sleep(0)
-        return worker
+        return as_worker(worker)
 
     async def prepare(_warm: WarmWorker) -> None:
         pass

@@ -6,15 +6,16 @@ import asyncio
 import logging
 import sqlite3
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.service_beat import ServiceBeat
 from config.load import load_cell
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellState, Job, JobState
-from rid_daq.service.running_job import RunningJob, WarmWorker
+from rid_daq.service.running_job import RunningJob, WarmWorker, WorkerProcess
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.terminal.job_events import AnyEvent
@@ -54,7 +55,9 @@ def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
     )
     service.jobs.add(job)
     events = service.workshop.events(job.id)
-    running = kind(job, service.cell("ir361"), worker, events)  # type: ignore[arg-type]
+    running = kind(
+        job, service.cell("ir361"), WorkerProcess(cast("Any", worker), ServiceBeat.create()), events
+    )
     service.workshop._running[job.id] = running
     return running
 

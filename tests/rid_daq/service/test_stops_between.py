@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
 
 import pytest
 
@@ -15,7 +14,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Job, JobState, Role
 from rid_daq.service.running_job import RunningJob
 from rid_daq.service.service import CellService
-from tests.rid_daq.service.conftest import Worker, job
+from tests.rid_daq.service.conftest import Worker, as_worker, job
 
 WHO = Identity(name="anna", role=Role.OPERATOR, person=True, token="")
 
@@ -53,7 +52,7 @@ def test_a_word_that_came_too_late_to_be_read_is_followed_by_a_signal(
     service: CellService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker = Worker()
-    running = RunningJob(job(), service.cell("ir361"), cast("Any", worker), tmp_path / "events")
+    running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
     over = SimpleNamespace(program=SimpleNamespace(request_stop=lambda _code: None), task_gone=True)
     monkeypatch.setattr(running, "_find_control", lambda: over)
     running.stop("stopped by anna", StopCode.STOP_BUTTON)

@@ -6,11 +6,17 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from config.errors import LockedError
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.service_beat import SERVICE_LIMIT_S
+from config.errors import LockedError, PreflightError
+from rid_daq.app import run
 from rid_daq.service.records import CellState, Job, JobState
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import CHECK, begin_motion, events, taken, until
@@ -66,21 +72,19 @@ def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
             assert client.cell("ir361").state is CellState.READY
 
 
-def test_a_stop_needs_no_living_server(shared: ServedProcess, long_motion: str) -> None:
+def test_a_stop_needs_no_living_server(
+    shared: ServedProcess, long_motion: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with taken(shared, long_motion) as key:
         job = begin_motion(shared, key)
         shared.process.send_signal(signal.SIGSTOP)
         try:
-            stopped = subprocess.run(
-                [sys.executable, "-m", "rid_daq", "stop"],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            stopped = run(["stop"])
         finally:
             shared.process.send_signal(signal.SIGCONT)
-        assert stopped.returncode == 0, stopped.stderr
-        assert "all axes at rest" in stopped.stdout
+        told = capsys.readouterr()
+        assert stopped == 0, told.err
+        assert "all axes at rest" in told.out
         with shared.client as client:
             over = client.follow(job)
         assert over.document is not None
@@ -104,6 +108,64 @@ def test_a_client_that_is_gone_ends_a_motion_as_it_has_declared(
                 assert over.document is not None
                 assert over.document["stop"]["code"] == "CLIENT_LOST"
                 assert "out of reach" in over.job.reason
+
+
+@pytest.mark.fault(51)
+@pytest.mark.promise("service-heartbeat")
+@pytest.mark.parametrize("policy", ["stop", "finish"])
+def test_a_motion_stops_if_the_service_hangs(
+    shared: ServedProcess, long_motion: str, policy: str, measured: Callable[[str], None]
+) -> None:
+    with taken(shared, long_motion) as key:
+        job = begin_motion(shared, key, on_lost_client=policy)
+        with shared.client as client:
+            control = ControlBlock.of_process(client.job(job.id).pid or 0)
+        assert control is not None
+        shared.process.send_signal(signal.SIGSTOP)
+        began_s = time.monotonic()
+        try:
+            until(lambda: control.task_gone)
+            waited_s = time.monotonic() - began_s
+            reason = control.task.stop_reason
+            assert reason is not None
+            assert reason.code is StopCode.SERVICE_LOST
+            assert reason.value is not None
+            assert SERVICE_LIMIT_S < reason.value < waited_s + 1.0
+            assert control.task.ramp_s is not None, "it was seen to come to rest"
+        finally:
+            shared.process.send_signal(signal.SIGCONT)
+        with shared.client as client:
+            over = client.follow(job)
+            assert over.job.state is JobState.STOPPED
+            assert "no sign of life" in over.job.reason
+            assert "stood still" in client.cell("ir361").not_ready_because
+            with pytest.raises(PreflightError) as refused:
+                client.run("ir361", "record", {"motion": "motion.yaml"}, lease=key)
+            assert refused.value.refusal == "RID-CELL-NOT-READY"
+        measured(f"client {policy}: quick stop {reason.value:.1f} s after the last sign of life")
+
+
+@pytest.mark.promise("service-heartbeat")
+def test_a_question_ends_if_the_service_hangs(shared: ServedProcess, motion: str) -> None:
+    with taken(shared, motion) as key, shared.client as client:
+        body = {"kind": "jog", "request": {"practise": True}}
+        job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, key))
+        until(lambda: any(each["kind"] == "asked" for each in events(client, job)))
+        pid = client.job(job.id).pid
+        assert pid is not None
+        shared.process.send_signal(signal.SIGSTOP)
+        try:
+            until(lambda: is_a_zombie(pid))
+        finally:
+            shared.process.send_signal(signal.SIGCONT)
+        over = client.follow(job)
+        assert over.job.state.is_over
+        assert "no sign of life" in over.job.reason
+
+
+def is_a_zombie(pid: int) -> bool:
+    """Return whether a worker has ended, and its service has not seen it."""
+    return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b") ")[2][:1] == b"Z"
 
 
 def test_a_killed_worker_is_an_interrupted_job_and_its_cell_must_be_reset(

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ import pytest
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 from acquisition.hold_to_run.pilot import Keys
+from acquisition.task.service_beat import SERVICE_LIMIT_S, ServiceBeat
 from config.errors import ConfigError, PreflightError
 from rid_daq.service.remote_jobs import _Shown
 from rid_daq.service.running_job import EventTail
@@ -182,6 +184,28 @@ def test_a_key_is_asked_for_once_the_robot_is_ready_and_none_counts_before(
         holder.says(held="")
         holder.says(held="+")
         assert keys.look() is not None
+
+
+@pytest.mark.promise("service-heartbeat")
+@pytest.mark.parametrize(
+    ("later_s", "lease_s", "code"),
+    [(SERVICE_LIMIT_S + 0.1, inf, "RID-SERVICE-LOST"), (1.0, 1.0, "RID-CLIENT-LOST")],
+)
+def test_a_question_ends_without_service_or_lease_even_if_it_is_answered(
+    events: Path, clock: Clock, later_s: float, lease_s: float, code: str
+) -> None:
+    service = ServiceBeat.create()
+    service.give(clock.now_s, clock.now_s + lease_s)
+    orders = Orders(io.StringIO(), clock, service)
+    with EventFile(events) as file:
+        console = JobConsole(events=file, orders=orders)
+        orders.take({"answer": 1, "text": "y"})
+        assert console.confirm("Attached?")
+        orders.take({"answer": 2, "text": "y"})
+        clock.now_s += later_s
+        with pytest.raises(PreflightError) as refused:
+            console.confirm("Attached?")
+    assert refused.value.refusal == code
 
 
 class Holder:

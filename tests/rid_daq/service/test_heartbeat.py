@@ -1,0 +1,166 @@
+"""The service's signs of life, a service that stood still, and stops in a job's first moments."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.service_beat import SERVICE_LIMIT_S
+from config.errors import PreflightError
+from config.process.safety_clock import safety_now_s
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import Identity, Job, JobState, OnLostClient, Role
+from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
+from rid_daq.service.service import CellService
+from rid_daq.service.workshop import outcome_of
+from rid_daq.terminal.job_events import Ended, MotionBegun
+from rid_daq.worker.job_console import EventFile
+from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, job
+
+ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
+
+
+def begun(service: CellService, kind: JobKind, policy: OnLostClient, lease: str | None) -> Job:
+    """Begin a job that was ordered with a lease."""
+    wanted = job(kind).model_copy(update={"lease": lease, "on_lost_client": policy})
+    return asyncio.run(service.workshop.begin(wanted, service.cell("ir361"), cleared=False))
+
+
+def lease_end_s(service: CellService) -> float:
+    (running,) = service.workshop
+    service.workshop.give_signs_of_life()
+    end_s: float = running.beat._words.lease_end_s
+    return end_s
+
+
+@pytest.mark.promise("service-heartbeat")
+@pytest.mark.parametrize(
+    ("kind", "policy"),
+    [(JobKind.RECORD, "finish"), (JobKind.CHECK, "stop"), (JobKind.IDENTIFY, "stop")],
+)
+def test_what_goes_on_without_its_client_has_no_end(
+    service: CellService, worker: Worker, kind: JobKind, policy: OnLostClient
+) -> None:
+    begun(service, kind, policy, None)
+    assert lease_end_s(service) == inf
+    (running,) = service.workshop
+    assert running.beat.reason(safety_now_s()) is None
+    silent = running.beat.reason(safety_now_s() + SERVICE_LIMIT_S + 1.0)
+    assert silent is not None
+    assert silent.code is StopCode.SERVICE_LOST
+
+
+@pytest.mark.promise("service-heartbeat")
+def test_a_motion_holds_as_long_as_its_own_lease(service: CellService, worker: Worker) -> None:
+    lease = service.leases.take("ir361", ANNA, "", 60.0)
+    begun(service, JobKind.RECORD, "stop", lease.id)
+    first_s = lease_end_s(service)
+    assert 50.0 < first_s - safety_now_s() <= 60.0
+    service.leases.renew("ir361", lease.key, 600.0)
+    assert lease_end_s(service) > first_s + 500.0
+    service.leases.take("ir361", ANNA, "", 60.0, confirmed="ir361")
+    assert lease_end_s(service) == -inf, "another lease has the cell"
+    (running,) = service.workshop
+    lost = running.beat.reason(safety_now_s())
+    assert lost is not None
+    assert lost.code is StopCode.CLIENT_LOST
+
+
+@pytest.mark.promise("service-heartbeat")
+def test_nothing_moves_after_a_standstill_before_another_check(
+    service: CellService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = service.cell("ir361")
+    passed = {"passed": True, "lines": [], "files_hash": cell.loaded.files_hash}
+    lease = service.leases.take("ir361", ANNA, "", 600.0)
+
+    async def begin() -> None:
+        await service.begin(cell, JobKind.JOG, {}, ANNA, lease=lease.key)
+
+    service._note_standstill()
+    service.readiness.note_check(cell, passed)
+    monkeypatch.setattr(
+        "rid_daq.service.service.safety_now_s", lambda: safety_now_s() + SERVICE_LIMIT_S + 1.0
+    )
+    with pytest.raises(PreflightError, match="the service stood still for") as refused:
+        asyncio.run(begin())
+    assert refused.value.refusal == "RID-CELL-NOT-READY"
+
+
+@pytest.mark.promise("stop-has-its-reason")
+@pytest.mark.parametrize("code", [-signal.SIGTERM, 128 + signal.SIGTERM])
+def test_a_stop_before_the_worker_can_say_so_has_its_true_reason(
+    service: CellService, tmp_path: Path, code: int
+) -> None:
+    worker = Worker()
+    running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
+    running.stop("stopped by Anna", StopCode.STOP_BUTTON)
+    worker.returncode = code
+    assert outcome_of(running, closing=False) == (JobState.STOPPED, "stopped by Anna")
+    assert outcome_of(running, closing=True) == (JobState.INTERRUPTED, "stopped by Anna")
+
+
+@pytest.mark.promise("stop-has-its-reason")
+@pytest.mark.parametrize(
+    ("stopped", "moved", "code"),
+    [(False, False, -15), (True, True, -15), (True, False, -9), (True, False, 1)],
+)
+def test_a_process_that_died_otherwise_is_said_to_have_died(
+    service: CellService, tmp_path: Path, stopped: bool, moved: bool, code: int
+) -> None:
+    worker = Worker()
+    running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
+    if moved:
+        with EventFile(tmp_path / "events") as events:
+            begins = MotionBegun(at_s=0.0, run="1", title="", rows=0, rows_per_period=None)
+            events.write(begins)
+        running.look()
+    if stopped:
+        running.stop("stopped by Anna", StopCode.STOP_BUTTON)
+    worker.returncode = code
+    state, reason = outcome_of(running, closing=False)
+    assert state is JobState.INTERRUPTED
+    assert f"its process died (exit code {code})" in reason
+
+
+@pytest.mark.promise("stop-has-its-reason")
+def test_a_worker_that_is_told_to_end_while_it_imports_says_so(tmp_path: Path) -> None:
+    order = {
+        "kind": "record",
+        "request": {"motion": "none.yaml"},
+        "cell": "ir361",
+        "runs": str(tmp_path),
+        "folder": str(tmp_path),
+        "events": str(tmp_path / "events"),
+        "cleared": False,
+    }
+
+    async def ended() -> int | None:
+        worker = await WarmWorker(tmp_path / "log")._start()
+        worker.beat.give(safety_now_s(), inf)
+        process = worker.process
+        assert process.stdin is not None
+        process.stdin.write(json.dumps(order).encode() + b"\n")
+        while not catches(process.pid, signal.SIGTERM):
+            await asyncio.sleep(0.001)
+        process.terminate()
+        return await asyncio.wait_for(process.wait(), PATIENCE_S)
+
+    assert asyncio.run(ended()) == 128 + signal.SIGTERM
+    assert (tmp_path / "log").read_bytes() == b""
+    *_, last = EventTail(tmp_path / "events").new()
+    assert isinstance(last, Ended)
+    assert last.error == "Terminated"
+
+
+def catches(pid: int, number: signal.Signals) -> bool:
+    """Return whether a process has a handler for a signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    mask = int(status.partition("SigCgt:")[2].split(maxsplit=1)[0], 16)
+    return bool(mask >> (number - 1) & 1)
