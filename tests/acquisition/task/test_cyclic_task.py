@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,7 +16,7 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
-from acquisition.task.service_beat import SERVICE_LIMIT_S, ServiceBeat
+from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import PlannedMotion
 from acquisition.task.states import RecorderState, TaskState
 from acquisition.task.stop_orders import StopOrders
@@ -25,6 +24,7 @@ from config.cell.cell import CellConfig
 from config.errors import PreflightError, RecordingError, TransportError
 from config.robot.robot import RobotDescription
 from drivers.interfaces.servo_axes import Answers, DriveEvent, EventKind
+from tests.builders.clock import Clock
 
 T = 0.008
 
@@ -53,18 +53,14 @@ class Bench:
         self.control = ControlBlock.create()
         self.ring = Ring.create(3, 4096)
         self.parent_gone = False
-        self.now_s = 100.0
-        self.service = ServiceBeat.create()
-        self.service.give(self.now_s, inf)
+        self.now, self.service = Clock(100.0), ServiceBeat.create()
+        self.service.give(self.now(), 1e9)
         self.axes: Axes = axes
         self.clock = clock
         self.lockstep = True
         self._make = lambda: CyclicTask(
-            axes, clock, cell, robot, self.ring, self.control,
-            lockstep=self.lockstep,
-            orders=StopOrders(
-                self.control, lambda: self.parent_gone, self.service, lambda: self.now_s
-            ),
+            axes, clock, cell, robot, self.ring, self.control, lockstep=self.lockstep,
+            orders=StopOrders(self.control, lambda: self.parent_gone, self.service, self.now),
         )  # fmt: skip
 
     def run(self, motion: MotionSamples | PlannedMotion) -> StopReason | None:
@@ -224,30 +220,9 @@ def fail_recorder(bench: Bench) -> Callable[[Any, int], None]:
     )
 
 
-def hang_service(bench: Bench) -> Callable[[Any, int], None]:
-    def script(axes: Any, cycle: int) -> None:
-        if cycle >= 150:
-            bench.now_s = 100.1 + SERVICE_LIMIT_S
-
-    return script
-
-
-def end_lease(bench: Bench) -> Callable[[Any, int], None]:
-    bench.service.give(bench.now_s, lease_end_s=102.0)
-
-    def script(axes: Any, cycle: int) -> None:
-        if cycle >= 150:
-            bench.now_s = 102.0
-
-    return script
-
-
-@pytest.mark.promise("service-heartbeat")
 @pytest.mark.parametrize(
     ("order", "code"),
     [
-        (hang_service, StopCode.SERVICE_LOST),
-        (end_lease, StopCode.CLIENT_LOST),
         (lambda bench: request(bench, StopCode.INTERRUPTED), StopCode.INTERRUPTED),
         (lambda bench: request(bench, StopCode.RECORDER), StopCode.RECORDER),
         (leave, StopCode.PROGRAM_GONE),
@@ -274,55 +249,6 @@ def test_nothing_is_enabled_after_an_order_to_stop(bench: Bench, motion: MotionS
     assert reason is not None
     assert reason.code is StopCode.INTERRUPTED
     assert bench.axes.calls == []
-
-
-@pytest.mark.promise("service-heartbeat")
-@pytest.mark.parametrize(
-    ("now_s", "lease_end_s", "code"),
-    [
-        (100.1 + SERVICE_LIMIT_S, inf, StopCode.SERVICE_LOST),
-        (101.0, 101.0, StopCode.CLIENT_LOST),
-        (101.0, -inf, StopCode.CLIENT_LOST),
-    ],
-)
-def test_nothing_is_enabled_without_service_or_lease(
-    bench: Bench, motion: MotionSamples, now_s: float, lease_end_s: float, code: StopCode
-) -> None:
-    bench.service.give(bench.now_s, lease_end_s)
-    bench.now_s = now_s
-    reason = bench.run(motion)
-    assert reason is not None
-    assert reason.code is code
-    assert bench.axes.calls == []
-
-
-@pytest.mark.promise("service-heartbeat")
-def test_a_service_that_lives_again_does_not_take_the_stop_back(
-    bench: Bench, motion: MotionSamples
-) -> None:
-    def script(axes: Any, cycle: int) -> None:
-        bench.now_s = 200.0 if cycle == 150 else bench.now_s
-        if cycle > 150:
-            bench.service.give(bench.now_s, inf)
-
-    bench.axes.script = script
-    reason = bench.run(motion)
-    assert reason is not None
-    assert reason.code is StopCode.SERVICE_LOST
-    assert bench.axes.stopped_at == 150
-
-
-@pytest.mark.promise("service-heartbeat")
-def test_a_motion_goes_on_as_long_as_the_service_gives_signs_of_life(
-    bench: Bench, motion: MotionSamples
-) -> None:
-    def script(axes: Any, cycle: int) -> None:
-        if cycle % 10 == 0:
-            bench.now_s += SERVICE_LIMIT_S - 0.1
-            bench.service.give(bench.now_s, lease_end_s=bench.now_s + 5.0)
-
-    bench.axes.script = script
-    assert bench.run(motion) is None
 
 
 def test_nothing_is_enabled_after_an_order_that_comes_while_the_way_is_measured(
