@@ -6,7 +6,6 @@ file is loaded. What lies outside is most often right in another unit: the messa
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import math
 import types
@@ -182,17 +181,6 @@ def implausible(file: object) -> Iterator[tuple[Path, str]]:
             yield values[name][0], words
 
 
-def implausible_fields(request: object) -> Iterator[tuple[Path, str]]:
-    """Yield which fields of a dataclass, and of those in it, are implausible, and why.
-
-    Nothing overrules them: they are what a person has just asked for.
-    """
-    for path, value, found in _within(request, type(request), (), False):
-        refusal = found.refusal(value)
-        if refusal is not None:
-            yield path, refusal
-
-
 def range_of(annotated: Any) -> Plausible:
     """Return the range of `Annotated[..., Plausible(...)]`."""
     return next(each for each in annotated.__metadata__ if isinstance(each, Plausible))
@@ -224,12 +212,6 @@ def _within(
         return
     if isinstance(value, BaseModel):
         yield from _ranges(value, path, prismatic)
-        return
-    if dataclasses.is_dataclass(value):
-        hints = typing.get_type_hints(type(value), include_extras=True)
-        for field in dataclasses.fields(value):
-            inner = getattr(value, field.name)
-            yield from _within(inner, hints[field.name], (*path, field.name), prismatic)
         return
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:

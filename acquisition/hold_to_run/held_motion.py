@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
+from acquisition.hold_to_run.line import FASTEST_SHARE
 from acquisition.motion.approach import APPROACH_SPEED_FRACTION
 from acquisition.motion.samples import Phase
 from acquisition.supervision.cycle import SetPoint
@@ -63,7 +64,9 @@ class HeldMotion:
         self._unattended = unattended
         self._now_s = now_s
         self._step_s = cycle_time_s
-        self._speed = APPROACH_SPEED_FRACTION * np.array([each.velocity for each in limits])
+        self._speed = FASTEST_SHARE * np.array([each.velocity for each in limits])
+        self._low = np.array([each.position_min for each in limits])
+        self._high = np.array([each.position_max for each in limits])
         self._slope = APPROACH_SPEED_FRACTION * np.array([each.acceleration for each in limits])
         self._row = -1
         self._idle_rows = 0
@@ -151,6 +154,9 @@ class HeldMotion:
     def _take_line(self) -> bool:
         """Take the line of a new press; return whether it leads anywhere."""
         goal, pace = self._dead_man.ordered(len(self._pose))
+        inside = (goal >= self._low) & (goal <= self._high) | (goal == self._pose)
+        if not (inside.all() and math.isfinite(pace) and pace > 0.0):
+            return False  # nobody orders that; what is no number leads nowhere
         self._start, self._way = self._pose, goal - self._pose
         self._share = 0.0
         moving = self._way != 0.0

@@ -11,6 +11,8 @@ import numpy as np
 from acquisition.motion.collision import clear_rows
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
+from config.errors import ConfigError
+from config.ranges import CODE, JogPercent, most
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.kinematics import Chain, forward
@@ -18,6 +20,7 @@ from dynamics.geometry.kinematics import Chain, forward
 REDUCED_SPEED_M_S: Final = 0.25
 """The tool point's speed beside which people may teach a robot (ISO 10218-1, reduced speed)."""
 
+FASTEST_SHARE: Final = most(JogPercent) / 100.0
 LIMIT_MARGIN: Final = 0.01
 STEP: Final = 0.01
 
@@ -55,10 +58,21 @@ class LineCheck:
     cell, robot : CellConfig, RobotDescription
         Limits, bodies, surroundings.
     speed_share : float
-        Of each joint's velocity limit, that a line is driven at.
+        Of each joint's velocity limit, that a line is driven at; `FASTEST_SHARE` at most.
+
+    Raises
+    ------
+    ConfigError
+        The share is not above 0, larger, or no number.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, speed_share: float) -> None:
+        if not 0.0 < speed_share <= FASTEST_SHARE:
+            raise ConfigError(
+                f"a line driven by hand at {speed_share:g} of the speed limit: give more than 0 and"
+                f" at most {FASTEST_SHARE:g}",
+                code=CODE,
+            )
         self._robot = robot
         self._clearances = Clearances.of(robot, cell.workspace)
         self._chain = Chain.from_description(robot)

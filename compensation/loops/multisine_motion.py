@@ -13,6 +13,7 @@ from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
+from config.ranges import FrequencyHz, PeriodS, Periods, Ranged, Realisations, Seed
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
@@ -50,7 +51,7 @@ def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class MultisineOptions:
+class MultisineOptions(Ranged):
     """What multisines are asked for.
 
     Attributes
@@ -69,14 +70,14 @@ class MultisineOptions:
         Of phases, of the lines left empty, and of poses where the middle of the ranges touches.
     """
 
-    band_hz: tuple[float, float] | None = None
-    period_s: float | None = None
-    periods: int = 4
-    realisations: int = 4
+    band_hz: tuple[FrequencyHz, FrequencyHz] | None = None
+    period_s: PeriodS | None = None
+    periods: Periods = 4
+    realisations: Realisations = 4
     grid: Literal["odd", "random_odd", "full"] = "random_odd"
     phases: Literal["random", "schroeder"] = "random"
     slow: bool = True
-    seed: int = 0
+    seed: Seed = 0
 
 
 def multisine_motion(

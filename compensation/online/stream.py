@@ -18,12 +18,13 @@ from compensation.online.point_source import PointSource, buffer_points, compile
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, DeviceTimeoutError, PreflightError, TransportError
+from config.ranges import BufferS, PatienceS, Ranged
 
 Record = Callable[[SetPointSource], RecordOutcome]
 
 
 @dataclass(frozen=True)
-class StreamOptions:
+class StreamOptions(Ranged):
     """How a path is streamed.
 
     Attributes
@@ -37,8 +38,8 @@ class StreamOptions:
     """
 
     compensated: bool = True
-    buffer_s: float = BUFFER_S
-    patience_s: float = CLIENT_PATIENCE_S
+    buffer_s: BufferS = BUFFER_S
+    patience_s: PatienceS = CLIENT_PATIENCE_S
 
 
 def stream_motion(

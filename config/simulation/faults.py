@@ -7,13 +7,18 @@ it concerns, from 1); without any of these, at once. Everything random comes fro
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
-from config.robot.robot import Positive
+from config.ranges import Seed
 
+LONGEST_S: Final = 604_800.0
+MOST: Final = 1_000_000_000
+"""The latest time, the longest duration [s] and the largest count that a script may say."""
+
+Duration = Annotated[float, Field(gt=0.0, le=LONGEST_S)]
 Probability = Annotated[float, Field(gt=0.0, le=1.0)]
 Count = Annotated[int, Field(ge=1, le=10_000_000)]
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
@@ -33,8 +38,8 @@ FrameKind = Literal[
 class TimedFault(ConfigModel):
     """When a fault begins."""
 
-    at_s: Annotated[float, Field(ge=0.0)] | None = None
-    at_cycle: Annotated[int, Field(ge=1)] | None = None
+    at_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] | None = None
+    at_cycle: Annotated[int, Field(ge=1, le=MOST)] | None = None
 
     @model_validator(mode="after")
     def _one_beginning(self) -> TimedFault:
@@ -60,15 +65,15 @@ class FrameFault(TimedFault):
     kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length", "spoof"]
     frames: FrameKind = "answer"
     joint: str | None = None
-    at_frame: Annotated[int, Field(ge=1)] | None = None
+    at_frame: Annotated[int, Field(ge=1, le=MOST)] | None = None
     probability: Probability = 1.0
     count: Count | None = None
     lasting: bool = False
-    delay_s: Positive | None = None
+    delay_s: Duration | None = None
     bit: Annotated[int, Field(ge=0, le=63)] | None = None
     length: Annotated[int, Field(ge=0, le=8)] | None = None
-    position_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
-    torque_permille: Annotated[int, Field(ge=-(2**15), lt=2**15)] = 0
+    position_counts: Annotated[int, Field(ge=-(2**31), le=2**31 - 1)] = 0
+    torque_permille: Annotated[int, Field(ge=-(2**15), le=2**15 - 1)] = 0
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> FrameFault:
@@ -110,7 +115,7 @@ class StrangeFrames(TimedFault):
     identifier: Identifier
     length: Annotated[int, Field(ge=0, le=8)] = 8
     count: Annotated[int, Field(ge=1, le=100_000)] = 1
-    period_s: Positive = 0.001
+    period_s: Duration = 0.001
 
 
 class AdapterFault(TimedFault):
@@ -122,7 +127,7 @@ class AdapterFault(TimedFault):
     """
 
     kind: Literal["bus_off", "unplugged", "no_acknowledge"]
-    duration_s: Positive
+    duration_s: Duration
     queue: Annotated[int, Field(ge=0, le=1000)] = 10
 
 
@@ -134,7 +139,7 @@ class HeldUp(TimedFault):
     """
 
     kind: Literal["held_up"]
-    duration_s: Positive
+    duration_s: Duration
     count: Count = 1
 
 
@@ -169,10 +174,10 @@ class DriveFault(TimedFault):
         "supply_lost",
     ]
     joint: str | None = None
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
     code: Annotated[int, Field(ge=1, le=0xFFFF)] = 0x7305
     count: Annotated[int, Field(ge=1, le=100_000)] = 1
-    period_s: Positive = 0.001
+    period_s: Duration = 0.001
     factor: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     ppm: Annotated[float, Field(gt=-1e6, le=1e9)] | None = None
 
@@ -209,7 +214,7 @@ class ProcessFrozen(TimedFault):
 
     kind: Literal["freeze"]
     process: Literal["recorder", "task"]
-    duration_s: Positive
+    duration_s: Duration
 
 
 class ProgramSignalled(TimedFault):
@@ -221,7 +226,7 @@ class ProgramSignalled(TimedFault):
     kind: Literal["signal"]
     signal: Literal["INT", "TERM", "HUP", "TSTP"]
     count: Annotated[int, Field(ge=1, le=1000)] = 1
-    period_s: Positive = 0.02
+    period_s: Duration = 0.02
 
 
 class DiskFault(TimedFault):
@@ -236,8 +241,8 @@ class DiskFault(TimedFault):
     """
 
     kind: Literal["disk_full", "disk_error", "disk_stall"]
-    after_bytes: Annotated[int, Field(ge=0)] = 0
-    duration_s: Positive | None = None
+    after_bytes: Annotated[int, Field(ge=0, le=2**50)] = 0
+    duration_s: Duration | None = None
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> DiskFault:
@@ -258,7 +263,7 @@ class RegisterFault(ConfigModel):
     """
 
     kind: Literal["silent", "late", "short", "wrong_unit", "garbage", "exception"]
-    at_request: Annotated[int, Field(ge=0)] | None = None
+    at_request: Annotated[int, Field(ge=0, le=MOST)] | None = None
     code: Annotated[int, Field(ge=1, le=255)] = 4
 
 
@@ -286,9 +291,9 @@ class AmplifierFault(ConfigModel):
         "overload",
         "drift",
     ]
-    row: Annotated[int, Field(ge=0)]
+    row: Annotated[int, Field(ge=0, le=MOST)]
     count: Count = 1
-    duration_s: Annotated[float, Field(ge=0.0)] = 0.0
+    duration_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] = 0.0
     channel: Annotated[int, Field(ge=0, le=7)] = 0
 
 
@@ -311,7 +316,7 @@ class FaultScript(ConfigModel):
     serves itself (`record --faults`); `rid-daq mock` has no such program and refuses it.
     """
 
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     bus: tuple[BusFault, ...] = ()
     drives: tuple[DriveFault, ...] = ()
     registers: tuple[RegisterFault, ...] = ()

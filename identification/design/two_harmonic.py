@@ -16,6 +16,7 @@ import numpy as np
 
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from config.errors import ConfigError
+from config.ranges import Harmonics, LimitFraction, PeriodS, Periods, Ranged, Seed, Tries
 from config.robot.bodies import Workspace
 from config.robot.robot import Joint, RobotDescription
 from dynamics.geometry.clearances import Clearances
@@ -27,7 +28,7 @@ DECIMALS = 6
 
 
 @dataclass(frozen=True)
-class TwoHarmonicOptions:
+class TwoHarmonicOptions(Ranged):
     """What is drawn, and how often.
 
     Attributes
@@ -43,26 +44,14 @@ class TwoHarmonicOptions:
     periods : int
         Periods of the motion that count.
 
-    Raises
-    ------
-    ConfigError
-        They are invalid.
     """
 
-    period_s: float
-    highest_harmonic: int = 8
-    limit_fraction: float = 0.85
-    tries: int = 200
-    seed: int = 0
-    periods: int = 16
-
-    def __post_init__(self) -> None:
-        if self.highest_harmonic < 2 or self.tries < 1 or not 0.0 < self.limit_fraction <= 1.0:
-            raise ConfigError(
-                f"two-harmonic design: highest_harmonic {self.highest_harmonic} must be at least 2,"
-                f" tries {self.tries} at least 1, limit_fraction {self.limit_fraction:g} above 0"
-                " and at most 1"
-            )
+    period_s: PeriodS
+    highest_harmonic: Harmonics = 8
+    limit_fraction: LimitFraction = 0.85
+    tries: Tries = 200
+    seed: Seed = 0
+    periods: Periods = 16
 
 
 def design_two_harmonic(

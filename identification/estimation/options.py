@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import ConfigDict
 
 from config.arrays import FloatArray
+from config.ranges import Ranged
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from identification.model.options import ModelOptions
 
@@ -19,7 +20,7 @@ Prior = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class EstimationOptions:
+class EstimationOptions(Ranged):
     """How to estimate; the same for averaged periods and for smoothed recordings.
 
     Attributes

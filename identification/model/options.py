@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pydantic import ValidationError
 
 from config.errors import EstimationError
+from config.ranges import Coefficient, Ranged, SmoothingRadS
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
@@ -14,7 +15,7 @@ from identification.model.base_parameters import ModelKind
 
 
 @dataclass(frozen=True)
-class ModelOptions:
+class ModelOptions(Ranged):
     """Which terms the model has; see `RobotModel.from_description`.
 
     `kind` says what is measured of it: the external and the combined model need a force plate.
@@ -26,10 +27,10 @@ class ModelOptions:
     rotors: bool = True
     friction: bool = True
     spring: bool = True
-    sign_smoothing_rad_s: float = 0.0
+    sign_smoothing_rad_s: SmoothingRadS = 0.0
     friction_terms: tuple[FrictionTerm, ...] | None = None
     payload: bool = False
-    nonlinear: tuple[float, ...] | None = None
+    nonlinear: tuple[Coefficient, ...] | None = None
 
     def build(self, robot: RobotDescription) -> RobotModel:
         """Build the model of a robot with these terms.

@@ -11,6 +11,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.plausible import Plausible
+from config.ranges import KnownSigma, KnownValue, Ranged
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED
 from identification.payload.body import PayloadBody, reported, reported_slopes
@@ -22,7 +23,7 @@ LARGEST_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Known:
+class Known(Ranged):
     """A quantity of the payload that was measured otherwise, such as on scales.
 
     Attributes
@@ -34,10 +35,11 @@ class Known:
     """
 
     name: str
-    value: float
-    sigma: float
+    value: KnownValue
+    sigma: KnownSigma
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.name not in REPORTED:
             raise EstimationError(
                 f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}"

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from config.ranges import CheckS, least, most
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
@@ -15,7 +16,8 @@ from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Cleared, RunsFolder
 def check(
     cell: CellName,
     seconds: Annotated[
-        float, typer.Option(min=0.1, max=600.0, help="How long answers are counted.")
+        float,
+        typer.Option(min=least(CheckS), max=most(CheckS), help="How long answers are counted."),
     ] = 5.0,
     cleared: Cleared = False,
     all_lines: Annotated[

@@ -9,6 +9,18 @@ import typer
 
 from config.errors import ConfigError
 from config.formats.number import parse_number
+from config.ranges import (
+    BudgetS,
+    Harmonics,
+    PeriodS,
+    Periods,
+    Realisations,
+    Seed,
+    Starts,
+    Tries,
+    least,
+    most,
+)
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import CriterionName, Grid, Kind, Method, Phases
@@ -49,23 +61,40 @@ def design(
     period_s: Annotated[
         float | None,
         typer.Option(
-            "--period", min=0.1, max=3600.0, help="Period [s], whole cycles; 10, multisines 8."
+            "--period",
+            min=least(PeriodS),
+            max=most(PeriodS),
+            help="Period [s], whole cycles; 10, multisines 8.",
         ),
     ] = None,
     periods: Annotated[
-        int | None, typer.Option(min=2, help="Periods that count; 16, multisines 4.")
+        int | None,
+        typer.Option(
+            min=least(Periods), max=most(Periods), help="Periods that count; 16, multisines 4."
+        ),
     ] = None,
     highest_harmonic: Annotated[
         int | None,
         typer.Option(
-            "--harmonics", min=2, max=100, help="The highest harmonic used; 5, heuristic 8."
+            "--harmonics",
+            min=least(Harmonics),
+            max=most(Harmonics),
+            help="The highest harmonic used; 5, heuristic 8.",
         ),
     ] = None,
-    starts: Annotated[int, typer.Option(min=1, help="Starts that are refined (optimal).")] = 12,
+    starts: Annotated[
+        int,
+        typer.Option(
+            min=least(Starts), max=most(Starts), help="Starts that are refined (optimal)."
+        ),
+    ] = 12,
     budget_s: Annotated[
         float | None,
         typer.Option(
-            "--budget", min=1.0, help="End after the start that is ready after this time [s]."
+            "--budget",
+            min=least(BudgetS),
+            max=most(BudgetS),
+            help="End after the start that is ready after this time [s].",
         ),
     ] = None,
     scheduler: Scheduler = None,
@@ -77,7 +106,10 @@ def design(
         list[Path] | None,
         typer.Option(metavar="MODEL", help="Models of earlier runs, whose information counts."),
     ] = None,
-    tries: Annotated[int, typer.Option(min=1, help="Motions compared (two-harmonic).")] = 200,
+    tries: Annotated[
+        int,
+        typer.Option(min=least(Tries), max=most(Tries), help="Motions compared (two-harmonic)."),
+    ] = 200,
     wanted: Annotated[
         str,
         typer.Option(
@@ -97,12 +129,22 @@ def design(
         Phases, typer.Option(help="Multisines: phases to start the search for low peaks from.")
     ] = Phases.RANDOM,
     realisations: Annotated[
-        int | None, typer.Option(min=1, max=100, help="Multisines: draws of the phases; 4.")
+        int | None,
+        typer.Option(
+            min=least(Realisations),
+            max=most(Realisations),
+            help="Multisines: draws of the phases; 4.",
+        ),
     ] = None,
     slow: Annotated[
         bool, typer.Option("--slow/--no-slow", help="Multisines: a slow sine beneath.")
     ] = True,
-    seed: Annotated[int, typer.Option(min=0, help="What is drawn by chance comes from it.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=least(Seed), max=most(Seed), help="What is drawn by chance comes from it."
+        ),
+    ] = 0,
     overwrite: Overwrite = False,
     service: Service = None,
     as_json: AsJson = False,

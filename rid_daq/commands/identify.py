@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError
+from config.ranges import least
 from identification.choices import (
     BAND_HZ,
     STANDSTILL_RAD_S,
@@ -52,7 +53,7 @@ def identify(
         float | None,
         typer.Option(
             "--load-mass",
-            min=0.001,
+            min=least(LoadMassKg),
             callback=plausible_as(LoadMassKg),
             help="Weighed mass of that payload [kg]: tells drive gains.",
         ),
@@ -61,7 +62,7 @@ def identify(
         float,
         typer.Option(
             "--load-mass-sigma",
-            min=1e-6,
+            min=least(LoadMassSigmaKg),
             callback=plausible_as(LoadMassSigmaKg),
             help="The scales' error (1 σ) [kg].",
         ),

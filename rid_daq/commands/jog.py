@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
+from config.ranges import JogPercent, least, most
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.choices import FASTEST_PERCENT, JOG_PERCENT
+from rid_daq.terminal.choices import JOG_PERCENT
 from rid_daq.terminal.console import AsJson, Console
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
@@ -29,8 +30,8 @@ def jog(
     speed: Annotated[
         float,
         typer.Option(
-            min=0.1,
-            max=FASTEST_PERCENT,
+            min=least(JogPercent),
+            max=most(JogPercent),
             metavar="PERCENT",
             help="Of each joint's velocity limit; the tool point never goes beyond 250 mm/s.",
         ),

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from config.ranges import TolerancePercent, least, most
 from identification.choices import LoadFormat
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
@@ -29,7 +30,10 @@ def read_back(
     tolerance_percent: Annotated[
         float,
         typer.Option(
-            "--tolerance", min=0.0, help="Largest difference [%]: controllers round what they hold."
+            "--tolerance",
+            min=least(TolerancePercent),
+            max=most(TolerancePercent),
+            help="Largest difference [%]: controllers round what they hold.",
         ),
     ] = 0.1,
     runs: RunsFolder = DEFAULT_RUNS,

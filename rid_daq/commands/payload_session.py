@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
+from config.ranges import Periods, Repeats, Seed, WarmUpPeriods, least, most
 from identification.choices import (
     PayloadLimits,
     RehearsalPercent,
@@ -55,8 +56,15 @@ def session(
         Path | None,
         typer.Option(metavar="MOTION", help="A periodic motion; one is searched if not given."),
     ] = None,
-    periods: Annotated[int, typer.Option(min=2, help="Periods measured in each run at most.")] = 18,
-    repeats: Annotated[int, typer.Option(min=1, max=20, help="Runs with the payload.")] = 1,
+    periods: Annotated[
+        int,
+        typer.Option(
+            min=least(Periods), max=most(Periods), help="Periods measured in each run at most."
+        ),
+    ] = 18,
+    repeats: Annotated[
+        int, typer.Option(min=least(Repeats), max=most(Repeats), help="Runs with the payload.")
+    ] = 1,
     model: Annotated[
         Path | None,
         typer.Option(metavar="MODEL", help="The unloaded robot, in place of the unloaded run."),
@@ -73,7 +81,7 @@ def session(
         float | None,
         typer.Option(
             "--until-mass",
-            min=1e-4,
+            min=least(UntilMassKg),
             callback=plausible_as(UntilMassKg),
             help="End the loaded run at this 2σ of the mass.",
         ),
@@ -82,8 +90,8 @@ def session(
         float,
         typer.Option(
             "--rehearsal",
-            min=0.0,
-            max=100.0,
+            min=least(RehearsalPercent),
+            max=most(RehearsalPercent),
             callback=plausible_as(RehearsalPercent),
             help="Speed of a first, slow period [%]; 0 skips it.",
         ),
@@ -92,13 +100,19 @@ def session(
         float,
         typer.Option(
             "--warm-up",
-            min=0.0,
+            min=least(WarmUpPercent),
             callback=plausible_as(WarmUpPercent),
             help="Warm where friction changes less a period [%]; 0 skips it.",
         ),
     ] = 1.0,
     warm_up_periods: Annotated[
-        int, typer.Option("--warm-up-periods", min=3, help="Periods of the warm-up at most.")
+        int,
+        typer.Option(
+            "--warm-up-periods",
+            min=least(WarmUpPeriods),
+            max=most(WarmUpPeriods),
+            help="Periods of the warm-up at most.",
+        ),
     ] = 30,
     mass_limit_percent: MassLimit = PayloadLimits.mass_percent,
     centre_limit_mm: CentreLimit = PayloadLimits.centre_mm,
@@ -121,7 +135,10 @@ def session(
     ] = False,
     practise: Practise = False,
     pace: Pace = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the motion and a simulated cell.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(min=least(Seed), max=most(Seed), help="Of the motion and a simulated cell."),
+    ] = 0,
     without_axis_test: WithoutAxisTest = False,
     live: Live = False,
     listen: Listen = DEFAULT_LISTEN,

@@ -8,6 +8,7 @@ import typer
 
 from config.errors import ConfigError
 from config.formats.number import parse_numbers
+from config.ranges import ReadingS, SettleS, least, most
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
@@ -52,10 +53,19 @@ def zero(
         ),
     ] = None,
     read_s: Annotated[
-        float, typer.Option("--read", min=1.0, max=600.0, help="How long each reading lasts [s].")
+        float,
+        typer.Option(
+            "--read",
+            min=least(ReadingS),
+            max=most(ReadingS),
+            help="How long each reading lasts [s].",
+        ),
     ] = 5.0,
     settle_s: Annotated[
-        float, typer.Option("--settle", min=0.0, max=600.0, help="Rest before each reading [s].")
+        float,
+        typer.Option(
+            "--settle", min=least(SettleS), max=most(SettleS), help="Rest before each reading [s]."
+        ),
     ] = 2.0,
     write: Annotated[
         bool,

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from config.ranges import Confidence, FreeShare, Rate, least, most
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
@@ -29,12 +30,19 @@ def retime(
     confidence: Annotated[
         float,
         typer.Option(
+            min=least(Confidence),
+            max=most(Confidence),
             help="With which probability the robot's torques keep to their limits at any instant;"
-            " 0: the model's alone."
+            " 0: the model's alone.",
         ),
     ] = DEFAULT_CONFIDENCE,
     margin: Annotated[
-        float, typer.Option(help="Share of torques and base wrench that is kept free besides.")
+        float,
+        typer.Option(
+            min=least(FreeShare),
+            max=most(FreeShare),
+            help="Share of torques and base wrench that is kept free besides.",
+        ),
     ] = 0.0,
     payload: Annotated[
         Path | None, typer.Option(metavar="PAYLOAD", help="What it carries, by `payload`.")
@@ -42,12 +50,17 @@ def retime(
     torque_rate: Annotated[
         list[float] | None,
         typer.Option(
-            metavar="NM_S", help="How fast torques may change [N m/s]; one, or repeat for each."
+            min=least(Rate),
+            max=most(Rate),
+            metavar="NM_S",
+            help="How fast torques may change [N m/s]; one, or repeat for each.",
         ),
     ] = None,
     jerk: Annotated[
         list[float] | None,
         typer.Option(
+            min=least(Rate),
+            max=most(Rate),
             metavar="RAD_S3",
             help="How fast accelerations may change [rad/s³]; one, or repeat for each joint.",
         ),
@@ -55,6 +68,8 @@ def retime(
     rms_torque: Annotated[
         list[float] | None,
         typer.Option(
+            min=least(Rate),
+            max=most(Rate),
             metavar="NM",
             help="Largest root mean square of the torques [N m]; one, or repeat for each joint.",
         ),

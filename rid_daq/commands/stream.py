@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
+from config.ranges import BufferS, PatienceS, least, most
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
@@ -48,12 +49,21 @@ def stream(
         ),
     ] = None,
     wait: Annotated[
-        float, typer.Option(min=0.0, metavar="SECONDS", help="How long to wait for its points.")
+        float,
+        typer.Option(
+            min=least(PatienceS),
+            max=most(PatienceS),
+            metavar="SECONDS",
+            help="How long to wait for its points.",
+        ),
     ] = CLIENT_PATIENCE_S,
     buffer: Annotated[
         float,
         typer.Option(
-            min=0.0, metavar="SECONDS", help="How much of the path is taken in ahead, at least."
+            min=least(BufferS),
+            max=most(BufferS),
+            metavar="SECONDS",
+            help="How much of the path is taken in ahead, at least.",
         ),
     ] = BUFFER_S,
     plain: Annotated[

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from config.ranges import least
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
@@ -39,7 +40,7 @@ def validate(
         float,
         typer.Option(
             "--band",
-            min=0.01,
+            min=least(BandHz),
             callback=plausible_as(BandHz),
             help="Signals are compared up to here [Hz].",
         ),
@@ -48,7 +49,7 @@ def validate(
         float,
         typer.Option(
             "--standstill",
-            min=0.0,
+            min=least(StandstillRadS),
             callback=plausible_as(StandstillRadS),
             help="Lowest speed that counts [rad/s].",
         ),

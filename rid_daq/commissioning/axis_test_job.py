@@ -16,6 +16,7 @@ from acquisition.runs.manifest import RECORDING
 from config.arrays import FloatArray
 from config.errors import ConfigError, PreflightError
 from config.load import load_cell
+from config.ranges import Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled
 from rid_daq.commissioning.axis_verdict import AxisVerdict, Seen, judge_axis, parse_amount
@@ -37,7 +38,7 @@ HOLD, QUIT = " ", "q"
 
 
 @dataclass(frozen=True)
-class AxisTestRequest:
+class AxisTestRequest(Ranged):
     """What `rid-daq axes` was asked for.
 
     Attributes

@@ -13,6 +13,7 @@ from acquisition.runs.manifest import require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
+from config.ranges import JogPercent, Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.held_run import HeldRun, record_held
 from rid_daq.preflight.axis_test import AxisTestRule
@@ -27,7 +28,7 @@ FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 
 
 @dataclass(frozen=True)
-class JogRequest:
+class JogRequest(Ranged):
     """What `rid-daq jog` was asked for.
 
     Attributes
@@ -53,7 +54,7 @@ class JogRequest:
     cell: str
     runs: Path
     home: bool = False
-    speed_percent: float = JOG_PERCENT
+    speed_percent: JogPercent = JOG_PERCENT
     label: str = "jog"
     simulation: Simulation = field(default_factory=Simulation)
     cleared: bool = False

@@ -8,6 +8,7 @@ from pathlib import Path
 from acquisition.runs.catalogue import file_or_run, find_run
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.ranges import Ranged
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
@@ -19,7 +20,7 @@ from rid_daq.terminal.console import Console
 
 
 @dataclass(frozen=True)
-class CompareRequest:
+class CompareRequest(Ranged):
     """What `rid-daq compare` was asked for.
 
     Attributes

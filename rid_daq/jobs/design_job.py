@@ -16,6 +16,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
+from config.ranges import Ranged, Seed
 from identification.design.task import chosen_criterion, excitation_problem
 from identification.design.two_harmonic import (
     TwoHarmonicOptions,
@@ -31,7 +32,7 @@ from rid_daq.terminal.console import Console
 
 
 @dataclass(frozen=True)
-class DesignRequest:
+class DesignRequest(Ranged):
     """What `rid-daq design` was asked for.
 
     Attributes
@@ -63,7 +64,7 @@ class DesignRequest:
     multisine: MultisineOptions
     model: Path | None = None
     given: tuple[Path, ...] = ()
-    seed: int = 0
+    seed: Seed = 0
     overwrite: bool = False
 
 

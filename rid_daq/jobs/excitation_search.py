@@ -15,6 +15,7 @@ from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.process.termination import signals_handled
+from config.ranges import BudgetS, Harmonics, PeriodS, Periods, Ranged, Seed, Starts
 from identification.design.criteria import Criterion
 from identification.design.easier import easier_problems
 from identification.design.problem import ExcitationProblem
@@ -29,7 +30,7 @@ ROOM: Final = 0.5
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class SearchOptions(Ranged):
     """What an optimal excitation is searched with.
 
     Attributes
@@ -52,14 +53,14 @@ class SearchOptions:
         Address of a Dask scheduler to compute on.
     """
 
-    period_s: float
-    periods: int = 16
-    harmonics: int = 5
+    period_s: PeriodS
+    periods: Periods = 16
+    harmonics: Harmonics = 5
     criterion: Literal["condition", "d-optimal"] = "d-optimal"
     wanted: tuple[str, ...] = ()
-    starts: int = 12
-    seed: int = 0
-    budget_s: float | None = None
+    starts: Starts = 12
+    seed: Seed = 0
+    budget_s: BudgetS | None = None
     scheduler: str | None = None
 
 

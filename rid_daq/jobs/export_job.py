@@ -12,6 +12,7 @@ from acquisition.recording.table import RecordingTable, recording_table
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
 from config.formats.whole_file import write_whole
+from config.ranges import Ranged
 from identification.consistency.closest_robot import consistent
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.estimation.estimate import Estimate
@@ -43,7 +44,7 @@ NEED_NO_LINKS: Final = (*FUNCTIONS, *TABLES)
 
 
 @dataclass(frozen=True)
-class ExportRequest:
+class ExportRequest(Ranged):
     """What `rid-daq export` was asked for.
 
     Attributes

@@ -26,6 +26,7 @@ from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from config.load import load_cell
+from config.ranges import Ranged
 from identification.estimation.estimate import Estimate
 from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
@@ -38,7 +39,7 @@ STALLED: Final = 0.9
 
 
 @dataclass(frozen=True)
-class CompensateRequest:
+class CompensateRequest(Ranged):
     """What `rid-daq compensate` was asked for.
 
     Attributes
@@ -92,7 +93,7 @@ class Compensated:
 
 
 @dataclass(frozen=True)
-class RefineRequest:
+class RefineRequest(Ranged):
     """What `rid-daq refine` was asked for.
 
     Attributes

@@ -11,6 +11,7 @@ from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
+from config.ranges import Ranged
 from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
@@ -22,7 +23,7 @@ from rid_daq.runs.run_data import RunData, lacks, result_of
 
 
 @dataclass(frozen=True)
-class FrictionRequest:
+class FrictionRequest(Ranged):
     """What `rid-daq friction` was asked for.
 
     Attributes

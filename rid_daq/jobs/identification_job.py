@@ -9,6 +9,7 @@ from typing import cast, get_args
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.errors import ConfigError
+from config.ranges import Ranged
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.cad import cad_prior
@@ -35,7 +36,7 @@ from rid_daq.runs.run_data import RunData
 
 
 @dataclass(frozen=True, eq=False)
-class EstimationRequest:
+class EstimationRequest(Ranged):
     """What a person may choose about an estimate from runs.
 
     Attributes

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
+from config.ranges import Ranged
 from identification.accuracy.identifiability import bound_findings, few_findings, weak_parameters
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
@@ -48,7 +49,7 @@ MISTAKEN = "Failed: a file of this run is probably wrong"
 
 
 @dataclass(frozen=True)
-class IdentifyRequest:
+class IdentifyRequest(Ranged):
     """What `rid-daq identify` was asked for.
 
     Attributes

@@ -14,6 +14,7 @@ from compensation.loops.loop_measurement import measure_loops
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
+from config.ranges import Ranged
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import cell_of
@@ -22,7 +23,7 @@ from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
 
 
 @dataclass(frozen=True)
-class LoopRequest:
+class LoopRequest(Ranged):
     """What `rid-daq loop` was asked for.
 
     Attributes

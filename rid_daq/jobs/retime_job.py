@@ -17,6 +17,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
+from config.ranges import Confidence, FreeShare, Ranged, Rate
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
@@ -44,7 +45,7 @@ BY_TIME: Final = {
 
 
 @dataclass(frozen=True)
-class RetimeRequest:
+class RetimeRequest(Ranged):
     """What `rid-daq retime` was asked for.
 
     Attributes
@@ -78,11 +79,11 @@ class RetimeRequest:
     model: Path
     output: Path
     payload: Path | None = None
-    confidence: float = DEFAULT_CONFIDENCE
-    margin: float = 0.0
-    torque_rate: tuple[float, ...] = ()
-    jerk: tuple[float, ...] = ()
-    torque_rms: tuple[float, ...] = ()
+    confidence: Confidence = DEFAULT_CONFIDENCE
+    margin: FreeShare = 0.0
+    torque_rate: tuple[Rate, ...] = ()
+    jerk: tuple[Rate, ...] = ()
+    torque_rms: tuple[Rate, ...] = ()
     base: bool = False
     mass_kg: BaseMassKg | None = None
     temperature: str | None = None
@@ -128,8 +129,6 @@ def retime_motion(request: RetimeRequest) -> Retimed:
         raise ConfigError(
             f"{request.report}: --report and --output name one file: give the page another name"
         )
-    if not 0.0 <= request.confidence < 1.0:
-        raise ConfigError(f"a confidence of {request.confidence:g}: give 0 to less than 1")
     loaded = load_cell(request.cell)
     robot = loaded.robot
     motion = motion_for(request.motion, loaded)

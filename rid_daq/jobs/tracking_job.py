@@ -8,6 +8,7 @@ from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
+from config.ranges import Ranged
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import followed
@@ -17,7 +18,7 @@ from rid_daq.terminal.console import Console, as_command
 
 
 @dataclass(frozen=True)
-class TrackingRequest:
+class TrackingRequest(Ranged):
     """What `rid-daq tracking` was asked for.
 
     Attributes

@@ -15,6 +15,7 @@ from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.formats.number import parse_numbers
 from config.load import load_cell
+from config.ranges import Ranged
 from identification.calibration.base_reaction import base_load
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from identification.estimation.file import read_estimate
@@ -40,7 +41,7 @@ SHORTEST_S = 5.0
 
 
 @dataclass(frozen=True)
-class ValidateRequest:
+class ValidateRequest(Ranged):
     """What `rid-daq validate` was asked for.
 
     Attributes

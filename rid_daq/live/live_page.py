@@ -17,6 +17,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
+from config.ranges import Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.live.access import Access
 from rid_daq.live.picture import ShownMotion
@@ -28,7 +29,7 @@ BACKLOG = 128
 
 
 @dataclass(frozen=True)
-class LiveOptions:
+class LiveOptions(Ranged):
     """Whether a motion is shown in a browser, and where.
 
     Attributes

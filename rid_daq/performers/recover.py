@@ -10,6 +10,7 @@ import typer
 from acquisition.runs.catalogue import find_run
 from acquisition.session.repair import Repair
 from config.errors import ConfigError, RecordingError
+from config.ranges import Ranged
 from rid_daq.jobs.recovery_job import Recovery, recover_file, recover_run
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -17,7 +18,7 @@ from rid_daq.terminal.options import DEFAULT_RUNS
 
 
 @dataclass(frozen=True)
-class RecoverRequest:
+class RecoverRequest(Ranged):
     """What is recovered, and where to.
 
     Attributes

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from config.errors import PreflightError
 from config.load import load_cell
+from config.ranges import Ranged
 from drivers.cell import open_cell
 from drivers.device_text import printable
 from drivers.servo.fault_reset import FaultReset
@@ -14,7 +15,7 @@ from rid_daq.terminal.console import Console
 
 
 @dataclass(frozen=True)
-class ResetRequest:
+class ResetRequest(Ranged):
     """What `rid-daq reset` was asked for: a bundled name or a cell file."""
 
     cell: str

@@ -9,6 +9,7 @@ from pathlib import Path
 from config.cell.cell import CellConfig
 from config.errors import DriverError, RidDaqError
 from config.load import LoadedCell
+from config.ranges import CheckS, Ranged
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_line
 from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
@@ -20,7 +21,7 @@ from rid_daq.preflight.plate_check import PlateCheck
 
 
 @dataclass(frozen=True)
-class CheckRequest:
+class CheckRequest(Ranged):
     """What `rid-daq check` was asked for.
 
     Attributes
@@ -39,7 +40,7 @@ class CheckRequest:
 
     cell: str
     runs: Path
-    seconds: float = 5.0
+    seconds: CheckS = 5.0
     cleared: bool = False
     all_lines: bool = False
 

@@ -15,6 +15,7 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, RecordingError
 from config.formats.whole_file import write_whole
 from config.load import load_bundled_or_path
+from config.ranges import Ranged
 from drivers.settings.write_log import DRIVE_WRITES, read_write_log
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
@@ -34,7 +35,7 @@ _LISTED: Final = (STATE, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
 
 
 @dataclass(frozen=True)
-class PayloadCertificateRequest:
+class PayloadCertificateRequest(Ranged):
     """What `rid-daq payload certificate` was asked for.
 
     Attributes
@@ -63,6 +64,7 @@ class PayloadCertificateRequest:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.by is not None and not 0 < len(self.by.strip()) <= LONGEST_NAME:
             raise ConfigError(f"--by: give a name of 1 to {LONGEST_NAME} characters")
 

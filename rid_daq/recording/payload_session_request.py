@@ -10,6 +10,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from config.errors import ConfigError
+from config.ranges import Pace, Periods, Ranged, Repeats, Seed, WarmUpPeriods
 from identification.choices import PayloadLimits, RehearsalPercent, UntilMassKg, WarmUpPercent
 from identification.payload.known import Known
 from rid_daq.live.live_page import LiveOptions
@@ -35,7 +36,7 @@ _OF_SESSION: Final = frozenset(
 
 
 @dataclass(frozen=True)
-class PayloadSessionRequest:
+class PayloadSessionRequest(Ranged):
     """What `rid-daq payload CELL` was asked for.
 
     Attributes
@@ -86,22 +87,22 @@ class PayloadSessionRequest:
     cell: str
     runs: Path
     motion: Path | None = None
-    periods: int = 18
-    repeats: int = 1
+    periods: Periods = 18
+    repeats: Repeats = 1
     model: Path | None = None
     payload: str | None = None
     known: tuple[Known, ...] = ()
     until_mass_kg: UntilMassKg | None = None
     rehearsal_percent: RehearsalPercent = 25.0
     warm_up_percent: WarmUpPercent = 1.0
-    warm_up_periods: int = 30
+    warm_up_periods: WarmUpPeriods = 30
     limits: PayloadLimits = field(default_factory=PayloadLimits)
     label: str = "payload"
     resume: str | None = None
     yes: bool = False
-    seed: int = 0
+    seed: Seed = 0
     axis_test: AxisTestRule = AxisTestRule.REQUIRED
-    pace: float | None = None
+    pace: Pace | None = None
     live: LiveOptions = field(default_factory=LiveOptions)
     practise: bool = False
     given: tuple[str, ...] = ()

@@ -25,6 +25,7 @@ from config.cell.cell import CellConfig
 from config.cell.plate import PlateConfig, PlateZero
 from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_cell
+from config.ranges import PositionRad, Ranged, ReadingS, SettleS
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, open_session, require_ready
@@ -39,7 +40,7 @@ STAND_S: Final = 0.5
 
 
 @dataclass(frozen=True)
-class PlateZeroRequest:
+class PlateZeroRequest(Ranged):
     """What `rid-daq plate zero` was asked for.
 
     Attributes
@@ -66,9 +67,9 @@ class PlateZeroRequest:
 
     cell: str
     runs: Path
-    pose: Sequence[float] | None = None
-    read_s: float = 5.0
-    settle_s: float = 2.0
+    pose: Sequence[PositionRad] | None = None
+    read_s: ReadingS = 5.0
+    settle_s: SettleS = 2.0
     write: bool = False
     cleared: bool = False
     axis_test: AxisTestRule = AxisTestRule.REQUIRED

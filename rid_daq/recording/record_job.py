@@ -17,6 +17,7 @@ from acquisition.supervision.commanded import commanded_motion, verify_command
 from compensation.compensated_motion import refuse_torque
 from config.cell.cell import CellConfig
 from config.load import load_cell, read_faults
+from config.ranges import Ranged
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_warmth
 from rid_daq.jobs.cell_files import estimate_for, motion_and_bytes, with_feedforward
@@ -36,7 +37,7 @@ REHEARSAL_ALONE = "That was the rehearsal; nothing else was driven."
 
 
 @dataclass(frozen=True)
-class RecordRequest:
+class RecordRequest(Ranged):
     """What `rid-daq record` was asked for.
 
     Attributes

@@ -15,6 +15,7 @@ from compensation.operating_temperature import at_operation
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
+from config.ranges import Ranged
 from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_and_bytes
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
@@ -26,7 +27,7 @@ from rid_daq.terminal.console import Console
 
 
 @dataclass(frozen=True)
-class StreamRequest:
+class StreamRequest(Ranged):
     """What `rid-daq stream` was asked for.
 
     Attributes

@@ -8,23 +8,27 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
 from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError as SchemaError
 from jsonschema.exceptions import best_match
 
 from config.errors import ConfigError
 from config.formats.approved_files import sha256_of
 from config.formats.bounded_file import read_file
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
+from config.ranges import CODE
 from rid_daq.service.job_kinds import JobKind
 
 _OUTPUTS: Final = ("output", "report")
 _NO_PATH: Final = "text"
+_BOUNDS: Final = frozenset({"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"})
 _TABLE: Final = "joint_table"
 MOST_HASHED: Final = 500_000_000
 """The largest file that a job may be made from: a feedforward."""
@@ -59,10 +63,12 @@ def check_request(
     ConfigError
         It says what, and where.
     """
+    _refuse_non_finite(kind, request, ())
     error = best_match(_validator(kind).iter_errors(request))
     if error is not None:
         where = ".".join(map(str, error.absolute_path)) or "request"
-        raise ConfigError(f"{kind.value}: {where}: {error.message}")
+        code = CODE if _is_of_range(error) else ""
+        raise ConfigError(f"{kind.value}: {where}: {error.message}", code=code)
     for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
     for name in _OUTPUTS:
@@ -165,6 +171,26 @@ def _table_of(content: bytes, name: str) -> str | None:
     if isinstance(told, dict) and told.get("kind") == _TABLE and isinstance(told.get("file"), str):
         return str(told["file"])
     return None
+
+
+def _refuse_non_finite(kind: JobKind, value: Any, path: tuple[str, ...]) -> None:
+    """Refuse NaN and infinities, which no bound of a schema refuses for certain."""
+    if isinstance(value, float) and not math.isfinite(value):
+        where = ".".join(path)
+        raise ConfigError(f"{kind.value}: {where}: {value} is not a finite number", code=CODE)
+    inner: Iterable[tuple[Any, Any]] = ()
+    if isinstance(value, dict):
+        inner = value.items()
+    elif isinstance(value, list):
+        inner = enumerate(value)
+    for key, each in inner:
+        _refuse_non_finite(kind, each, (*path, str(key)))
+
+
+def _is_of_range(error: SchemaError) -> bool:
+    """Return whether a number is outside of its range, be it in one of several alternatives."""
+    inner: Iterable[SchemaError] = error.context or ()
+    return error.validator in _BOUNDS or any(map(_is_of_range, inner))
 
 
 @functools.cache

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell
+from config.ranges import Pace, Ranged, Seed
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.preflight.eds_check import refuse_unfit_eds
 from rid_daq.session.ownership import refuse_owned
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(Ranged):
     """How mock hardware that a command starts is.
 
     Attributes
@@ -38,12 +39,13 @@ class Simulation:
     """
 
     realtime: bool = False
-    seed: int = 0
+    seed: Seed = 0
     payload: str | None = None
     faults: FaultScript = NO_SCRIPT
-    pace: float | None = None
+    pace: Pace | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.realtime and self.pace is not None:
             raise ConfigError("--realtime and --pace are two ways to keep time: give one")
 

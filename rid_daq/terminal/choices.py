@@ -15,8 +15,7 @@ CERTIFICATE: Final = "certificate.pdf"
 """The files of a run that `identify`, `payload identify` and `payload certificate` write."""
 
 JOG_PERCENT: Final = 5.0
-FASTEST_PERCENT: Final = 10.0
-"""Of the speed limit: how fast `jog` moves, and how fast it may."""
+"""Of the speed limit: how fast `jog` moves."""
 
 DEFAULT_CONFIDENCE: Final = 0.95
 """With which probability a path timed by `retime` keeps to the torque limits."""

@@ -10,6 +10,7 @@ from typing import Annotated, get_args
 
 import typer
 
+from config.ranges import least
 from config.robot.friction_terms import FrictionTerm
 from identification.choices import BandHz, BaseMassKg, Millimetres, Share, StandstillRadS
 from rid_daq.terminal.plausible_option import plausible_as
@@ -17,7 +18,10 @@ from rid_daq.terminal.plausible_option import plausible_as
 MassLimit = Annotated[
     float,
     typer.Option(
-        "--mass-limit", min=0.0, callback=plausible_as(Share), help="2σ of the mass at most [%]."
+        "--mass-limit",
+        min=least(Share),
+        callback=plausible_as(Share),
+        help="2σ of the mass at most [%].",
     ),
 ]
 
@@ -25,7 +29,7 @@ CentreLimit = Annotated[
     float,
     typer.Option(
         "--centre-limit",
-        min=0.0,
+        min=least(Millimetres),
         callback=plausible_as(Millimetres),
         help="2σ of the centre at most [mm].",
     ),
@@ -35,7 +39,7 @@ InertiaLimit = Annotated[
     float,
     typer.Option(
         "--inertia-limit",
-        min=0.0,
+        min=least(Share),
         callback=plausible_as(Share),
         help="2σ of inertia at most, of that about the flange [%].",
     ),
@@ -45,7 +49,7 @@ ResidualLimit = Annotated[
     float,
     typer.Option(
         "--residual-limit",
-        min=0.0,
+        min=least(Share),
         callback=plausible_as(Share),
         help="Residual of an axis' torque at most [%].",
     ),
@@ -54,7 +58,10 @@ ResidualLimit = Annotated[
 Band = Annotated[
     float,
     typer.Option(
-        "--band", min=0.01, callback=plausible_as(BandHz), help="Highest frequency used [Hz]."
+        "--band",
+        min=least(BandHz),
+        callback=plausible_as(BandHz),
+        help="Highest frequency used [Hz].",
     ),
 ]
 
@@ -62,7 +69,7 @@ Standstill = Annotated[
     float,
     typer.Option(
         "--standstill",
-        min=0.0,
+        min=least(StandstillRadS),
         callback=plausible_as(StandstillRadS),
         help="Lowest speed used for friction [rad/s].",
     ),
@@ -83,7 +90,7 @@ BaseMass = Annotated[
     float | None,
     typer.Option(
         "--mass",
-        min=0.0,
+        min=least(BaseMassKg),
         callback=plausible_as(BaseMassKg),
         help="Mass of all that the base carries [kg].",
     ),

@@ -10,6 +10,9 @@ from typing import Annotated
 
 import typer
 
+from config import ranges
+from config.ranges import least, most
+
 DEFAULT_LISTEN = "127.0.0.1:8642"
 
 
@@ -29,15 +32,20 @@ PACE_HELP = (
 Pace = Annotated[
     float | None,
     typer.Option(
-        min=0.1,
-        max=100.0,
+        min=least(ranges.Pace),
+        max=most(ranges.Pace),
         metavar="TIMES",
         help=f"{PACE_HELP} As fast as it can if not given.",
     ),
 ]
 """An option of the commands that move a cell."""
 
-Seed = Annotated[int, typer.Option(min=0, help="Of a simulated cell's noise.")]
+Seed = Annotated[
+    int,
+    typer.Option(
+        min=least(ranges.Seed), max=most(ranges.Seed), help="Of a simulated cell's noise."
+    ),
+]
 """An option of the commands that move a cell."""
 
 

@@ -12,7 +12,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit
 
 from config.errors import ConfigError
-from config.plausible import implausible_fields, key_name
+from config.ranges import CODE
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import Console
 
@@ -34,6 +34,10 @@ _MODULES = {
     JobKind.RETIME: "compensation.retime",
 }
 """Where a kind's performer stands, where its file is not called as the kind is."""
+
+_OUT_OF_RANGE: Final = frozenset(
+    {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
+)
 
 
 def performer(kind: JobKind) -> Callable[[Any, Console], None]:
@@ -78,21 +82,20 @@ def request_of(
     Raises
     ------
     ConfigError
-        It is not a request of this kind, or a number in it is implausible.
+        It is not a request of this kind, or a number in it is outside of its range.
     """
     request = request_type(kind)
     fields = request.__dataclass_fields__
     owned = {"cell": cell, "runs": runs, "cleared": cleared, "tester": owner}
     filled = {**told, **{name: value for name, value in owned.items() if name in fields}}
     try:
-        asked = TypeAdapter(request).validate_python(filled)
+        return TypeAdapter(request).validate_python(filled)
     except ValidationError as error:
-        first = error.errors()[0]
+        found = error.errors()
+        first = next((each for each in found if each["type"] in _OUT_OF_RANGE), found[0])
         where = ".".join(map(str, first["loc"]))
-        raise ConfigError(f"{kind.value}: {where}: {first['msg']}") from None
-    for path, refusal in implausible_fields(asked):
-        raise ConfigError(f"{kind.value}: {key_name(path)}: {refusal}")
-    return asked
+        code = CODE if first["type"] in _OUT_OF_RANGE else ""
+        raise ConfigError(f"{kind.value}: {where}: {first['msg']}", code=code) from None
 
 
 def request_schema(kind: JobKind) -> dict[str, object]:

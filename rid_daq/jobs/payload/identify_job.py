@@ -8,6 +8,7 @@ from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
+from config.ranges import Ranged
 from identification.choices import (
     BAND_HZ,
     STANDSTILL_RAD_S,
@@ -34,7 +35,7 @@ from rid_daq.terminal.console import Console
 
 
 @dataclass(frozen=True)
-class PayloadIdentifyRequest:
+class PayloadIdentifyRequest(Ranged):
     """What `rid-daq payload identify` was asked for.
 
     Attributes

@@ -10,6 +10,7 @@ from acquisition.runs.catalogue import file_or_run
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
+from config.ranges import Ranged, TolerancePercent
 from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import (
@@ -31,7 +32,7 @@ ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
 
 
 @dataclass(frozen=True)
-class PayloadExportRequest:
+class PayloadExportRequest(Ranged):
     """What `rid-daq payload export` was asked for.
 
     Attributes
@@ -91,7 +92,7 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
 
 
 @dataclass(frozen=True)
-class ReadBackRequest:
+class ReadBackRequest(Ranged):
     """What `rid-daq payload read-back` was asked for.
 
     Attributes
@@ -114,10 +115,11 @@ class ReadBackRequest:
     form: LoadFormat
     file: Path | None = None
     text: str = ""
-    tolerance_percent: float = 0.1
+    tolerance_percent: TolerancePercent = 0.1
     runs: Path = DEFAULT_RUNS
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.file is None) == (not self.text.strip()):
             raise ConfigError("give the load data either as a file or as text")
         if len(self.text.encode()) > LARGEST_TEXT:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from acquisition.hold_to_run.line import REDUCED_SPEED_M_S, LineCheck
+from acquisition.hold_to_run.line import FASTEST_SHARE, REDUCED_SPEED_M_S, LineCheck
+from config.errors import ConfigError
 from config.load import load_cell
 from config.robot.bodies import Plane, Workspace
 from dynamics.geometry.kinematics import Chain, forward
@@ -49,10 +52,18 @@ def test_a_line_ends_before_a_wall_and_leads_away_from_it() -> None:
 
 
 def test_the_tool_point_keeps_the_reduced_speed() -> None:
-    line = check(speed_share=0.3)(REST, REST + np.array([1.0, 0.0, 0.0]))
+    line = check(speed_share=FASTEST_SHARE)(REST, REST + np.array([1.0, 0.0, 0.0]))
     ends = forward(
         Chain.from_description(LOADED.robot),
         np.array([line.start, line.start + 1e-3 * (line.goal - line.start)]),
     )
     speed = np.linalg.norm(ends[1] - ends[0]) / 1e-3 * line.pace_per_s
     assert speed <= REDUCED_SPEED_M_S * 1.001
+
+
+@pytest.mark.promise("ranges-everywhere")
+@pytest.mark.parametrize("share", [0.0, -0.02, 0.1001, 10.0, math.nan, math.inf])
+def test_no_line_is_driven_by_hand_beyond_a_tenth_of_the_speed_limit(share: float) -> None:
+    with pytest.raises(ConfigError) as caught:
+        check(speed_share=share)
+    assert caught.value.refusal == "RID-REQ-RANGE"

@@ -1,0 +1,372 @@
+"""One declaration of ranges: a number outside of it enters nowhere, whichever way it comes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.main import get_command
+
+from config.errors import ConfigError, RidDaqError
+from config.ranges import Ranged
+from rid_daq.app import root
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.request_check import check_request, require_inside
+from rid_daq.worker.job_requests import OWNED, request_of, request_schema, request_type
+
+pytestmark = pytest.mark.promise("ranges-everywhere")
+
+Schema = dict[str, Any]
+Place = tuple[str | int, ...]
+
+SCHEMAS = {kind: request_schema(kind) for kind in JobKind}
+LOW, HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum")
+ODD = (math.nan, math.inf, -math.inf, -1e300, 1e300)
+
+
+def resolved(schema: Schema, whole: Schema) -> Schema:
+    while "$ref" in schema:
+        schema = whole["$defs"][schema["$ref"].rpartition("/")[2]]
+    return schema
+
+
+def numbers(schema: Schema, whole: Schema, place: Place = ()) -> Iterator[tuple[Place, Schema]]:
+    """Yield every number that a document may have, and its schema."""
+    schema = resolved(schema, whole)
+    for each in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
+        yield from numbers(each, whole, place)
+    for name, each in schema.get("properties", {}).items():
+        yield from numbers(each, whole, (*place, name))
+    for number, each in enumerate(schema.get("prefixItems", ())):
+        yield from numbers(each, whole, (*place, number))
+    if isinstance(schema.get("items"), dict):
+        yield from numbers(schema["items"], whole, (*place, 0))
+    if schema.get("type") in ("number", "integer"):
+        yield place, schema
+
+
+def least_document(schema: Schema, whole: Schema) -> Any:
+    """Return a document that has what it must have, and nothing more."""
+    schema = resolved(schema, whole)
+    for choice in ("anyOf", "oneOf"):
+        if choice in schema:
+            return least_document(schema[choice][0], whole)
+    if "const" in schema or "enum" in schema:
+        return schema.get("const", schema.get("enum", [None])[0])
+    match schema.get("type"):
+        case "object":
+            properties = schema["properties"]
+            required = schema.get("required", [])
+            return {name: least_document(properties[name], whole) for name in required}
+        case "array":
+            inner = schema.get("prefixItems") or [schema["items"]] * schema.get("minItems", 0)
+            return [least_document(each, whole) for each in inner]
+        case "number" | "integer":
+            return schema.get("minimum", 1)
+        case "boolean":
+            return False
+    return "a"
+
+
+def document_with(kind: JobKind, place: Place, value: object) -> dict[str, Any]:
+    """Return a document of a kind in which a value stands in a place."""
+    whole = SCHEMAS[kind]
+
+    def put(schema: Schema, place: Place, document: Any) -> Any:
+        if not place:
+            return value
+        schema = resolved(schema, whole)
+        for each in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
+            if any(found[: len(place)] == place for found, _ in numbers(each, whole)):
+                begun = document if isinstance(document, (dict, list)) else None
+                return put(each, place, begun or least_document(each, whole))
+        key, *rest = place
+        if isinstance(key, str):
+            document = dict(document or {})
+            inner = schema["properties"][key]
+            document[key] = put(inner, tuple(rest), document.get(key, least_document(inner, whole)))
+            return document
+        document = list(document or ())
+        inner = schema["prefixItems"][key] if "prefixItems" in schema else schema["items"]
+        document += [least_document(inner, whole)] * (key + 1 - len(document))
+        document[key] = put(inner, tuple(rest), document[key])
+        return document
+
+    found: dict[str, Any] = put(whole, place, least_document(whole, whole))
+    return found
+
+
+NUMBERS = [
+    pytest.param(kind, place, schema, id=f"{kind.value}-{'.'.join(map(str, place))}")
+    for kind, whole in SCHEMAS.items()
+    for place, schema in numbers(whole, whole)
+]
+OWN = [each for each in NUMBERS if "faults" not in each.values[1]]
+"""Without those of fault scripts, which are files' too: they refuse what is outside as files do."""
+
+
+def test_there_are_numbers_to_look_at() -> None:
+    assert {kind for kind, _, _ in (each.values for each in OWN)} >= {
+        JobKind.CHECK,
+        JobKind.JOG,
+        JobKind.PAYLOAD,
+        JobKind.STREAM,
+        JobKind.DESIGN,
+        JobKind.PLATE_ZERO,
+        JobKind.RETIME,
+    }
+
+
+@pytest.mark.parametrize(("kind", "place", "schema"), NUMBERS)
+def test_every_number_of_every_request_says_its_range(
+    kind: JobKind, place: Place, schema: Schema
+) -> None:
+    assert any(side in schema for side in LOW), "say the least value in the field's type"
+    assert any(side in schema for side in HIGH), "say the largest value in the field's type"
+
+
+def dataclasses_in(annotation: Any) -> Iterator[type]:
+    if dataclasses.is_dataclass(annotation) and isinstance(annotation, type):
+        yield annotation
+        for hint in typing.get_type_hints(annotation).values():
+            yield from dataclasses_in(hint)
+    for argument in typing.get_args(annotation):
+        yield from dataclasses_in(argument)
+
+
+@pytest.mark.parametrize("kind", JobKind)
+def test_every_part_of_a_request_refuses_by_itself(kind: JobKind) -> None:
+    for part in dataclasses_in(request_type(kind)):
+        assert issubclass(part, Ranged), f"{part.__name__} must be Ranged"
+
+
+def outside(schema: Schema) -> Iterator[float]:
+    """Yield values around a range that are not in it."""
+    whole_number = schema["type"] == "integer"
+    if "minimum" in schema:
+        low = schema["minimum"]
+        yield low - 1 if whole_number else math.nextafter(low, -math.inf)
+    if "maximum" in schema:
+        high = schema["maximum"]
+        yield high + 1 if whole_number else math.nextafter(high, math.inf)
+    yield from ODD[:3]
+
+
+@pytest.mark.parametrize(("kind", "place", "schema"), OWN)
+def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drives(
+    kind: JobKind, place: Place, schema: Schema, tmp_path: Path
+) -> None:
+    for value in outside(schema):
+        told = document_with(kind, place, value)
+        for refuse in (
+            lambda told=told: check_request(kind, told, tmp_path),
+            lambda told=told: request_of(kind, told, "ir361", tmp_path / "runs", cleared=False),
+        ):
+            with pytest.raises(ConfigError) as caught:
+                refuse()
+            assert caught.value.refusal == "RID-REQ-RANGE", (value, str(caught.value))
+
+
+@pytest.mark.parametrize("kind", JobKind)
+def test_a_request_that_is_made_in_python_refuses_what_is_outside(
+    kind: JobKind, tmp_path: Path
+) -> None:
+    """Such as by a script, or by a command whose option forgot its bounds."""
+    told = least_document(SCHEMAS[kind], SCHEMAS[kind])
+    if kind is JobKind.PAYLOAD_READ_BACK:
+        told["text"] = "load data"
+    request = request_of(kind, told, "ir361", tmp_path, cleared=False)
+    for part in (request, *(getattr(request, field.name) for field in dataclasses.fields(request))):
+        if not dataclasses.is_dataclass(part) or isinstance(part, type):
+            continue
+        for field in dataclasses.fields(part):
+            value = getattr(part, field.name)
+            if isinstance(value, (int, float)) and not isinstance(value, bool):
+                for odd in ODD:
+                    with pytest.raises(ConfigError) as caught:
+                        dataclasses.replace(part, **{field.name: odd})
+                    assert caught.value.refusal == "RID-REQ-RANGE"
+
+
+OPTIONS = {
+    "axes.seed": "axes simulation.seed",
+    "check.seconds": "check seconds",
+    "design.budget_s": "design excitation.budget_s",
+    "design.highest_harmonic": "design excitation.harmonics excitation.highest_harmonic",
+    "design.period_s": "design excitation.period_s multisine.period_s",
+    "design.periods": "design excitation.periods multisine.periods",
+    "design.realisations": "design multisine.realisations",
+    "design.seed": "design seed excitation.seed multisine.seed",
+    "design.starts": "design excitation.starts",
+    "design.tries": "design excitation.tries",
+    "jog.seed": "jog simulation.seed",
+    "jog.speed": "jog speed_percent",
+    "payload session.periods": "payload periods",
+    "payload session.repeats": "payload repeats",
+    "payload session.seed": "payload seed",
+    "payload session.pace": "payload pace",
+    "payload session.warm_up_periods": "payload warm_up_periods",
+    "plate zero.read_s": "plate_zero read_s",
+    "plate zero.settle_s": "plate_zero settle_s",
+    "plate zero.pace": "plate_zero simulation.pace",
+    "plate zero.seed": "plate_zero simulation.seed",
+    "payload read-back.tolerance_percent": "payload_read_back tolerance_percent",
+    "record.pace": "record simulation.pace",
+    "record.seed": "record simulation.seed",
+    "retime.confidence": "retime confidence",
+    "retime.margin": "retime margin",
+    "retime.torque_rate": "retime torque_rate.0",
+    "retime.jerk": "retime jerk.0",
+    "retime.rms_torque": "retime torque_rms.0",
+    "stream.buffer": "stream options.buffer_s",
+    "stream.wait": "stream options.patience_s",
+    "stream.pace": "stream simulation.pace",
+    "stream.seed": "stream simulation.seed",
+}
+"""Options with a range, and the fields that they become. Options with a plausible range have their
+own message, by the same type (`plausible_as`)."""
+
+
+def ranged_options(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """Yield the numeric options of the commands that a service can do, by command and name."""
+    if hasattr(command, "get_command"):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            yield from ranged_options(command.get_command(context, name), (*words, name))
+    options = getattr(command, "params", ())
+    if any(each.name == "service" for each in options):
+        for option in options:
+            kind = getattr(option, "type_descriptor", None)
+            if kind is not None and kind.annotation in (int, float, list[int], list[float]):
+                yield f"{' '.join(words)}.{option.name}", option
+
+
+def test_the_ranges_of_options_are_those_of_the_requests() -> None:
+    seen = set()
+    for name, kind in ranged_options(get_command(root)):
+        if kind.callback is not None:
+            continue
+        assert name in OPTIONS, f"{name}: say here which field of a request it becomes"
+        seen.add(name)
+        job, *fields = OPTIONS[name].split()
+        whole = SCHEMAS[JobKind(job)]
+        for field in fields:
+            place = tuple(int(part) if part.isdigit() else part for part in field.split("."))
+            found = {
+                (schema["minimum"], schema["maximum"])
+                for at, schema in numbers(whole, whole)
+                if at == place
+            }
+            assert found == {(getattr(kind, "min", None), getattr(kind, "max", None))}, name
+    assert OPTIONS.keys() - seen == set()
+
+
+# ---- random documents
+
+
+def odd_values() -> st.SearchStrategy[Any]:
+    texts = st.one_of(
+        st.text(max_size=12),
+        st.sampled_from(
+            [
+                "../x",
+                "/etc/passwd",
+                "~/x",
+                "a\0b",
+                ".rid-daq-service/key",
+                "m.yaml",
+                "nan",
+                "x/../..",
+            ]
+        ),
+    )
+    leaves = st.one_of(
+        st.none(), st.booleans(), st.integers(), st.floats(), st.sampled_from(ODD), texts
+    )
+    return st.recursive(
+        leaves,
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3)
+        ),
+        max_leaves=6,
+    )
+
+
+def values_of(schema: Schema, whole: Schema, depth: int = 0) -> st.SearchStrategy[Any]:
+    """Return documents of a schema, with an odd value in any place now and then."""
+    schema = resolved(schema, whole)
+    if depth > 4:
+        return odd_values()
+    choices = (*schema.get("anyOf", ()), *schema.get("oneOf", ()))
+    if choices:
+        usual = st.one_of([values_of(each, whole, depth + 1) for each in choices])
+    elif "enum" in schema or "const" in schema:
+        usual = st.sampled_from(schema.get("enum", [schema.get("const")]))
+    elif schema.get("type") == "object" and "properties" in schema:
+        parts = {
+            name: values_of(each, whole, depth + 1) for name, each in schema["properties"].items()
+        }
+        required = {name: parts.pop(name) for name in schema.get("required", ())}
+        usual = st.fixed_dictionaries(required, optional=parts)
+    elif schema.get("type") == "array":
+        if "prefixItems" in schema:
+            inner = [values_of(each, whole, depth + 1) for each in schema["prefixItems"]]
+            usual = st.tuples(*inner).map(list)
+        else:
+            usual = st.lists(values_of(schema["items"], whole, depth + 1), max_size=3)
+    elif schema.get("type") in ("number", "integer"):
+        low, high = schema.get("minimum", 0.001), schema["maximum"]
+        make: Any = st.integers if schema["type"] == "integer" else st.floats
+        usual = make(low, high)
+    elif schema.get("type") == "boolean":
+        usual = st.booleans()
+    elif schema.get("type") == "null":
+        usual = st.none()
+    else:
+        usual = st.sampled_from(["m.yaml", "out.json", "latest", "a b"])
+    return st.one_of(usual, usual, usual, usual, odd_values())
+
+
+def paths_in(value: object) -> Iterator[Path]:
+    if isinstance(value, Path):
+        yield value
+    elif dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            yield from paths_in(getattr(value, field.name))
+    elif isinstance(value, (tuple, list)):
+        for each in value:
+            yield from paths_in(each)
+
+
+@pytest.mark.parametrize("kind", JobKind)
+def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: Path) -> None:
+    """Nothing else comes of it, and what is accepted names nothing outside the service's folder."""
+
+    @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(values_of(SCHEMAS[kind], SCHEMAS[kind]))
+    def look(told: Any) -> None:
+        before = sorted(tmp_path.parent.iterdir())
+        try:
+            check_request(kind, told, tmp_path)
+            request = request_of(kind, told, "ir361", tmp_path / "runs", cleared=False)
+        except RidDaqError:
+            return
+        finally:
+            assert sorted(tmp_path.parent.iterdir()) == before
+        json.dumps(told, allow_nan=False)
+        owned = {name: None for name in OWNED if hasattr(request, name)}
+        for field in dataclasses.fields(request):
+            if field.name not in owned:
+                for path in paths_in(getattr(request, field.name)):
+                    require_inside(str(path), tmp_path)
+
+    look()
