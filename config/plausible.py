@@ -15,7 +15,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from pydantic import BaseModel, RootModel
+from pydantic import BaseModel, GetJsonSchemaHandler, RootModel
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from config.model import ConfigModel
 
@@ -80,6 +82,12 @@ class Plausible:
         """Return the range in words, for the reference."""
         words = f"plausible {self.low:g} to {self.high:g} {self.unit}".rstrip()
         return f"{words}, prismatic {str(self.prismatic)[10:]}" if self.prismatic else words
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Add the range in words to a JSON schema."""
+        return {**handler(schema), "plausible": str(self)}
 
     @property
     def in_percent(self) -> Plausible:

@@ -15,38 +15,38 @@ from config.plausible import Plausible
 from config.ranges import Ranged
 
 BAND_HZ: Final = 10.0
-BandHz = Annotated[float, Field(ge=0.01, le=1e3), Plausible(0.1, 1e3, "Hz")]
+BandHz = Annotated[float, Field(ge=0.01), Plausible(0.1, 1e3, "Hz")]
 """A highest frequency [Hz]."""
 
 STANDSTILL_RAD_S: Final = 0.02
-StandstillRadS = Annotated[float, Field(ge=0.0, le=1.0), Plausible(1e-4, 1.0, "rad/s")]
+StandstillRadS = Annotated[float, Field(ge=0.0), Plausible(1e-4, 1.0, "rad/s")]
 """A lowest speed of friction that is used [rad/s or m/s]."""
 
-BaseMassKg = Annotated[float, Field(ge=0.0, le=1e5), Plausible(0.1, 1e5, "kg")]
+BaseMassKg = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e5, "kg")]
 """Mass of all that a base carries [kg]."""
 
-LoadMassKg = Annotated[float, Field(ge=1e-3, le=2.5e3), Plausible(1e-3, 2.5e3, "kg")]
+LoadMassKg = Annotated[float, Field(ge=1e-3), Plausible(1e-3, 2.5e3, "kg")]
 """A weighed mass [kg]."""
 
-LoadMassSigmaKg = Annotated[float, Field(ge=1e-6, le=20.0), Plausible(1e-6, 20.0, "kg")]
+LoadMassSigmaKg = Annotated[float, Field(ge=1e-6), Plausible(1e-6, 20.0, "kg")]
 """What scales leave open (1 σ) [kg]."""
 
-TorqueConstantSigma = Annotated[float, Field(ge=0.0, le=0.5), Plausible(5e-4, 0.5, "")]
+TorqueConstantSigma = Annotated[float, Field(ge=0.0), Plausible(5e-4, 0.5, "")]
 """What is not known of a torque constant (1 σ), as a share."""
 
-UntilMassKg = Annotated[float, Field(ge=1e-4, le=20.0), Plausible(1e-4, 20.0, "kg")]
+UntilMassKg = Annotated[float, Field(ge=1e-4), Plausible(1e-4, 20.0, "kg")]
 """2 σ of a mass that end a run [kg]."""
 
-RehearsalPercent = Annotated[float, Field(ge=0.0, le=100.0), Plausible(1.0, 100.0, "%")]
+RehearsalPercent = Annotated[float, Field(ge=0.0), Plausible(1.0, 100.0, "%")]
 """Speed of a rehearsal [%]."""
 
-WarmUpPercent = Annotated[float, Field(ge=0.0, le=500.0), Plausible(0.02, 500.0, "%")]
+WarmUpPercent = Annotated[float, Field(ge=0.0), Plausible(0.02, 500.0, "%")]
 """Change of friction in a period that is warm [%]."""
 
-Share = Annotated[float, Field(ge=0.0, le=1e3), Plausible(0.1, 1e3, "%")]
+Share = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e3, "%")]
 """A largest share [%]."""
 
-Millimetres = Annotated[float, Field(ge=0.0, le=500.0), Plausible(0.05, 500.0, "mm")]
+Millimetres = Annotated[float, Field(ge=0.0), Plausible(0.05, 500.0, "mm")]
 """A largest length [mm]."""
 
 

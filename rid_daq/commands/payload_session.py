@@ -91,7 +91,7 @@ def session(
         typer.Option(
             "--rehearsal",
             min=least(RehearsalPercent),
-            max=most(RehearsalPercent),
+            max=100.0,
             callback=plausible_as(RehearsalPercent),
             help="Speed of a first, slow period [%]; 0 skips it.",
         ),

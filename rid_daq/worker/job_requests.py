@@ -96,6 +96,8 @@ def request_of(
         where = ".".join(map(str, first["loc"]))
         code = CODE if first["type"] in _OUT_OF_RANGE else ""
         raise ConfigError(f"{kind.value}: {where}: {first['msg']}", code=code) from None
+    except ConfigError as error:
+        raise ConfigError(f"{kind.value}: {error}", code=error.refusal) from None
 
 
 def request_schema(kind: JobKind) -> dict[str, object]:

@@ -110,5 +110,5 @@ def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescr
 def test_arguments_that_cannot_be_meant_are_refused(
     robot: RobotDescription, arguments: dict[str, float]
 ) -> None:
-    with pytest.raises(ConfigError, match="two-harmonic design"):
+    with pytest.raises(ConfigError, match="is outside its range"):
         design_two_harmonic(robot, TwoHarmonicOptions(10.0, **arguments), 0.008)  # type: ignore[arg-type]

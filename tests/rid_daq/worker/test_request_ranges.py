@@ -29,7 +29,7 @@ Schema = dict[str, Any]
 Place = tuple[str | int, ...]
 
 SCHEMAS = {kind: request_schema(kind) for kind in JobKind}
-LOW, HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum")
+LOW, HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum", "plausible")
 ODD = (math.nan, math.inf, -math.inf, -1e300, 1e300)
 
 
@@ -105,7 +105,7 @@ def document_with(kind: JobKind, place: Place, value: object) -> dict[str, Any]:
     return found
 
 
-NUMBERS = [
+NUMBERS: list[Any] = [
     pytest.param(kind, place, schema, id=f"{kind.value}-{'.'.join(map(str, place))}")
     for kind, whole in SCHEMAS.items()
     for place, schema in numbers(whole, whole)
@@ -324,7 +324,7 @@ def values_of(schema: Schema, whole: Schema, depth: int = 0) -> st.SearchStrateg
         else:
             usual = st.lists(values_of(schema["items"], whole, depth + 1), max_size=3)
     elif schema.get("type") in ("number", "integer"):
-        low, high = schema.get("minimum", 0.001), schema["maximum"]
+        low, high = schema.get("minimum", 0.001), schema.get("maximum", 1e3)
         make: Any = st.integers if schema["type"] == "integer" else st.floats
         usual = make(low, high)
     elif schema.get("type") == "boolean":
@@ -370,3 +370,15 @@ def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: P
                     require_inside(str(path), tmp_path)
 
     look()
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "schema"), [each for each in OWN if "plausible" in each.values[2]]
+)
+def test_an_implausible_size_is_refused_by_the_process_that_drives(
+    kind: JobKind, place: Place, schema: Schema, tmp_path: Path
+) -> None:
+    told = document_with(kind, place, 1e9)
+    with pytest.raises(ConfigError, match="is implausible") as caught:
+        request_of(kind, told, "ir361", tmp_path / "runs", cleared=False)
+    assert caught.value.refusal == "RID-REQ-RANGE"
