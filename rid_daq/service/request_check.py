@@ -30,6 +30,7 @@ _OUTPUTS: Final = ("output", "report")
 _NO_PATH: Final = "text"
 _BOUNDS: Final = frozenset({"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"})
 _TABLE: Final = "joint_table"
+TEXT_CODE: Final = "RID-REQ-TEXT"
 MOST_HASHED: Final = 500_000_000
 """The largest file that a job may be made from: a feedforward."""
 
@@ -63,7 +64,7 @@ def check_request(
     ConfigError
         It says what, and where.
     """
-    _refuse_non_finite(kind, request, ())
+    _refuse_unreadable(kind, request, ())
     error = best_match(_validator(kind).iter_errors(request))
     if error is not None:
         where = ".".join(map(str, error.absolute_path)) or "request"
@@ -173,8 +174,16 @@ def _table_of(content: bytes, name: str) -> str | None:
     return None
 
 
-def _refuse_non_finite(kind: JobKind, value: Any, path: tuple[str, ...]) -> None:
-    """Refuse NaN and infinities, which no bound of a schema refuses for certain."""
+def _refuse_unreadable(kind: JobKind, value: Any, path: tuple[str, ...]) -> None:
+    """Refuse what no schema refuses for certain: NaN, infinities, and texts of half characters."""
+    if isinstance(value, str) and not value.isascii():
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            where = ".".join(path).encode("ascii", "backslashreplace").decode()
+            raise ConfigError(
+                f"{kind.value}: {where}: {value!a} has half a character", code=TEXT_CODE
+            ) from None
     if isinstance(value, float) and not math.isfinite(value):
         where = ".".join(path)
         raise ConfigError(f"{kind.value}: {where}: {value} is not a finite number", code=CODE)
@@ -184,7 +193,8 @@ def _refuse_non_finite(kind: JobKind, value: Any, path: tuple[str, ...]) -> None
     elif isinstance(value, list):
         inner = enumerate(value)
     for key, each in inner:
-        _refuse_non_finite(kind, each, (*path, str(key)))
+        _refuse_unreadable(kind, key, (*path, str(key)))
+        _refuse_unreadable(kind, each, (*path, str(key)))
 
 
 def _is_of_range(error: SchemaError) -> bool:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Sequence
+from http import HTTPStatus
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import JSONResponse
 
@@ -61,6 +64,7 @@ def make_api(
     for router in more:
         app.include_router(router)
     app.add_exception_handler(RidDaqError, _refused)
+    app.add_exception_handler(RequestValidationError, _misread)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign]
     return app
 
@@ -101,4 +105,19 @@ def _moved(schema: Any, name: str) -> Any:
 async def _refused(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RidDaqError)
     told = Problem(error=type(error).__name__, message=str(error), code=error.refusal)
-    return JSONResponse(told.model_dump(), status_code=status_of(error))
+    return AsciiResponse(told.model_dump(), status_code=status_of(error))
+
+
+async def _misread(_request: Request, error: Exception) -> JSONResponse:
+    """Answer a body that is not of its type as FastAPI does, without repeating what was sent."""
+    assert isinstance(error, RequestValidationError)
+    told = [{name: each[name] for name in ("type", "loc", "msg")} for each in error.errors()]
+    return AsciiResponse({"detail": told}, status_code=HTTPStatus.UNPROCESSABLE_ENTITY)
+
+
+class AsciiResponse(JSONResponse):
+    """JSON in ASCII: half characters that a client has sent do not end the answer."""
+
+    def render(self, content: Any) -> bytes:
+        """Return the content as JSON."""
+        return json.dumps(content, allow_nan=False).encode("ascii")

@@ -284,7 +284,7 @@ def odd_values() -> st.SearchStrategy[Any]:
                 "a\0b",
                 ".rid-daq-service/key",
                 "m.yaml",
-                "nan",
+                "\ud800",
                 "x/../..",
             ]
         ),
