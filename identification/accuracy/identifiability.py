@@ -142,8 +142,8 @@ def few_findings(estimate: Estimate) -> tuple[str, ...]:
     )
 
 
-def bound_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say of nonlinear parameters that ended at the end of their range that they are no estimates.
+def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
+    """Say of nonlinear parameters that the data do not show that they are no estimates.
 
     Parameters
     ----------
@@ -159,16 +159,22 @@ def bound_findings(estimate: Estimate) -> tuple[str, ...]:
         model.nonlinear_bounds,
         strict=True,
     ):
-        if name in model.nonlinear_at_bound:
-            symbol, joint = name.split("_", 1)
-            of_unit = "" if unit == "1" else f" {unit}"
-            nothing_gives_way = symbol == "sp" and value < 0.5
-            term = _OF_TERMS["dp" if nothing_gives_way else symbol]
-            found.append(
-                f"{name} = {value:.3g}{of_unit} is at a bound of its range ({low:.3g} to"
-                f" {high:.3g}): the runs do not show it, and its interval means nothing. Leave"
-                f" `{term}` of {joint} out of the model."
-            )
+        if name not in estimate.nonlinear_unseen:
+            continue
+        symbol, joint = name.split("_", 1)
+        of_unit = "" if unit == "1" else f" {unit}"
+        nothing_gives_way = symbol == "sp" and value < 0.5
+        term = _OF_TERMS["dp" if nothing_gives_way else symbol]
+        why = (
+            f"is at a bound of its range ({low:.3g} to {high:.3g}): the runs do not show it, and"
+            " its interval means nothing"
+            if name in model.nonlinear_at_bound
+            else f"is not shown by the data: its interval is as wide as its range ({low:.3g} to"
+            f" {high:.3g}), and its value depends on the start of the fit"
+        )
+        found.append(
+            f"{name} = {value:.3g}{of_unit} {why}. Leave `{term}` of {joint} out of the model."
+        )
     return tuple(found)
 
 

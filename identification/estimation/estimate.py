@@ -174,6 +174,22 @@ class Estimate:
         """Standard deviations of the nonlinear parameters, shape (s,)."""
         return _sigma(self.nonlinear_covariance)
 
+    @property
+    def nonlinear_unseen(self) -> tuple[str, ...]:
+        """The nonlinear parameters that the data do not show.
+
+        Each ended at a bound of its range, or its 95 % interval is as wide as the whole range, so
+        that its value is little else than the start of the fit.
+        """
+        model = self.model
+        low, high = model.nonlinear_bounds.T
+        wide = 4.0 * self.nonlinear_sigma >= high - low
+        return tuple(
+            name
+            for name, unseen in zip(model.nonlinear_names, wide, strict=True)
+            if unseen or name in model.nonlinear_at_bound
+        )
+
 
 class TorqueModel(Protocol):
     """What a torque is predicted with: an `Estimate`, or a fit without its intervals."""

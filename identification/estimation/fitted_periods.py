@@ -28,6 +28,7 @@ from identification.estimation.prior import prior_rows
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.inertia import base_inertia_squares, inertia_size
 from identification.model.options import ModelOptions
+from identification.regression.intervals import at_least
 from identification.regression.least_squares import Solution
 
 MOST_STEPS: Final = 20
@@ -95,7 +96,11 @@ class FittedPeriods:
             covariance_jackknife=clustered[of_base, of_base],
             plate=plate,
             nonlinear_covariance=(
-                clustered[of_nonlinear, of_nonlinear] if fit.nonlinear else unfitted
+                at_least(
+                    clustered[of_nonlinear, of_nonlinear], residual[of_nonlinear, of_nonlinear]
+                )
+                if fit.nonlinear
+                else unfitted
             ),
             clusters=scatter.clusters,
             condition_number=fit.solution.condition_number,

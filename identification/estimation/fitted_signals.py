@@ -26,6 +26,7 @@ from identification.estimation.smoothed_fit import (
 )
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
+from identification.regression.intervals import at_least
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class FittedSignals:
             covariance_noise=None,
             covariance_residual=covariance[:b, :b],
             covariance_jackknife=clustered[:b, :b],
-            nonlinear_covariance=clustered[b:, b:],
+            nonlinear_covariance=at_least(clustered[b:, b:], covariance[b:, b:]),
             clusters=scatter.clusters,
             condition_number=fit.solution.condition_number,
             equations=fit.solution.rows,

@@ -23,6 +23,7 @@ from identification.payload.equations import PayloadEquations, Procedure
 from identification.payload.known import Known, with_held
 from identification.payload.solution import SEEN, PayloadSolution, solve_payload
 from identification.regression.fit_grade import FitGrade, grade_fit
+from identification.regression.intervals import at_least
 
 PULL: Final = 1e-9
 FLOOR_SHARE: Final = 0.02
@@ -260,7 +261,7 @@ def of_solution(
     run_ids: tuple[str, ...],
 ) -> PayloadEstimate:
     """Return a solution as an estimate; arguments as in `estimate_payload`."""
-    clustered = _at_least(solution.covariance_jackknife, solution.covariance_noise)
+    clustered = at_least(solution.covariance_jackknife, solution.covariance_noise)
     slopes = solution.gain_slopes
     if equations.procedure == "apart":  # which joint measured what is forgotten there
         if torque_constant_sigma > 0.0:
@@ -345,15 +346,6 @@ def _ball(values: FloatArray) -> FloatArray:
     smallest = np.diagonal(pseudo_inertia(np.array(SMALLEST_BODY)))
     size = np.abs(np.diagonal(pseudo_inertia(values)))
     return np.diag([*np.full(3, max(size[:3].max(), smallest[0])), max(size[3], smallest[3])])
-
-
-def _at_least(clustered: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return a covariance whose standard deviations are at least those of the noise."""
-    size = np.sqrt(np.maximum(np.diagonal(clustered), 0.0))
-    least = np.sqrt(np.maximum(np.diagonal(noise), 0.0))
-    grown = np.divide(least, size, out=np.ones_like(size), where=size > 0.0)
-    grown = np.maximum(grown, 1.0)
-    return np.asarray(clustered * np.outer(grown, grown))
 
 
 def _sigma(slopes: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -76,6 +76,15 @@ def widening(clusters: int) -> float:
     return float(stdtrit(clusters - 1, ndtr(2.0))) / 2.0
 
 
+def at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
+    """Return a covariance, (p, p), with its standard deviations at least those of another one."""
+    size = np.sqrt(np.maximum(np.diagonal(clustered), 0.0))
+    least = np.sqrt(np.maximum(np.diagonal(other), 0.0))
+    grown = np.divide(least, size, out=np.ones_like(size), where=size > 0.0)
+    grown = np.maximum(grown, 1.0)
+    return np.asarray(clustered * np.outer(grown, grown))
+
+
 def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[FloatArray]:
     """Yield by how much the estimate of all rows differs from that without each cluster, (p,).
 

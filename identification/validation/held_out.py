@@ -99,7 +99,7 @@ def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[flo
             continue
         at = names.index(f"{symbol}_{joint}")
         value, sigma = float(richer.model.nonlinear_values[at]), richer.nonlinear_sigma[at]
-        doubtful = value < DISTINCT_SIGMAS * sigma or names[at] in richer.model.nonlinear_at_bound
+        doubtful = value < DISTINCT_SIGMAS * sigma or names[at] in richer.nonlinear_unseen
         values.append(float(f"{value:.3g}") if not doubtful else None)
     return tuple(values)
 

@@ -37,6 +37,9 @@ class ParameterEntry(Section):
     at_bound : bool
         True where the fit ended at an end of the parameter's range: the data do not show it, and
         its standard deviation means nothing. Left out elsewhere.
+    not_shown : bool
+        True if the data do not show the parameter: it is at a bound, or its interval is as wide as
+        its range. Its value is no estimate then. Left out elsewhere.
     """
 
     name: str
@@ -50,6 +53,7 @@ class ParameterEntry(Section):
     deviation_sigmas: float | None = None
     inside_two_sigma: bool | None = None
     at_bound: bool | None = None
+    not_shown: bool | None = None
 
 
 class AxisResidual(Section):
@@ -283,8 +287,8 @@ class EstimateSection(Section):
                     str(i),
                     each.words,
                     *(
-                        (number(each.value), "at its bound")
-                        if each.at_bound
+                        (number(each.value), "at its bound" if each.at_bound else "not shown")
+                        if each.not_shown or each.at_bound
                         else measured(each.value, 2.0 * each.std)
                     ),
                     each.unit,
@@ -351,6 +355,7 @@ def _nonlinear_parameters(estimate: Estimate) -> tuple[ParameterEntry, ...]:
         std_noise=unknown,
         std_residual=unknown,
         at_bound=[name in model.nonlinear_at_bound or None for name in model.nonlinear_names],
+        not_shown=[name in estimate.nonlinear_unseen or None for name in model.nonlinear_names],
     )
 
 

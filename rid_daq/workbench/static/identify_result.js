@@ -63,8 +63,8 @@ function comparisonParts(comparison) {
 
 function parametersPart(parameters) {
   const rows = parameters.map((each) => {
-    const [value, reach] = measured(each.value, each.at_bound ? null : 2 * each.std);
-    return [each.words, value, each.at_bound ? "at its bound: not shown by the data" : `± ${reach}`, each.unit];
+    const [value, reach] = measured(each.value, each.at_bound || each.not_shown ? null : 2 * each.std);
+    return [each.words, value, each.at_bound ? "at its bound: not shown by the data" : each.not_shown ? "not shown by the data" : `± ${reach}`, each.unit];
   });
   return element("details", {}, element("summary", {}, `${parameters.length} parameters with 95 % intervals`),
     table(["parameter", "value", "2σ", "unit"], rows, null, "parameters"));

@@ -7,16 +7,22 @@ import pytest
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.load import load_robot
+from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
-from identification.accuracy.identifiability import bound_findings, weak_parameters
+from identification.accuracy.identifiability import unseen_findings, weak_parameters
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
+from rid_daq.report.sections.estimate import EstimateSection
 from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
 
-def measured(amplitude: tuple[float, float, float]) -> Estimate:
+def measured(
+    amplitude: tuple[float, float, float],
+    robot: RobotDescription | None = None,
+    true: dict[str, float] | None = None,
+) -> Estimate:
     """An arm identified from sines whose sizes are given joint by joint."""
-    robot = load_robot("ir361")
+    robot = robot or load_robot("ir361")
     model = RobotModel.from_description(robot)
     random = np.random.default_rng(0)
     time_s = 0.01 * np.arange(3000, dtype=np.float64)
@@ -26,6 +32,8 @@ def measured(amplitude: tuple[float, float, float]) -> Estimate:
     q, v = s @ sine + c @ cosine, (c * omega) @ sine - (s * omega) @ cosine
     a = -(s * omega**2) @ sine - (c * omega**2) @ cosine
     values = random.uniform(0.5, 1.0, len(model.parameter_names))
+    for name, value in (true or {}).items():
+        values[model.parameter_names.index(name)] = value
     signals = SmoothedSignals(
         joint_names=robot.joint_names,
         time_s=time_s,
@@ -80,5 +88,34 @@ def test_at_a_bound_of_the_share_that_gives_way_what_the_data_do_not_show_is_lef
         estimate = estimate_smoothed(
             with_presliding((1,), 0.01, share=0.5), [recording(directions, way)]
         )
-        found = [each for each in bound_findings(estimate) if each.startswith("sp_axis2")]
+        found = [each for each in unseen_findings(estimate) if each.startswith("sp_axis2")]
         assert [f"Leave `{term}` of axis2 out" in each for each in found] == [True]
+
+
+def stribeck(start_rad_s: float) -> RobotDescription:
+    """Return an arm whose second joint has Stribeck friction by its file."""
+    robot = load_robot("ir361")
+    terms = {"friction": ("coulomb", "viscous", "stribeck"), "stribeck_velocity": start_rad_s}
+    joints = [
+        joint.model_copy(update=terms) if joint.name == "axis2" else joint for joint in robot.joints
+    ]
+    return robot.model_copy(update={"joints": tuple(joints)})
+
+
+@pytest.mark.parametrize("start_rad_s", [0.1, 0.4, 10.0])
+def test_the_start_of_a_fit_is_no_estimate(start_rad_s: float) -> None:
+    # No Stribeck friction: wherever its speed ends, the data do not show it.
+    estimate = measured((0.4, 0.4, 0.4), stribeck(start_rad_s), {"fs_axis2": 0.0})
+    assert estimate.nonlinear_unseen == ("vs_axis2",)
+    assert [each.split()[0] for each in unseen_findings(estimate)] == ["vs_axis2"]
+    entry = next(e for e in EstimateSection.of(estimate).parameters if e.name == "vs_axis2")
+    assert entry.not_shown
+
+
+def test_a_stribeck_speed_that_the_data_show_is_an_estimate() -> None:
+    estimate = measured((0.4, 0.4, 0.4), stribeck(0.1), {"fs_axis2": 300.0})
+    assert estimate.nonlinear_unseen == ()
+    assert unseen_findings(estimate) == ()
+    (speed,), (sigma,) = estimate.model.nonlinear_values, estimate.nonlinear_sigma
+    assert abs(speed - 0.1) < 3.0 * sigma
+    assert sigma < 0.03
