@@ -88,6 +88,22 @@ def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder
     """
     if (Path(reference) / MANIFEST).exists():
         return RunFolder.open(Path(reference))
+    try:
+        return find_run_inside(root, reference, having)
+    except ConfigError:
+        if Path(reference).is_file():
+            raise ConfigError(
+                f"{reference} is a file, no run: name a run by its label or id, or make one of a"
+                " recording by `rid-daq import`"
+            ) from None
+        raise
+
+
+def find_run_inside(root: Path, reference: str, having: str | None = None) -> RunFolder:
+    """Return the run under `root` that `reference` means; it is never taken for a path.
+
+    Arguments and errors are those of `find_run`.
+    """
     runs = list_runs(root)
     fit = [each for each in runs if having is None or each[0].file(having).exists()]
     if reference == LATEST and fit:
@@ -106,11 +122,6 @@ def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder
     if meant:
         which = ", ".join(map(_words, meant[-SHOWN:]))
         raise ConfigError(f"run {reference!r} may be any of {which}: give more of the id")
-    if Path(reference).is_file():
-        raise ConfigError(
-            f"{reference} is a file, no run: name a run by its label or id, or make one of a"
-            " recording by `rid-daq import`"
-        )
     what = "run" if having is None else f"run with {having}"
     raise ConfigError(f"no {what} {reference!r} under {root}: `rid-daq runs` lists them")
 

@@ -202,7 +202,11 @@ class RunFolder:
         RecordingError
             It cannot be read.
         """
-        return digest_of(self.file(name)) == (entry.sha256, entry.size_bytes)
+        path = self.file(name)
+        with system_errors(RecordingError, f"{path}: cannot be read"):
+            if path.lstat().st_size != entry.size_bytes:
+                return False
+        return digest_of(path) == (entry.sha256, entry.size_bytes)
 
     def differences(self, names: Iterable[str]) -> dict[str, str]:
         """Return which files are not those that the run was made with, and what is wrong.

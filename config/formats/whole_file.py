@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
-from config.errors import RecordingError, system_errors
+from config.errors import ConfigError, RecordingError, system_errors
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -21,7 +22,29 @@ def write_whole(path: Path, data: bytes) -> None:
     RecordingError
         The file cannot be written, or reads back otherwise; what was there before is untouched.
     """
-    with system_errors(RecordingError, f"{path}: cannot be written"):
+    _write(path, data, replace=True)
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write a file as `write_whole`, but only if there is none of this name at the end either.
+
+    Raises
+    ------
+    ConfigError
+        There is one (`RID-FILE-EXISTS`); it is untouched.
+    RecordingError
+        The file cannot be written.
+    """
+    try:
+        _write(path, data, replace=False)
+    except FileExistsError:
+        raise ConfigError(
+            f"{path.name}: is there already; choose another name", code="RID-FILE-EXISTS"
+        ) from None
+
+
+def _write(path: Path, data: bytes, *, replace: bool) -> None:
+    with _write_errors(path):
         target = path.resolve() if path.is_symlink() else path
         if not target.name or (target.exists() and not target.is_file()):
             raise RecordingError(f"{path}: cannot be written: is no file; choose another name")
@@ -35,7 +58,11 @@ def write_whole(path: Path, data: bytes) -> None:
                 os.fsync(file.fileno())
             if temporary.read_bytes() != data:
                 raise OSError(errno.EIO, "what was written reads back otherwise; check the disk")
-            temporary.replace(target)
+            if replace:
+                temporary.replace(target)
+            else:
+                os.link(temporary, target, follow_symlinks=False)
+                temporary.unlink()
         except OSError:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
@@ -45,3 +72,14 @@ def write_whole(path: Path, data: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+@contextlib.contextmanager
+def _write_errors(path: Path) -> Iterator[None]:
+    try:
+        with system_errors(RecordingError, f"{path}: cannot be written"):
+            yield
+    except RecordingError as error:
+        if isinstance(error.__cause__, FileExistsError):
+            raise error.__cause__ from None
+        raise

@@ -175,7 +175,6 @@ def design(
         starts=starts,
         seed=seed,
         budget_s=budget_s,
-        scheduler=scheduler,
     )
     if method is Method.TWO_HARMONIC:
         excitation = TwoHarmonicOptions(
@@ -205,7 +204,18 @@ def design(
         seed=seed,
         overwrite=overwrite,
     )
-    here_or_there(service, JobKind.DESIGN, request, Console(as_json), perform)
+    if service is not None and scheduler is not None:
+        raise ConfigError(
+            "--scheduler does not go with --service: a service computes on its own computer",
+            code="RID-DESIGN-SCHEDULER",
+        )
+    here_or_there(
+        service,
+        JobKind.DESIGN,
+        request,
+        Console(as_json),
+        lambda request, console: perform(request, console, scheduler),
+    )
 
 
 def _refuse_inapplicable(context: typer.Context, kind: Kind, method: Method) -> None:

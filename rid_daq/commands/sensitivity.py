@@ -102,10 +102,11 @@ def sensitivity(
     from identification.sensitivity.monte_carlo import PriorUncertainty
     from rid_daq.jobs.sensitivity_job import SensitivityRequest
     from rid_daq.performers.sensitivity import perform
+    from rid_daq.runs import made_file
     from rid_daq.runs.output_file import refuse_output
 
     console = Console(as_json)
-    refuse_output(output, overwrite)
+    refuse_output(output, overwrite, made_file.TABLE)
     if not draws:
         doubts = {"doubt_torque_percent", "doubt_links_percent", "doubt_rotors_percent"}
         refuse_inapplicable(context, doubts | {"seed", "scheduler"}, "without draws")

@@ -96,8 +96,20 @@ class Designed:
     use: FloatArray | None = None
 
 
-def design_motion(request: DesignRequest, console: Console) -> Designed:
+def design_motion(
+    request: DesignRequest, console: Console, scheduler: str | None = None
+) -> Designed:
     """Choose a motion, verify it within every limit, ramps included, and write it.
+
+    Parameters
+    ----------
+    request : DesignRequest
+        What is wanted.
+    console : Console
+        Where progress is shown.
+    scheduler : str, optional
+        Address of a Dask scheduler to compute on. It executes code of ours and its answers are
+        unpickled: so no request names it, only who types a command here.
 
     Raises
     ------
@@ -117,7 +129,7 @@ def design_motion(request: DesignRequest, console: Console) -> Designed:
         case Kind.MULTISINE:
             return _multisine(request, cell, console)
         case Kind.EXCITATION | Kind.REVERSED:
-            motion, origin, found = _excitation(request, cell, console)
+            motion, origin, found = _excitation(request, cell, console, scheduler)
     if request.kind is Kind.REVERSED:
         back = reversed_motion(motion)
         return Designed(cell, back, _written(request, cell, back), found=found)
@@ -146,7 +158,7 @@ def _require_periods(request: DesignRequest) -> None:
 
 
 def _excitation(
-    request: DesignRequest, cell: LoadedCell, console: Console
+    request: DesignRequest, cell: LoadedCell, console: Console, scheduler: str | None
 ) -> tuple[FourierMotion, str, Search | None]:
     """Return an excitation, where it comes from in words, and how the search for it went."""
     robot, config, how = cell.robot, cell.config, request.excitation
@@ -162,7 +174,7 @@ def _excitation(
         model=None if request.model is None else estimate_for(request.model, robot),
         given=[estimate_for(path, robot) for path in request.given],
     )
-    found = search(problem, config, how, console)
+    found = search(problem, config, how, console, scheduler)
     origin = (
         f"start {found.best.seed} was the best of {len(found.trials)} from seed {how.seed} for"
         f" {', '.join(how.wanted) or how.criterion}:"

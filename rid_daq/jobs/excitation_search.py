@@ -49,8 +49,6 @@ class SearchOptions(Ranged):
         How many starts are refined, and the seed they come from.
     budget_s : float or None
         The search ends after the start that is ready after this time [s].
-    scheduler : str or None
-        Address of a Dask scheduler to compute on.
     """
 
     period_s: PeriodS
@@ -61,7 +59,6 @@ class SearchOptions(Ranged):
     starts: Starts = 12
     seed: Seed = 0
     budget_s: BudgetS | None = None
-    scheduler: str | None = None
 
 
 @dataclass(frozen=True)
@@ -142,7 +139,11 @@ class Search:
 
 
 def search(
-    problem: ExcitationProblem, cell: CellConfig, options: SearchOptions, console: Console
+    problem: ExcitationProblem,
+    cell: CellConfig,
+    options: SearchOptions,
+    console: Console,
+    scheduler: str | None = None,
 ) -> Search:
     """Refine start after start, and keep the best that breaks no limit.
 
@@ -156,7 +157,7 @@ def search(
     ConfigError
         No motion of any start holds every limit, or there is no pose to start from.
     """
-    work = _Work(cell, options, console, time.monotonic())
+    work = _Work(cell, options, console, time.monotonic(), scheduler)
     work.refine(problem, options.starts)
     for words, easier in easier_problems(problem):
         if work.enough:
@@ -184,15 +185,23 @@ class _Work:
         As for `search`.
     began_s : float
         When it began [s], by the monotonic clock.
+    scheduler : str, optional
+        Address of a Dask scheduler to compute on.
     """
 
     def __init__(
-        self, cell: CellConfig, options: SearchOptions, console: Console, began_s: float
+        self,
+        cell: CellConfig,
+        options: SearchOptions,
+        console: Console,
+        began_s: float,
+        scheduler: str | None,
     ) -> None:
         self._cell = cell
         self._options = options
         self._console = console
         self._began_s = began_s
+        self._scheduler = scheduler
         self.trials: list[Trial] = []
         self.best: Candidate | None = None
         self.interrupted_by: signal.Signals | None = None
@@ -219,7 +228,7 @@ class _Work:
             range(first, first + starts),
             self._cell.cycle_time_s,
             periods=options.periods,
-            scheduler=options.scheduler,
+            scheduler=self._scheduler,
         )
         ready = 0
         with (

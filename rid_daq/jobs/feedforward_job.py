@@ -29,6 +29,7 @@ from config.load import load_cell
 from config.ranges import Ranged
 from identification.estimation.estimate import Estimate
 from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
+from rid_daq.runs import made_file
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.origins import cell_of
 from rid_daq.runs.output_file import refuse_output
@@ -163,7 +164,7 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
     RidDaqError
         The reference run cannot be used, or the motion takes more than the limits.
     """
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     loaded = load_cell(request.cell)
     motion = motion_for(request.motion, loaded)
     loops, loops_bytes = loops_and_bytes(request.loop, loaded)
@@ -206,7 +207,7 @@ def refine_feedforward(request: RefineRequest) -> Refined:
     DataQualityError
         The error has grown since the last refinement.
     """
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     folders = find_runs(request.runs, request.run)
     driven = [read_motion_run(folder, unfinished=request.unfinished) for folder in folders]
     first = driven[0]

@@ -17,6 +17,7 @@ from config.load import load_bundled_or_path
 from config.ranges import Ranged
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
+from rid_daq.runs import made_file
 from rid_daq.runs.origins import cell_of
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
@@ -81,7 +82,7 @@ def measure_velocity_loops(request: LoopRequest) -> LoopsMeasured:
     RidDaqError
         The run cannot be used.
     """
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.LOOPS)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     notes = lacks([data])
     motion = _motion(data)

@@ -24,7 +24,7 @@ from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
-from rid_daq.runs.output_file import refuse_output
+from rid_daq.runs.output_file import require_writable
 from rid_daq.session.cells import is_served, refuse_one_process
 
 LOOK_S: Final = 2.0
@@ -149,7 +149,8 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
             " script to `rid-daq record --faults`"
         )
     _check_channel(loaded.config)
-    refuse_output(request.log, overwrite=True)
+    if request.log is not None:
+        require_writable(request.log)
     simulation = CellSimulation(
         loaded.config,
         loaded.robot,

@@ -32,6 +32,7 @@ from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.render import render_report
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 
@@ -123,8 +124,8 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     LimitError
         A limit cannot be kept to; the text names it, and where.
     """
-    refuse_output(request.output, request.overwrite)
-    refuse_output(request.report, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.MOTION)
+    refuse_output(request.report, request.overwrite, made_file.REPORT)
     if request.report is not None and request.report.resolve() == request.output.resolve():
         raise ConfigError(
             f"{request.report}: --report and --output name one file: give the page another name"

@@ -17,6 +17,8 @@ from rid_daq.live.request_head import RequestHead
 _END_OF_HEAD = b"\r\n\r\n"
 _LINGER_S: Final = 1.0
 _LINGER_BYTES: Final = 256 << 10
+_PATIENT_S: Final = 20.0
+_PATIENT_BYTES: Final = 32 << 20
 _FRAMING_BYTES: Final = 8 << 10
 _PIECE_BYTES: Final = 4096  # what is read at once: many small frames must not hold the loop
 _USER_TIMEOUT_MS: Final = 10_000
@@ -39,6 +41,7 @@ class Connection(asyncio.Protocol):
         self._answered = False
         self._lost = False
         self._came_bytes = 0
+        self._linger_s, self._linger_bytes = _LINGER_S, _LINGER_BYTES
         self._most_bytes = 0
         self._in_second = (0, 0)
         self.owner = ""
@@ -101,7 +104,7 @@ class Connection(asyncio.Protocol):
             else:
                 self.abort()
         elif self._answered:
-            if self._came_bytes > _LINGER_BYTES:
+            if self._came_bytes > self._linger_bytes:
                 self.abort()
         elif not self._lost:
             before = len(self._received)
@@ -141,6 +144,8 @@ class Connection(asyncio.Protocol):
         left = len(self._received) - end - len(_END_OF_HEAD)
         match decided:
             case Reply():
+                if decided.patient:
+                    self._linger_s, self._linger_bytes = _PATIENT_S, _PATIENT_BYTES
                 self._reply(decided.bytes(), whole=head is not None and head.body_bytes == left)
                 return
             case Line():
@@ -178,7 +183,7 @@ class Connection(asyncio.Protocol):
         self._answered = True
         self._received.clear()
         self._door.move(self, self._door.leaving, self.owner)
-        self._limit(_LINGER_S)
+        self._limit(self._linger_s)
         self._transport.write(answer)
         if whole:
             self._transport.close()

@@ -38,10 +38,13 @@ class Reply:
         Its status.
     document : dict
         Its body, as JSON.
+    patient : bool
+        Whether a long body is still read, and thrown away, so that the client sees the answer.
     """
 
     status: HTTPStatus
     document: dict[str, object]
+    patient: bool = False
 
     def bytes(self) -> bytes:
         """Return all of the answer."""

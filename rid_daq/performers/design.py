@@ -15,6 +15,7 @@ from acquisition.motion.samples import MotionSamples
 from config.robot.robot import RobotDescription
 from rid_daq.jobs.design_job import Designed, DesignRequest, design_motion
 from rid_daq.report.sections.section import units
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import Kind
 from rid_daq.terminal.console import Console
@@ -47,10 +48,20 @@ class _UseOfLimits(NamedTuple):
     acceleration_percent: float
 
 
-def perform(request: DesignRequest, console: Console) -> None:
-    """Design, and say what is in the motion file; exit codes as the command has them."""
-    refuse_output(request.output, request.overwrite)
-    designed = design_motion(request, console)
+def perform(request: DesignRequest, console: Console, scheduler: str | None = None) -> None:
+    """Design, and say what is in the motion file; exit codes as the command has them.
+
+    Parameters
+    ----------
+    request : DesignRequest
+        What is wanted.
+    console : Console
+        Where it is said.
+    scheduler : str, optional
+        Address of a Dask scheduler to compute on.
+    """
+    refuse_output(request.output, request.overwrite, made_file.MOTION)
+    designed = design_motion(request, console, scheduler)
     _print(console, designed, request)
     console.next_step("record", request.cell, request.output)
     if request.kind is Kind.MULTISINE:

@@ -13,13 +13,14 @@ from rid_daq.jobs.export_job import (
     export_recording,
 )
 from rid_daq.report.consistency_entry import ConsistencyEntry
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 
 
 def perform(request: ExportRequest, console: Console) -> None:
     """Export, and say what was written."""
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.EXPORT)
     found = file_or_run(request.runs, request.what)
     if isinstance(found, Path):
         _print_model(console, request, export_model(request))

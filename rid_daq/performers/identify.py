@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from rid_daq.jobs.identify_job import IdentifiedRuns, IdentifyRequest, identify_runs
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -12,7 +13,7 @@ from rid_daq.terminal.exit_codes import ExitCode
 
 def perform(request: IdentifyRequest, console: Console) -> None:
     """Identify, and say what was found; exit codes as the command has them."""
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.MODEL)
     identified = identify_runs(request, console)
     _print(console, identified)
     if identified.bad_joints or identified.has_mistakes:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from acquisition.runs.catalogue import find_run
+from acquisition.runs.catalogue import find_run, find_run_inside
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import Manifest, RunStatus
 from config.cell.cell import CellConfig
@@ -113,7 +113,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
     assert result.payload is not None
     ids = payload.estimate.run_ids
     steps = [("", name) for name in ids] if state is None else list(state.done.items())
-    folders = [find_run(folder.path.parent, run_id) for _, run_id in steps]
+    folders = [find_run_inside(folder.path.parent, run_id) for _, run_id in steps]
     all_folders = folders if folder in folders else [folder, *folders]
     for each in all_folders:
         _require_ended(each, each.manifest())

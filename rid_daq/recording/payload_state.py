@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from pydantic import Field, JsonValue, ValidationError
 
-from acquisition.runs.catalogue import find_run
+from acquisition.runs.catalogue import find_run_inside
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.formats.json_file import parse_json
@@ -77,7 +77,7 @@ class SessionState:
             One of them cannot be used.
         """
         root = self.folder.path.parent
-        return [RunData.load(find_run(root, self.done[name])) for name in self.measurements]
+        return [RunData.load(find_run_inside(root, self.done[name])) for name in self.measurements]
 
     def note_step(self, name: str, run_id: str) -> None:
         """Keep that a step is done, and by which run."""

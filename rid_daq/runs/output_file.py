@@ -9,12 +9,13 @@ from typing import Final
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST
 from acquisition.runs.run_id import RUN_ID
-from config.errors import ConfigError, RecordingError
+from config.errors import ConfigError, RecordingError, system_errors
+from rid_daq.runs.made_file import MadeFile
 
 _RESULTS: Final = (".json", ".pdf")
 
 
-def refuse_output(output: Path | None, overwrite: bool) -> None:
+def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
     """Refuse a file that cannot be written, or that was not meant to be replaced.
 
     Parameters
@@ -23,6 +24,8 @@ def refuse_output(output: Path | None, overwrite: bool) -> None:
         The file; None, which is never refused, where the result has its place in a run.
     overwrite
         Whether a file that is there may be replaced; a part of a run may never be.
+    made
+        What is written: only such a file that rid-daq wrote is replaced.
 
     Raises
     ------
@@ -33,10 +36,36 @@ def refuse_output(output: Path | None, overwrite: bool) -> None:
     """
     if output is None:
         return
+    if output.exists() and output.is_file():
+        if not overwrite:
+            raise ConfigError(
+                f"{output}: is already there; give another name, or --overwrite",
+                code="RID-OUTPUT-EXISTS",
+            )
+        _refuse_part(output)
+        with system_errors(RecordingError, f"{output}: cannot be read"):
+            is_own = made.is_at(output)
+        if not is_own:
+            raise ConfigError(
+                f"{output}: is not {made.words} of rid-daq, so it is not replaced: delete it"
+                " yourself, or give another name",
+                code="RID-OUTPUT-FOREIGN",
+            )
+    require_writable(output)
+
+
+def require_writable(output: Path) -> None:
+    """Refuse a file that cannot be written, or that is a part of a run.
+
+    Raises
+    ------
+    ConfigError
+        It belongs to a run.
+    RecordingError
+        No file of that name can be.
+    """
     if output.exists() and not output.is_file():
         raise RecordingError(f"{output}: cannot be written: is no file; choose another name")
-    if output.exists() and not overwrite:
-        raise ConfigError(f"{output}: is already there; give another name, or --overwrite")
     if not output.parent.is_dir():
         raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
     if not os.access(output.parent, os.W_OK | os.X_OK):
@@ -64,5 +93,7 @@ def _refuse_part(output: Path) -> None:
         run_id, files = folder.name, set()
     if name in parts or (name in files and not name.endswith(_RESULTS)):
         raise ConfigError(
-            f"{output}: is a part of run {run_id}, which a result cannot replace: give another name"
+            f"{output}: is a part of run {run_id}, which a result cannot replace:"
+            " give another name",
+            code="RID-OUTPUT-RUN",
         )

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import os
 import threading
 import time
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 import httpx
 
@@ -110,7 +111,18 @@ class ServiceClient:
         if secret:
             headers["authorization"] = f"Bearer {secret}"
         if address.startswith(("http://", "https://")):
-            return cls(httpx.Client(base_url=address, headers=headers, timeout=_patience()))
+            secure = address.startswith("https://")
+            if not (secure or _is_this_computer(address)):
+                raise ConfigError(
+                    f"--service {address}: would send the token in the clear: give https://, or an"
+                    " address of this computer",
+                    code="RID-SERVICE-PLAIN",
+                )
+            return cls(
+                httpx.Client(
+                    base_url=address, headers=headers, timeout=_patience(), trust_env=secure
+                )
+            )
         transport = httpx.HTTPTransport(uds=str(_socket(address)))
         return cls(
             httpx.Client(
@@ -345,6 +357,14 @@ class LeasedCell:
 _REFUSALS: dict[str, type[RidDaqError]] = {
     each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
 }
+
+
+def _is_this_computer(address: str) -> bool:
+    host = urlsplit(address).hostname or ""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _api(path: str) -> str:

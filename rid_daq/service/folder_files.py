@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
-import json
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from acquisition.motion.motion_file import MOTION_KINDS
+from config.errors import ConfigError
+from config.formats.bounded_file import open_file, read_file
+from config.formats.json_file import parse_json
 from rid_daq.service.records import FilesOfCell, NamedFile
-from rid_daq.service.service import CellService
+from rid_daq.service.request_check import is_file_name, is_hidden
+
+if TYPE_CHECKING:
+    from rid_daq.service.service import CellService
 
 HEAD_BYTES: Final = 4096
+MOST_BYTES: Final = 200_000_000
+KINDS: Final = frozenset({".yaml", ".json"})
 _KINDS: Final = "|".join(sorted(MOTION_KINDS, key=len, reverse=True))
 _MOTION = re.compile(rf"^kind:\s*[\"']?({_KINDS})\b".encode(), re.MULTILINE)
 _ROBOT = re.compile(rb"^robot:\s*[\"']?([\w.-]+)", re.MULTILINE)
@@ -67,18 +76,52 @@ def _motion_kind(head: bytes) -> str:
     return "" if found is None else found[1].decode()
 
 
+class Putting:
+    """The names that clients put files to at the moment: each is taken from the first byte on."""
+
+    def __init__(self) -> None:
+        self._names: set[Path] = set()
+
+    @contextlib.contextmanager
+    def taken(self, file: Path, shown: str) -> Iterator[None]:
+        """Have a name for as long as the `with` lasts.
+
+        Raises
+        ------
+        ConfigError
+            A file of that name is there, or is just being put (`RID-FILE-EXISTS`).
+        """
+        if file in self._names or os.path.lexists(file):
+            raise ConfigError(
+                f"{shown}: is there already; choose another name", code="RID-FILE-EXISTS"
+            )
+        self._names.add(file)
+        try:
+            yield
+        finally:
+            self._names.discard(file)
+
+
+def visible_files(folder: Path) -> Iterator[Path]:
+    """Yield the YAML and JSON files that clients can name: no pipe, no link that leads out."""
+    root = folder.resolve()
+    for path in folder.rglob("*"):
+        inside = path.relative_to(folder)
+        if path.suffix in KINDS and not is_hidden(inside) and is_file_name(str(inside)):
+            with contextlib.suppress(OSError, RuntimeError):  # it has just gone; a loop of links
+                if path.is_file() and path.resolve().is_relative_to(root):
+                    yield path
+
+
 def _files(service: CellService) -> Iterator[Path]:
     """Yield what is worth a look: files beside the runs, and JSON that commands put into runs."""
-    for path in service.folder.iterdir():
-        if path.name.startswith(".") or path == service.runs:
+    for path in visible_files(service.folder):
+        if not path.is_relative_to(service.runs):
+            yield path
             continue
-        for file in (path,) if path.is_file() else path.rglob("*"):
-            if file.suffix in (".yaml", ".json") and file.is_file():
-                yield file
-    if service.runs.is_dir():
-        for file in service.runs.glob("*/*.json"):
-            if file.name not in _NOT_CHOSEN and file.is_file() and not file.is_symlink():
-                yield file
+        of_run = path.suffix == ".json" and path.parent.parent == service.runs
+        if of_run and path.name not in _NOT_CHOSEN and not path.is_symlink():
+            yield path
 
 
 def _changed_s(path: Path) -> float:
@@ -92,14 +135,14 @@ def _changed_s(path: Path) -> float:
 def _robot_named_in(path: Path, _changed_s: float) -> str:
     """Return the name of the robot in a model or a payload, empty where the file cannot be read."""
     try:
-        return str(json.loads(path.read_bytes())["robot"]["name"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return str(parse_json(read_file(path, MOST_BYTES))["robot"]["name"])
+    except (OSError, ConfigError, KeyError, TypeError):
         return ""
 
 
 def _head(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
+        with open_file(path, MOST_BYTES) as file:
             return file.read(HEAD_BYTES)
     except OSError:  # it has just gone, or is not ours to read
         return b""

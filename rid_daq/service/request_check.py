@@ -10,9 +10,10 @@ import functools
 import json
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from jsonschema import Draft202012Validator
@@ -22,15 +23,46 @@ from jsonschema.exceptions import best_match
 from config.errors import ConfigError
 from config.formats.approved_files import sha256_of
 from config.formats.bounded_file import read_file
+from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from config.ranges import CODE
 from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import MOST_CHARACTERS
 
 _OUTPUTS: Final = ("output", "report")
 _NO_PATH: Final = "text"
 _BOUNDS: Final = frozenset({"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"})
 _TABLE: Final = "joint_table"
 TEXT_CODE: Final = "RID-REQ-TEXT"
+MOST_OF_PATH: Final = 1000
+MOST_OF_PART: Final = 200
+MOST_BYTES: Final = 32 << 10
+MOST_SHOWN: Final = 300
+_MOST_OF: Final = MappingProxyType(
+    {"text": 16_000, **dict.fromkeys(("output", "report", "motion", "model", "what"), 1000)}
+)
+"""Characters of a field's texts, if not `MOST_CHARACTERS`: a pasted file, and paths."""
+
+_JSON: Final = (".json",)
+_ENDINGS: Final = MappingProxyType(
+    {
+        JobKind.DESIGN: (".yaml",),
+        JobKind.RETIME: (".yaml",),
+        JobKind.IDENTIFY: _JSON,
+        JobKind.LOOP: _JSON,
+        JobKind.COMPENSATE: _JSON,
+        JobKind.REFINE: _JSON,
+        JobKind.PAYLOAD_IDENTIFY: _JSON,
+        JobKind.PAYLOAD_CERTIFICATE: (".pdf",),
+        JobKind.EXPORT: (
+            *(".urdf", ".sdf", ".py", ".c", ".csv", ".json", ".parquet", ".mat", ".mf4"),
+        ),
+        JobKind.PAYLOAD_EXPORT: (
+            *(".src", ".mod", ".ls", ".script", ".txt", ".json", ".urdf", ".dat", ".jbi", ".xml"),
+        ),
+    }
+)
+"""What the names of outputs end in: a job does not take the name of another kind of file."""
 MOST_HASHED: Final = 500_000_000
 """The largest file that a job may be made from: a feedforward."""
 
@@ -68,14 +100,62 @@ def check_request(
     error = best_match(_validator(kind).iter_errors(request))
     if error is not None:
         where = ".".join(map(str, error.absolute_path)) or "request"
-        code = CODE if _is_of_range(error) else ""
-        raise ConfigError(f"{kind.value}: {where}: {error.message}", code=code)
+        code = CODE if _is_of_range(error) else "RID-REQUEST-INVALID"
+        raise ConfigError(f"{kind.value}: {where}: {error.message[:MOST_SHOWN]}", code=code)
+    require_bounded(kind, request)
     for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
     for name in _OUTPUTS:
         output = request.get(name)
         if output is not None and require_inside(output, folder) in map(Path.resolve, of_cells):
-            raise ConfigError(f"{output}: belongs to a cell that is served: choose another name")
+            raise ConfigError(
+                f"{output}: belongs to a cell that is served: choose another name",
+                code="RID-OUTPUT-CELL",
+            )
+    require_ending(kind, request)
+
+
+def require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
+    """Refuse texts that are too long, and a request that is (`RID-REQUEST-LENGTH`).
+
+    Raises
+    ------
+    ConfigError
+        One of them is.
+    """
+    for name, told in request.items():
+        most = _MOST_OF.get(name, MOST_CHARACTERS)
+        for text in _texts(told):
+            if len(text) > most:
+                raise ConfigError(
+                    f"{kind.value}: {name}: has {len(text)} characters, at most {most} are allowed",
+                    code="RID-REQUEST-LENGTH",
+                )
+    size = len(json.dumps(request, default=str))
+    if size > MOST_BYTES:
+        raise ConfigError(
+            f"{kind.value}: the request has {size} bytes, at most {MOST_BYTES} are allowed",
+            code="RID-REQUEST-LENGTH",
+        )
+
+
+def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
+    """Refuse an output whose name does not end as files of its kind do (`RID-OUTPUT-ENDING`).
+
+    Raises
+    ------
+    ConfigError
+        It ends otherwise.
+    """
+    endings = {"output": _ENDINGS.get(kind), "report": (".html",)}
+    for name, allowed in endings.items():
+        output = request.get(name)
+        if output is not None and allowed and Path(str(output)).suffix not in allowed:
+            raise ConfigError(
+                f"{output}: the {name} of {kind.value} ends in {', '.join(allowed)}: give such a"
+                " name",
+                code="RID-OUTPUT-ENDING",
+            )
 
 
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
@@ -96,20 +176,67 @@ def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
         It leads out of it, or to what is hidden.
     """
     root = folder.resolve()
+    shown = f"{path[:MOST_SHOWN]!r}"
+    if not is_file_name(path):
+        raise ConfigError(
+            f"{shown}: is no name of a file here: at most {MOST_OF_PART} bytes between two"
+            " slashes, without control characters",
+            code="RID-PATH-NAME",
+        )
     try:
         found = (root / (beside or root) / path).resolve()
     except (OSError, ValueError, RuntimeError):  # a loop of links; what no file can be called
         found = root.parent
     if not found.is_relative_to(root) or Path(path).as_posix().startswith("~"):
-        raise ConfigError(f"{path!r}: is not inside the service's folder; name a file in there")
+        raise ConfigError(
+            f"{shown}: is not inside the service's folder; name a file in there",
+            code="RID-PATH-OUTSIDE",
+        )
     if is_hidden(found.relative_to(root)):
-        raise ConfigError(f"{path!r}: is hidden: name another file")
+        raise ConfigError(f"{shown}: is hidden: name another file", code="RID-PATH-HIDDEN")
     return found
+
+
+def is_file_name(path: str) -> bool:
+    """Return whether a path can be of a file that every client can name."""
+    try:
+        encoded = path.encode()
+    except UnicodeEncodeError:
+        return False
+    if len(encoded) > MOST_OF_PATH or not path.isprintable():
+        return False
+    return all(len(part) <= MOST_OF_PART for part in encoded.split(b"/"))
 
 
 def is_hidden(inside: Path) -> bool:
     """Return whether a path is the service's own, or hidden otherwise; a number never is."""
     return any(part.startswith(".") and not part[1:2].isdigit() for part in inside.parts)
+
+
+def refuse_bad_file(file: Path, content: bytes, folder: Path) -> None:
+    """Refuse JSON that no reader takes, and a motion whose table is outside the service's folder.
+
+    Parameters
+    ----------
+    file : Path
+        Where it is to lie.
+    content : bytes
+        The file.
+    folder : Path
+        The service's folder.
+
+    Raises
+    ------
+    ConfigError
+        `RID-FILE-JSON`: it is no JSON, or nested too deeply; or as `refuse_table_outside`.
+    """
+    if file.suffix != ".json":
+        refuse_table_outside(file, content, folder)
+        return
+    try:
+        parse_json(content)
+    except ConfigError as error:
+        raise ConfigError(f"{file.name}: {error}", code="RID-FILE-JSON") from None
 
 
 def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:

@@ -20,6 +20,7 @@ from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import ConfigError, LockedError, PreflightError
 from config.process.safety_clock import safety_now_s
 from rid_daq.live.feed import Feed
+from rid_daq.service.folder_files import Putting
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG, Mishaps
@@ -96,6 +97,7 @@ class CellService:
             readiness=self.readiness,
             feed=self.feed,
         )
+        self.putting = Putting()
         self.started_s = time.time()
         self.stops = 0
         self._told: dict[str, str] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,8 @@ import numpy as np
 
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
+from config.errors import ConfigError, RecordingError
+from config.formats.json_file import parse_json
 from rid_daq.service.api.runs import RESULT
 
 
@@ -82,7 +83,11 @@ def history_of(runs: Path, robot: str) -> tuple[QuantityHistory, ...]:
     for folder, manifest in list_runs(runs):
         if manifest.facts.get("robot") != robot:
             continue
-        for title, unit, value, std in _quantities(_result(folder)):
+        try:
+            quantities = tuple(_quantities(_result(folder)))
+        except (AttributeError, KeyError, TypeError, ValueError):  # no result of ours
+            continue
+        for title, unit, value, std in quantities:
             entry = HistoryEntry(manifest.run_id, manifest.label, manifest.created_utc, value, std)
             found.setdefault((title, unit), []).append(entry)
     return tuple(
@@ -92,8 +97,8 @@ def history_of(runs: Path, robot: str) -> tuple[QuantityHistory, ...]:
 
 def _result(folder: RunFolder) -> dict[str, Any]:
     try:
-        found = json.loads(folder.file(RESULT).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = parse_json(folder.read(RESULT))
+    except (ConfigError, RecordingError):
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -104,4 +109,9 @@ def _quantities(result: dict[str, Any]) -> Iterator[tuple[str, str, float, float
         for each in (result.get(section) or {}).get("parameters", ()):
             if each.get("value") is not None:
                 name = each.get("words") or each["name"]
-                yield f"{prefix}{name}", each["unit"], each["value"], each.get("std") or 0.0
+                yield (
+                    f"{prefix}{name}",
+                    str(each["unit"]),
+                    float(each["value"]),
+                    float(each.get("std") or 0.0),
+                )

@@ -9,7 +9,7 @@ from functools import partial
 from bokeh.models import GridPlot
 
 from acquisition.motion.motion_file import load_motion
-from acquisition.runs.catalogue import find_run
+from acquisition.runs.catalogue import find_run_inside
 from acquisition.runs.folder import RunFolder
 from config.cell.cell import CellConfig
 from config.errors import RecordingError
@@ -128,7 +128,7 @@ def _warm_up(folder: RunFolder) -> list[Drawing]:
         return []
 
     def make() -> GridPlot:
-        recording = RunData.load(find_run(folder.path.parent, run)).recording
+        recording = RunData.load(find_run_inside(folder.path.parent, run)).recording
         return warm_up_figure(recording.joint_names, period_powers(recording), float(settled))
 
     return [Drawing("warm-up", "Warm-up", make)]

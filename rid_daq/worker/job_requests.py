@@ -14,6 +14,7 @@ from pydantic_core import PydanticOmit
 from config.errors import ConfigError
 from config.ranges import CODE
 from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.request_check import require_bounded, require_ending
 from rid_daq.terminal.console import Console
 
 OWNED: Final = frozenset({"cell", "runs", "cleared", "live", "tester"})
@@ -84,6 +85,8 @@ def request_of(
     ConfigError
         It is not a request of this kind, or a number in it is outside of its range.
     """
+    require_bounded(kind, told)
+    require_ending(kind, told)
     request = request_type(kind)
     fields = request.__dataclass_fields__
     owned = {"cell": cell, "runs": runs, "cleared": cleared, "tester": owner}

@@ -21,6 +21,7 @@ from drivers.servo.drive_settings import (
 from drivers.servo.service import DriveService
 from drivers.settings.saved_drive import DriveBackup, SavedDrive
 from drivers.settings.write_log import WriteLog
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.session.cells import reachable_cell
 from rid_daq.session.drive_writes import held_before, new_write_log
@@ -87,7 +88,7 @@ def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
     RidDaqError
         The cell is held by another session, or a drive does not answer.
     """
-    refuse_output(path, overwrite=overwrite)
+    refuse_output(path, overwrite, made_file.BACKUP)
     loaded = load_cell(cell)
     eds_files = loaded.eds_files or (None,) * len(loaded.config.axes)
     eds_of = {axis.node_id: eds for axis, eds in zip(loaded.config.axes, eds_files, strict=True)}

@@ -194,7 +194,8 @@ def _origin(estimate: PayloadEstimate) -> tuple[str, ...]:
     where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
     mass, reach = measured(float(estimate.reported[0]), 2.0 * float(estimate.sigma[0]))
     return (
-        f"Payload on {estimate.robot.name} from {', '.join(estimate.run_ids) or 'runs'}{where}.",
+        f"Payload on {estimate.robot.name} from {', '.join(estimate.run_ids) or 'runs'}{where},"
+        " written by rid-daq.",
         f"Verdict passed. Measured {mass} kg, 2 sigma {reach} kg; written is the",
         "closest body that can exist.",
     )

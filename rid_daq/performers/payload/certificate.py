@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from rid_daq.recording.certificate_job import PayloadCertificateRequest, write_certificate
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 
 
 def perform(request: PayloadCertificateRequest, console: Console) -> None:
     """Write a certificate, and say where it is."""
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.CERTIFICATE)
     certified, file = write_certificate(request)
     verdict = certified.verdict
     console.document(

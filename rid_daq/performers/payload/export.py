@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from rid_daq.jobs.payload.load_data_job import PayloadExportRequest, export_payload
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 
 
 def perform(request: PayloadExportRequest, console: Console) -> None:
     """Write the load data, and show them."""
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
     exported = export_payload(request)
     output, to = request.output, request.to.value
     console.document(

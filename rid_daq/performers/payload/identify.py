@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
+from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
@@ -12,7 +13,7 @@ from rid_daq.terminal.exit_codes import ExitCode
 
 def perform(request: PayloadIdentifyRequest, console: Console) -> None:
     """Identify a payload, and say the verdict; exit codes as the command has them."""
-    refuse_output(request.output, request.overwrite)
+    refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
     identified = identify_payload_runs(request, console)
     section, verdict, file = identified.section, identified.verdict, identified.file
     console.document(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Final
 
@@ -102,7 +103,8 @@ class Admission:
             most = SMALL_BYTES
         if _is_too_long(head, most):
             message = f"the body of this request may have {most} bytes at most"
-            return _refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "RID-REQUEST-SIZE", message)
+            refused = _refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "RID-REQUEST-SIZE", message)
+            return replace(refused, patient=who is not None)
         owner = f"address {peer.address}" if who is None else f"token {who.token}"
         return Admitted(owner, most, FILE_S if most == FILE_BYTES else None)
 

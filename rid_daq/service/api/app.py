@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 from collections.abc import Sequence
 from http import HTTPStatus
 from typing import Any
@@ -15,10 +14,11 @@ from fastapi.responses import JSONResponse
 
 from config.errors import RidDaqError
 from rid_daq.service.api import cells, jobs, live_socket, people, runs, stops, system
+from rid_daq.service.api.json_body import JsonBody
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import status_of
-from rid_daq.service.request_check import request_schemas
+from rid_daq.service.request_check import MOST_SHOWN, request_schemas
 from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_desk import StopDesk
 
@@ -64,7 +64,8 @@ def make_api(
     for router in more:
         app.include_router(router)
     app.add_exception_handler(RidDaqError, _refused)
-    app.add_exception_handler(RequestValidationError, _misread)
+    app.add_exception_handler(RequestValidationError, _not_valid)
+    app.add_middleware(JsonBody)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign]
     return app
 
@@ -105,19 +106,13 @@ def _moved(schema: Any, name: str) -> Any:
 async def _refused(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RidDaqError)
     told = Problem(error=type(error).__name__, message=str(error), code=error.refusal)
-    return AsciiResponse(told.model_dump(), status_code=status_of(error))
+    return JSONResponse(told.model_dump(), status_code=status_of(error))
 
 
-async def _misread(_request: Request, error: Exception) -> JSONResponse:
-    """Answer a body that is not of its type as FastAPI does, without repeating what was sent."""
+async def _not_valid(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
-    told = [{name: each[name] for name in ("type", "loc", "msg")} for each in error.errors()]
-    return AsciiResponse({"detail": told}, status_code=HTTPStatus.UNPROCESSABLE_ENTITY)
-
-
-class AsciiResponse(JSONResponse):
-    """JSON in ASCII: half characters that a client has sent do not end the answer."""
-
-    def render(self, content: Any) -> bytes:
-        """Return the content as JSON."""
-        return json.dumps(content, allow_nan=False).encode("ascii")
+    first = error.errors()[0]
+    where = ".".join(map(str, first["loc"][1:])) or str(first["loc"][0])
+    message = f"{where}: {first['msg']}"[:MOST_SHOWN]
+    told = Problem(error="ConfigError", message=message, code="RID-REQUEST-INVALID")
+    return JSONResponse(told.model_dump(), HTTPStatus.UNPROCESSABLE_ENTITY)

@@ -9,7 +9,15 @@ from fastapi import APIRouter, Body, Header
 
 from rid_daq.service.api.context import OfCell, Operator, Service, Who
 from rid_daq.service.folder_files import folder_files
-from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Lease, Preflight, Record
+from rid_daq.service.records import (
+    CellStatus,
+    FilesOfCell,
+    HeldLease,
+    Lease,
+    Preflight,
+    Record,
+    ShortText,
+)
 from rid_daq.service.refusals import StoreBusyError
 
 router = APIRouter(prefix="/api/v1/cells", tags=["cells"])
@@ -22,9 +30,9 @@ LeaseKey = Annotated[
 class LeaseWanted(Record):
     """A lease that is asked for; `confirmed` is the cell's name, to take it over from somebody."""
 
-    note: str = ""
+    note: ShortText = ""
     seconds: float = 15.0
-    confirmed: str | None = None
+    confirmed: ShortText | None = None
 
 
 class LeaseRenewed(Record):

@@ -13,7 +13,7 @@ from rid_daq.service.api.cells import LeaseKey
 from rid_daq.service.api.context import OfCell, OfJob, Operator, Service, Who
 from rid_daq.service.api.told_events import told_events
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.records import Job, JobState, OnLostClient, Record
+from rid_daq.service.records import Job, JobState, OnLostClient, Record, ShortText
 from rid_daq.service.request_check import request_schemas
 from rid_daq.terminal.job_events import AnyEvent
 
@@ -37,7 +37,7 @@ class Answer(Record):
     """The answer to a question of a job."""
 
     question: int
-    text: str
+    text: ShortText
 
 
 @router.post("/cells/{cell}/jobs", status_code=HTTPStatus.CREATED)

@@ -52,7 +52,7 @@ class PairingBegun(Record):
 class PairingAsked(Record):
     """The secret of a device that waits."""
 
-    secret: str
+    secret: ShortText
 
 
 class PairingState(Record):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Final
@@ -10,16 +11,16 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 
-from acquisition.runs.catalogue import damaged_runs, find_run, list_runs
+from acquisition.runs.catalogue import damaged_runs, find_run_inside, list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, Manifest
-from config.errors import ConfigError
-from config.formats.whole_file import write_whole
+from config.errors import ConfigError, system_errors
+from config.formats.whole_file import write_new
 from rid_daq.service.api.context import Operator, Service, Who
-from rid_daq.service.folder_files import motion_kind
+from rid_daq.service.folder_files import KINDS, motion_kind, visible_files
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.request_check import is_hidden, refuse_table_outside, require_inside
+from rid_daq.service.request_check import refuse_bad_file, require_inside
 from rid_daq.service.service import CellService
 
 router = APIRouter(prefix="/api/v1", tags=["runs"])
@@ -37,8 +38,7 @@ MOST_FILE_BYTES = 16 << 20
 AXIS_TEST_SUFFIX: Final = ".axes.json"
 """Names under which axis tests lay in folders once."""
 
-_KINDS = frozenset({".yaml", ".json"})
-_SAVED = _KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
+_SAVED = KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
 _SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf"}
 
 
@@ -138,14 +138,13 @@ def get_run_file(run: str, name: str, service: Service, who: Who) -> Response:
 def list_files(service: Service, who: Who) -> list[FolderFile]:
     """Return the motions, models and other files that requests may name, newest first."""
     found = []
-    for path in service.folder.rglob("*"):
-        inside = path.relative_to(service.folder)
-        if path.suffix not in _KINDS or is_hidden(inside) or not path.is_file():
-            continue
-        status = path.stat()
-        found.append(
-            FolderFile(path=str(inside), size_bytes=status.st_size, changed_s=status.st_mtime)
-        )
+    for path in visible_files(service.folder):
+        with contextlib.suppress(OSError):  # it has just gone
+            status = path.stat()
+            inside = str(path.relative_to(service.folder))
+            found.append(
+                FolderFile(path=inside, size_bytes=status.st_size, changed_s=status.st_mtime)
+            )
     return sorted(found, key=lambda each: each.changed_s, reverse=True)
 
 
@@ -170,16 +169,18 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
             " nothing, choose another name",
             code="RID-FILE-AXIS-TEST",
         )
-    if found.exists():
-        raise ConfigError(f"{path}: is there already; choose another name")
     content = bytearray()
-    async for part in request.stream():
-        content += part
-        if len(content) > MOST_FILE_BYTES:
-            raise ConfigError(f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB")
-    await asyncio.to_thread(refuse_table_outside, found, bytes(content), service.folder)
-    found.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(found, bytes(content))
+    with service.putting.taken(found, path):
+        async for part in request.stream():
+            content += part
+            if len(content) > MOST_FILE_BYTES:
+                raise ConfigError(
+                    f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB", code="RID-FILE-SIZE"
+                )
+        await asyncio.to_thread(refuse_bad_file, found, bytes(content), service.folder)
+        with system_errors(ConfigError, f"{path}: cannot be put there"):
+            found.parent.mkdir(parents=True, exist_ok=True)
+        await asyncio.to_thread(write_new, found, bytes(content))
     service.audit.note(who.name, "put a file", details=path)
     status = found.stat()
     inside = str(found.relative_to(service.folder))
@@ -194,12 +195,10 @@ def run_folder(service: CellService, run: str) -> RunFolder:
     UnknownError
         There is none.
     """
-    if "/" in run or run in ("", ".", ".."):
-        raise UnknownError(f"no run {run!r}")
     try:
-        return find_run(service.runs, run)
+        return find_run_inside(service.runs, run)
     except ConfigError as error:
-        raise UnknownError(str(error)) from None
+        raise UnknownError(str(error), code="RID-RUN-UNKNOWN") from None
 
 
 def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
@@ -224,11 +223,12 @@ def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Re
     return FileResponse(path, media_type=kind, filename=name if saved else None)
 
 
-def _named(service: CellService, path: str, kinds: frozenset[str] = _KINDS) -> Path:
+def _named(service: CellService, path: str, kinds: frozenset[str] = KINDS) -> Path:
     found = require_inside(path, service.folder)
     if found.suffix not in kinds:
         raise ConfigError(
             f"{path}: give a file of the service's folder whose name ends in one of"
-            f" {', '.join(sorted(kinds))}"
+            f" {', '.join(sorted(kinds))}",
+            code="RID-FILE-ENDING",
         )
     return found

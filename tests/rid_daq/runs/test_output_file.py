@@ -10,6 +10,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from rid_daq.app import run
+from rid_daq.runs.made_file import LOOPS, MODEL, MOTION
 from rid_daq.runs.output_file import refuse_output
 
 PARTS = ("recording.mcap", "cell.yaml", "result.json", "report.html", "session.json", "drive.eds")
@@ -28,12 +29,41 @@ def folder(tmp_path: Path) -> RunFolder:
 @pytest.mark.parametrize("name", [*PARTS, "manifest.json", "map.yaml", "feedforward.json"])
 def test_no_output_takes_the_place_of_a_part_of_a_run(folder: RunFolder, name: str) -> None:
     with pytest.raises(ConfigError, match=rf"{name}: is a part of run {folder.run_id}"):
-        refuse_output(folder.path / name, overwrite=True)
+        refuse_output(folder.path / name, overwrite=True, made=MOTION)
 
 
 @pytest.mark.parametrize("name", ["model.json", "own.json", "new.json", "robot.urdf", "new.yaml"])
 def test_results_may_stand_in_a_run_folder(folder: RunFolder, name: str) -> None:
-    refuse_output(folder.path / name, overwrite=True)
+    (folder.path / name).write_text('{"kind": "rid-daq estimate"}')
+    refuse_output(folder.path / name, overwrite=True, made=MODEL)
+
+
+@pytest.mark.promise("own-outputs")
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("cell4.pem", "-----BEGIN PRIVATE KEY-----\n"),
+        ("data.csv", "time,torque\n"),
+        ("notes.yaml", "of a colleague: yes\n"),
+        ("mine.yaml", "# my own motion\nkind: fourier\n"),
+        ("cell.yaml", "# written by rid-daq init\nname: cell\n"),
+        ("payload.json", '{"kind": "rid-daq payload"}'),
+    ],
+)
+def test_overwrite_replaces_what_rid_daq_wrote_of_the_same_kind_only(
+    tmp_path: Path, name: str, content: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    for made in (MOTION, MODEL, LOOPS):
+        with pytest.raises(ConfigError) as refused:
+            refuse_output(tmp_path / name, overwrite=True, made=made)
+        assert refused.value.refusal == "RID-OUTPUT-FOREIGN"
+
+
+def test_overwrite_replaces_an_output_of_the_same_kind(tmp_path: Path) -> None:
+    motion = tmp_path / "motion.yaml"
+    motion.write_text("# For robot arm, verified within its limits at 4 ms.\n\nkind: fourier\n")
+    refuse_output(motion, overwrite=True, made=MOTION)
 
 
 def test_a_renamed_run_and_a_link_to_its_part_are_seen_through(
@@ -42,18 +72,18 @@ def test_a_renamed_run_and_a_link_to_its_part_are_seen_through(
     renamed = folder.path.rename(tmp_path / "mine")
     (tmp_path / "link").symlink_to(renamed / "recording.mcap")
     with pytest.raises(ConfigError, match="link: is a part of run"):
-        refuse_output(tmp_path / "link", overwrite=True)
+        refuse_output(tmp_path / "link", overwrite=True, made=MOTION)
 
 
 def test_where_the_manifest_is_torn_the_names_still_tell(folder: RunFolder) -> None:
     (folder.path / "manifest.json").write_text("{")
     with pytest.raises(ConfigError, match=r"recording\.mcap: is a part of run"):
-        refuse_output(folder.path / "recording.mcap", overwrite=True)
+        refuse_output(folder.path / "recording.mcap", overwrite=True, made=MOTION)
 
 
 def test_a_manifest_of_something_else_makes_no_run(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text("{}")
-    refuse_output(tmp_path / "motion.yaml", overwrite=True)
+    refuse_output(tmp_path / "motion.yaml", overwrite=True, made=MOTION)
 
 
 @pytest.mark.parametrize(

@@ -109,8 +109,9 @@ def test_whatever_a_client_says_is_a_request_or_refused(told: dict[str, Any]) ->
 
 @pytest.mark.parametrize("path", ["../x.yaml", "/etc/passwd", "a/../../x", "a\0b", "\ud800/x"])
 def test_nothing_outside_the_folder_is_named(path: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="not inside the service's folder"):
+    with pytest.raises(ConfigError) as refused:
         require_inside(path, tmp_path)
+    assert refused.value.refusal in ("RID-PATH-OUTSIDE", "RID-PATH-NAME")
 
 
 def test_a_link_that_leads_out_is_outside(tmp_path: Path) -> None:

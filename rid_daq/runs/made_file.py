@@ -1,0 +1,73 @@
+"""`MadeFile`: what a job writes, and how such a file of rid-daq is known again."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from config.formats.bounded_file import open_file
+
+_LOOKED_AT: Final = 1 << 16
+_LARGEST: Final = 1 << 40
+
+
+@dataclass(frozen=True)
+class MadeFile:
+    """A kind of file that jobs write.
+
+    Attributes
+    ----------
+    words : str
+        What it is, for messages.
+    mark : pattern
+        What stands in the first or last 64 KiB of each such file that rid-daq wrote.
+    """
+
+    words: str
+    mark: re.Pattern[bytes]
+
+    def is_at(self, path: Path) -> bool:
+        """Return whether a file is of this kind and by rid-daq.
+
+        Raises
+        ------
+        OSError
+            It cannot be read.
+        """
+        with open_file(path, _LARGEST) as file:
+            head = file.read(_LOOKED_AT)
+            size = file.seek(0, 2)
+            file.seek(max(len(head), size - _LOOKED_AT))
+            return self.mark.search(head + file.read(_LOOKED_AT)) is not None
+
+
+def _document(kind: str, words: str) -> MadeFile:
+    return MadeFile(
+        words, re.compile(rb'\A\s*\{(?s:.*)"(kind|schema)":\s*"rid-daq ' + kind.encode())
+    )
+
+
+MOTION: Final = MadeFile(
+    "a motion by `design` or `retime`",
+    re.compile(rb"\A(#[^\n]*\n)*#[^\n]*(rid-daq|verified within its limits)(?s:.*)^kind:", re.M),
+)
+MODEL: Final = _document("estimate", "a model by `identify`")
+PAYLOAD: Final = _document("payload", "a payload by `payload identify`")
+LOOPS: Final = _document("velocity loops", "velocity loops by `loop`")
+FEEDFORWARD: Final = _document("feedforward", "a feedforward by `compensate` or `refine`")
+CERTIFICATE: Final = MadeFile("a certificate", re.compile(rb"\A%PDF(?s:.*)rid-daq"))
+REPORT: Final = MadeFile("a report", re.compile(rb"\A\s*<!doctype html(?s:.*)rid-daq", re.I))
+TABLE: Final = MadeFile("a table by `sensitivity`", re.compile(rb"\Arow,wrong,less,"))
+BACKUP: Final = MadeFile(
+    "a backup by `drives backup`", re.compile(rb'\A\s*\{\s*"format":(?s:.*)"cell":(?s:.*)"drives":')
+)
+LOAD_DATA: Final = MadeFile("load data by `payload export`", re.compile(rb"written by rid-daq"))
+EXPORT: Final = MadeFile(
+    "an export",
+    re.compile(
+        rb'written by rid-daq|"software": "rid-daq|\AMATLAB 5.0 MAT-file, rid-daq'
+        rb"|\APAR1(?s:.*)rid-daq|\AMDF (?s:.*)rid-daq|\Atime_s,|\Akind,name,words,value,unit,"
+    ),
+)
