@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -12,6 +13,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskState
 from config.errors import DeviceTimeoutError
 from rid_daq.session import stopping
+from rid_daq.session.running_sessions import RunningSession
 from rid_daq.session.stopping import Stopped, stop_sessions
 
 COMMAND = StopReason(StopCode.STOP_COMMAND, "rid-daq stop")
@@ -58,7 +60,8 @@ def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Stopped]]:
     """Return what stops such sessions and says what became of each."""
 
     def stop(*sessions: Told) -> list[Stopped]:
-        return [result for _, result in stop_sessions(sessions)]
+        found = cast("Sequence[RunningSession]", sessions)
+        return [result for _, result in stop_sessions(found)]
 
     return stop
 
