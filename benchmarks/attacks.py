@@ -6,7 +6,8 @@ nonsense (S13), a database that another program holds (S14), a viewer's slow que
 slow clients, and a busy process on every core. All of it stays on this computer.
 
 STOP is pressed for the other cell, in turn by a new HTTP connection and over a `/api/v1/stop-line`
-that was open before. Then the recorded motion is stopped, and must see it. Bars: p99 of the
+that was open before; a process that only echoes is asked as often, for what the computer itself
+takes. Then the recorded motion is stopped, and must see it. Bars: p99 of the
 answers 50 ms, no STOP lost, and the cyclic task skips no cycle.
 
 `--presses N` presses so often, `--quick` 100 times. The last line is one JSON object.
@@ -31,7 +32,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from websockets.sync.client import ClientConnection, connect
 
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.runs.manifest import RECORDING
@@ -40,72 +40,27 @@ from acquisition.task.states import TaskState
 from benchmarks.attackers import ATTACKS, Target, attack
 from benchmarks.live import burn
 from benchmarks.service import MOTION
+from benchmarks.stop_presser import (
+    LOST_S,
+    Pressed,
+    StopLineClient,
+    echo,
+    go_first,
+    press_echo,
+    press_http,
+)
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Job
-from rid_daq.service.service import STATE_FOLDER
 from rid_daq.service.sockets import socket_of
+from rid_daq.service.store.state_folder import STATE_FOLDER
 
 STOP_BAR_MS: Final = 50.0
-LOST_S: Final = 5.0
 PATIENCE_S: Final = 120.0
 PRESSES: Final = 600
 QUICK: Final = 100
 SETTLE_S: Final = 5.0
 IDLE_CELL: Final = "my_cell"
 MOVING_CELL: Final = "ir361"
-
-
-class Pressed:
-    """STOPs of one way: how long each took until its answer, and how many had none."""
-
-    def __init__(self) -> None:
-        self.took_ms: list[float] = []
-        self.lost = 0
-
-    def add(self, began_s: float, answered: bool) -> None:
-        """Count one."""
-        if answered:
-            self.took_ms.append(1e3 * (time.monotonic() - began_s))
-        else:
-            self.lost += 1
-
-    def quantile(self, q: float) -> float:
-        """Return a quantile of the answers [ms]; infinite without any."""
-        return float(np.quantile(self.took_ms, q)) if self.took_ms else float("inf")
-
-    @property
-    def words(self) -> str:
-        """All of it in words."""
-        p50, p99, worst = map(self.quantile, (0.5, 0.99, 1.0))
-        n = len(self.took_ms) + self.lost
-        return f"p50 {p50:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms, {self.lost} of {n} lost"
-
-
-def press_http(port: int, cell: str, pressed: Pressed) -> None:
-    """Press STOP by a new connection."""
-    request = (
-        f"POST /api/v1/cells/{cell}/stop HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
-        "X-Rid-Daq: stop\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
-    ).encode()
-    began_s, answer = time.monotonic(), b""
-    with (
-        contextlib.suppress(OSError),
-        socket.create_connection(("127.0.0.1", port), timeout=LOST_S) as line,
-    ):
-        line.sendall(request)
-        answer = line.recv(4096)
-    pressed.add(began_s, b" 202 " in answer[:20])
-
-
-def press_line(line: ClientConnection, cell: str, number: int, pressed: Pressed) -> None:
-    """Press STOP over a line that is open."""
-    began_s, answered = time.monotonic(), False
-    line.send(json.dumps({"stop": cell, "number": number}))
-    with contextlib.suppress(TimeoutError):
-        while not answered:
-            told = json.loads(line.recv(timeout=LOST_S))
-            answered = told["type"] == "stopped" and told["number"] == number
-    pressed.add(began_s, answered)
 
 
 @contextlib.contextmanager
@@ -183,13 +138,23 @@ def skipped_cycles(folder: Path, job: Job) -> tuple[int, int]:
 
 
 def press_all(port: int, presses: int) -> dict[str, Pressed]:
-    """Press STOP so often in both ways."""
-    found = {"http": Pressed(), "line": Pressed()}
-    with connect(f"ws://127.0.0.1:{port}/api/v1/stop-line", open_timeout=LOST_S) as line:
+    """Press STOP so often in both ways; and ask a process that only echoes as often."""
+    found = {"http": Pressed(), "line": Pressed(), "echo": Pressed()}
+    with (
+        StopLineClient.at(port) as line,
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        socket.create_connection(listener.getsockname(), timeout=LOST_S) as echoing,
+    ):
+        echoer = multiprocessing.get_context("spawn").Process(target=echo, args=(listener,))
+        echoer.start()
+        echoing.settimeout(PATIENCE_S)
+        press_echo(echoing, Pressed())  # until it runs
         for number in range(presses):
             press_http(port, IDLE_CELL, found["http"])
-            press_line(line, IDLE_CELL, number, found["line"])
+            line.press(IDLE_CELL, number, found["line"])
+            press_echo(echoing, found["echo"])
             time.sleep(random.uniform(0.0, 0.1))
+    echoer.join(LOST_S)
     return found
 
 
@@ -209,6 +174,7 @@ def main() -> int:
             database = folder / STATE_FOLDER / "service.db"
             moved = Pressed()
             with attacked(Target(port, MOVING_CELL, viewer, database)):
+                go_first()
                 found = press_all(port, presses)
                 began_s = time.monotonic()
                 press_http(port, MOVING_CELL, Pressed())
@@ -221,6 +187,7 @@ def main() -> int:
     for way, pressed in (*found.items(), ("until the moving task saw it", moved)):
         print(f"STOP, {way}: {pressed.words}")
     print(f"the motion of {cycles} cycles skipped {skipped}; it ended: {job.reason}")
+    floor = found.pop("echo")
     p99_ms = max(pressed.quantile(0.99) for pressed in found.values())
     lost = sum(pressed.lost for pressed in (*found.values(), moved))
     holds = p99_ms <= STOP_BAR_MS and lost == 0 and skipped == 0
@@ -230,6 +197,7 @@ def main() -> int:
         "unit": "ms from the press to the answer, p99 of the slower way",
         "n": 2 * presses,
         **{f"{way}_p99_ms": round(pressed.quantile(0.99), 1) for way, pressed in found.items()},
+        "echo_p99_ms": round(floor.quantile(0.99), 1),
         "moving_ms": round(moved.quantile(1.0), 1),
         "lost": lost,
         "cycles": cycles,

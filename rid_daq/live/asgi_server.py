@@ -20,7 +20,7 @@ from uvicorn.server import ServerState
 
 from rid_daq.live.connection import Connection
 from rid_daq.live.door import Door, Limits
-from rid_daq.live.reception import Reception
+from rid_daq.live.reception import Peer, Reception
 from rid_daq.live.turns import NoTurnError, Turn, Turns
 
 LAST_WORDS_S = 0.5
@@ -81,6 +81,8 @@ class AsgiServer:
         )
         self._config.load()
         self._doors: list[Door] = []
+        self._adopting: dict[bool, Door] = {}
+        self._adoptions: set[asyncio.Task[object]] = set()
 
     @property
     def streams(self) -> int:
@@ -118,6 +120,8 @@ class AsgiServer:
             raise RuntimeError("the application did not start")
         try:
             async with contextlib.AsyncExitStack() as stack:
+                for local in (False, True):
+                    self._adopting[local] = self._door(None, lifespan.state, local=local)
                 for listener in listeners:
                     await self._open(listener, lifespan.state, stack)
                 await until.wait()
@@ -130,24 +134,49 @@ class AsgiServer:
         self, listener: socket.socket, state: dict[str, object], stack: contextlib.AsyncExitStack
     ) -> None:
         local = listener.family == socket.AF_UNIX
-
-        def speaker(connection: Connection) -> asyncio.Protocol:
-            own = {**state, "local": local, _CONNECTION: connection}
-            return H11Protocol(self._config, self._state, own)
-
-        door = Door(
-            self.limits,
-            speaker,
-            None if local else self._tls,
-            local=local,
-            reception=self._reception,
-        )
-        self._doors.append(door)
+        door = self._door(None if local else self._tls, state, local=local)
         server = await asyncio.get_running_loop().create_server(
             lambda: Connection(door), sock=listener, backlog=_ACCEPTED_AT_ONCE
         )
         stack.callback(server.close)
         listener.listen(_BACKLOG)
+
+    def adopt(self, line: socket.socket, peer: Peer, received: bytes) -> None:
+        """Serve a connection that another process has accepted, and read so far.
+
+        Parameters
+        ----------
+        line : socket.socket
+            The connection, without TLS.
+        peer : Peer
+            The client.
+        received : bytes
+            What it has sent already.
+        """
+        door = self._adopting.get(peer.local)
+        if door is None:
+            line.close()
+            return
+        loop = asyncio.get_running_loop()
+        adoption = loop.create_task(
+            loop.connect_accepted_socket(lambda: Connection(door, peer, received), line)
+        )
+        self._adoptions.add(adoption)
+        adoption.add_done_callback(self._adoptions.discard)
+
+    def _door(self, tls: ssl.SSLContext | None, state: dict[str, object], *, local: bool) -> Door:
+        def speaker(connection: Connection) -> asyncio.Protocol:
+            own = {
+                **state,
+                "local": local,
+                "address": connection.peer.address,
+                _CONNECTION: connection,
+            }
+            return H11Protocol(self._config, self._state, own)
+
+        door = Door(self.limits, speaker, tls, local=local, reception=self._reception)
+        self._doors.append(door)
+        return door
 
     async def _end(self, last_words_s: float) -> None:
         for door in self._doors:

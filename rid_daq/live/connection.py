@@ -26,12 +26,31 @@ _STREAM_BUFFER_BYTES = 32 << 10  # what a viewer who does not keep up may be beh
 
 
 class Connection(asyncio.Protocol):
-    """One connection: what a client sends reaches the speaker once the request's head is whole."""
+    """One connection: what a client sends reaches the speaker once the request's head is whole.
 
-    def __init__(self, door: Door) -> None:
+    Parameters
+    ----------
+    door : Door
+        Where it came in.
+    peer : Peer or None
+        The client, if another process has accepted it; else the socket tells.
+    received : bytes
+        What that process has read already.
+
+    Attributes
+    ----------
+    owner : str
+        Who is counted for it.
+    body_bytes : int
+        How large its request's body may be.
+    """
+
+    def __init__(self, door: Door, peer: Peer | None = None, received: bytes = b"") -> None:
         self._door = door
         self._limits = door.limits
-        self._received = bytearray()
+        self._received = bytearray(received)
+        self._peer = Peer(door.local, "") if peer is None else peer
+        self._known = peer is not None
         self._line: asyncio.Transport | None = None  # to the socket
         self._transport: asyncio.Transport | None = None  # the same, or the one inside TLS
         self._speaker: asyncio.Protocol | None = None
@@ -52,12 +71,15 @@ class Connection(asyncio.Protocol):
         self._line = cast(asyncio.Transport, transport)
         self._line.max_size = _PIECE_BYTES  # type: ignore[attr-defined]
         self._limit(self._limits.request_s)
-        name = None if self._door.local else self._line.get_extra_info("peername")
-        self._peer = Peer(self._door.local, "" if name is None else str(name[0]))
+        if not (self._known or self._door.local):
+            name = self._line.get_extra_info("peername")
+            self._peer = Peer(False, "" if name is None else str(name[0]))
         self.owner = self._peer.address
         self._door.move(self, self._door.waiting, self.owner)
         if self._door.tls is None:
             self._transport = self._line
+            if self._received:
+                self._look_at_head(0)
         else:
             self._line.pause_reading()
             self._handshake = asyncio.get_running_loop().create_task(self._encrypt(self._door.tls))
@@ -239,6 +261,11 @@ class Connection(asyncio.Protocol):
         if not self._lost and not self._answered:
             self._answered = True
             self._limit(self._limits.answer_s)
+
+    @property
+    def peer(self) -> Peer:
+        """The client."""
+        return self._peer
 
     def shut_down(self) -> None:
         """Tell the client that it is over."""

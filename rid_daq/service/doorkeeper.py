@@ -22,12 +22,10 @@ from config.process.safety_clock import safety_now_s
 from rid_daq.service.pairing import Pairing
 from rid_daq.service.records import Identity, Role, TokenEnd
 from rid_daq.service.refusals import NotAllowedError, NotKnownError
+from rid_daq.service.stop.shown_secrets import SOCKET_PROTOCOL, shown_secrets
 from rid_daq.service.store.tokens import UNUSED_S, TokenStore, hashed
 
 USE_NOTED_EVERY_S: Final = 60.0
-SOCKET_PROTOCOL: Final = "rid-daq"
-"""A WebSocket's protocol; `rid-daq.SECRET` beside it shows a session secret."""
-
 LOCAL: Final = Identity(name="this computer", role=Role.ADMINISTRATOR, person=False, token="")
 
 
@@ -144,9 +142,7 @@ class Doorkeeper:
 
     def was_let_in(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request shows a secret that was ever issued, also a revoked one."""
-        cookies = (each.partition("=")[2] for each in headers.get("cookie", "").split(";"))
-        shown = (self.secret_of(headers), *cookies)  # also a cookie of an earlier version
-        return any(secret and self.tokens.was_issued(secret.strip()) for secret in shown)
+        return any(map(self.tokens.was_issued, shown_secrets(headers)))
 
     def log_in(self, link_secret: str, agent: str = "") -> str:
         """Return the session secret of a browser that has opened the address from the terminal.

@@ -24,6 +24,7 @@ from rid_daq.live.live_page import listen_on
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.front.front_link import FrontLink
 from rid_daq.service.logs import LOG
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
@@ -106,7 +107,7 @@ def serve_cells(
         app = make_api(service, doorkeeper, pages)
         server = AsgiServer(
             Guard(app, access, PLOT_POLICY),
-            access.tls(),
+            None,  # the process in front encrypts
             LIMITS,
             Admission(StopEntrance(app.state.stop_desk, access), doorkeeper, access),
         )
@@ -120,14 +121,19 @@ def serve_cells(
             ready(link, address)
             LOG.info("serving %s", ", ".join(service.cells))
             over = asyncio.Event()
-            serving = asyncio.create_task(server.serve([listener, local], over))
+            serving = asyncio.create_task(server.serve([], over))
+            front = FrontLink(service, server, access, [listener, local])
+            fronting = asyncio.create_task(front.run())
             try:
                 await service.run(until)
             finally:
                 over.set()
                 await serving
+                fronting.cancel()
+                await asyncio.gather(fronting, return_exceptions=True)
             LOG.info("ended")
 
+        access.tls()  # refused here, before anything begins
         _allow_descriptors()
         keep_from_collections()
         asyncio.run(serve())

@@ -8,7 +8,7 @@ import logging
 import signal
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -59,6 +59,8 @@ class Workshop:
     ----------
     closing : bool
         Whether nothing more is begun.
+    changed : callable
+        Told the process of every cell whose bus a job has open, 0 for one that is being started.
     """
 
     closing = False
@@ -85,6 +87,7 @@ class Workshop:
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
         self._unsaved: set[str] = set()
+        self.changed: Callable[[dict[str, int]], None] = lambda _jobs: None
         self._starting: dict[str, StartingJob] = {}
         self._mishaps = Mishaps()
         self._warm = WarmWorker(state / "workers.log")
@@ -252,6 +255,7 @@ class Workshop:
             self._readiness.note_end(cell, document)
             if ended is None and running.run is not None:
                 self._readiness.note_death(cell.name, reason)
+        self._tell_changed(without=job.id)
         del self._running[job.id]  # all of it is written: until then it is tried again
         self._feed.forget(cell.name)
         level = logging.INFO if state is JobState.DONE else logging.WARNING
@@ -291,6 +295,7 @@ class Workshop:
         approved: Mapping[str, str] | None = None,
     ) -> Job:
         starting = self._starting[job.id] = StartingJob(job)
+        self._tell_changed()
         try:
             if job.kind.opens_cell:
                 await self._journal(job)
@@ -300,6 +305,7 @@ class Workshop:
             return self._change(job, JobState.FAILED, reason)
         finally:
             del self._starting[job.id]
+            self._tell_changed()
         process = worker.process
         if starting.stopping:
             process.kill()
@@ -309,6 +315,7 @@ class Workshop:
         running = RunningJob(job, cell, worker, self.events(job.id))
         self._running[job.id] = running
         self.give_signs_of_life()
+        self._tell_changed()
         running.order(
             kind=job.kind.value,
             request=job.request,
@@ -324,6 +331,16 @@ class Workshop:
         LOG.info("job begun", extra={"job": job})
         self._publish(job)
         return job
+
+    def _tell_changed(self, without: str = "") -> None:
+        """Say which process has which cell's bus open; 0 for one that is on its way."""
+        jobs = {each.job.cell: 0 for each in self._starting.values() if each.job.kind.opens_cell}
+        jobs |= {
+            each.job.cell: each.process.pid
+            for each in self
+            if each.job.kind.opens_cell and each.job.id != without
+        }
+        self.changed(jobs)
 
     def _interrupt_leftovers(self) -> None:
         """Mark the jobs of a service that was killed; none of them runs again by itself."""

@@ -16,11 +16,12 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from config.errors import LockedError, RidDaqError
 from rid_daq.service.api.challenges import Challenges
 from rid_daq.service.api.context import is_local
-from rid_daq.service.doorkeeper import SOCKET_PROTOCOL, Doorkeeper
+from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.service import CellService
+from rid_daq.service.stop.shown_secrets import SOCKET_PROTOCOL
 from rid_daq.service.stop.stop_line import BEAT, BEAT_S, answer_to_stop
 
 router = APIRouter()

@@ -7,7 +7,8 @@ from http import HTTPStatus
 from fastapi import APIRouter, Request
 
 from rid_daq.service.api.context import is_local
-from rid_daq.service.stop.stop_desk import ALL, StopAsked, StopDesk
+from rid_daq.service.stop.stop_answer import ALL, StopAsked
+from rid_daq.service.stop.stop_desk import StopDesk
 
 router = APIRouter(prefix="/api/v1", tags=["stop"])
 
@@ -29,6 +30,7 @@ async def stop_all(request: Request) -> StopAsked:
 
 def _stop(target: str, request: Request) -> StopAsked:
     desk: StopDesk = request.app.state.stop_desk
-    address = "127.0.0.1" if request.client is None else request.client.host
+    client = "" if request.client is None else request.client.host
+    address = request.scope.get("state", {}).get("address", client)
     who = desk.admit(request.headers, local=is_local(request), address=address)
     return desk.stop(target, who)

@@ -11,7 +11,7 @@ from rid_daq.live.guard import sender_refusal
 from rid_daq.live.reception import Line, Peer, Reply
 from rid_daq.live.request_head import RequestHead
 from rid_daq.service.refusals import NotKnownError, UnknownError
-from rid_daq.service.stop.stop_desk import ALL, StopDesk
+from rid_daq.service.stop.stop_answer import ALL, Desk
 from rid_daq.service.stop.stop_line import StopLine
 
 LINE_PATH: Final = "/api/v1/stop-line"
@@ -23,13 +23,13 @@ class StopEntrance:
 
     Parameters
     ----------
-    desk : StopDesk
+    desk : Desk
         Stops.
     access : Access
         Our own names and pages: browsers of others are refused.
     """
 
-    def __init__(self, desk: StopDesk, access: Access) -> None:
+    def __init__(self, desk: Desk, access: Access) -> None:
         self._desk = desk
         self._access = access
 
@@ -53,7 +53,7 @@ class StopEntrance:
             return _refused(HTTPStatus.UNAUTHORIZED, "NotKnownError", str(error), error.refusal)
         except UnknownError as error:
             return _refused(HTTPStatus.NOT_FOUND, "UnknownError", str(error), error.refusal)
-        return Reply(HTTPStatus.ACCEPTED, answer.model_dump())
+        return Reply(HTTPStatus.ACCEPTED, answer.document())
 
     def _open_line(self, head: RequestHead, peer: Peer) -> Reply | Line:
         refusal = sender_refusal(self._access, head.lines, local=peer.local)

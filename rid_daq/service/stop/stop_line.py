@@ -5,14 +5,17 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from collections.abc import Sequence
 from typing import Final, cast
 
 from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
+from websockets.typing import Subprotocol
 
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.stop.stop_desk import StopDesk
+from rid_daq.service.stop.shown_secrets import SOCKET_PROTOCOL
+from rid_daq.service.stop.stop_answer import Desk
 
 BEAT_S: Final = 0.25
 BEAT: Final = b'{"type": "beat"}'
@@ -28,16 +31,16 @@ class StopLine(asyncio.Protocol):
 
     Parameters
     ----------
-    desk : StopDesk
+    desk : Desk
         Stops.
     who : str
         Who asks.
     """
 
-    def __init__(self, desk: StopDesk, who: str) -> None:
+    def __init__(self, desk: Desk, who: str) -> None:
         self._desk = desk
         self._who = who
-        self._speaker = ServerProtocol(max_size=MOST_BYTES)
+        self._speaker = ServerProtocol(max_size=MOST_BYTES, select_subprotocol=_protocol)
         self._transport: asyncio.Transport | None = None
         self._beat: asyncio.TimerHandle | None = None
         self._open = False
@@ -117,6 +120,10 @@ class StopLine(asyncio.Protocol):
             self._transport.close()
 
 
+def _protocol(_server: ServerProtocol, offered: Sequence[Subprotocol]) -> Subprotocol | None:
+    return next((each for each in offered if each == SOCKET_PROTOCOL), None)
+
+
 def read_stop(message: bytes) -> dict[str, object] | None:
     """Return a message that asks for a stop, None for every other."""
     try:
@@ -127,13 +134,13 @@ def read_stop(message: bytes) -> dict[str, object] | None:
 
 
 def answer_to_stop(
-    desk: StopDesk, who: str, asked: dict[str, object] | None
+    desk: Desk, who: str, asked: dict[str, object] | None
 ) -> dict[str, object] | None:
     """Stop what a message of a WebSocket asks for, and return the answer; None if it asks nothing.
 
     Parameters
     ----------
-    desk : StopDesk
+    desk : Desk
         Stops.
     who : str
         Who asks.
@@ -148,6 +155,6 @@ def answer_to_stop(
         "number": number if isinstance(number, int | float | str) else None,
     }
     try:
-        return answer | desk.stop(str(asked["stop"]), who).model_dump()
+        return answer | desk.stop(str(asked["stop"]), who).document()
     except UnknownError as error:
         return answer | {"told": False, "sentence": str(error)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from rid_daq.service.records import Role, Token, TokenEnd
@@ -30,10 +30,16 @@ class TokenStore:
     ----------
     database : Database
         The service's file.
+
+    Attributes
+    ----------
+    issued_to : callable
+        Told the hash of every new secret.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
+        self.issued_to: Callable[[str], None] = lambda _hash: None
         self._tokens = {
             str(key): Token.model_validate_json(token)
             for key, token in database.read("SELECT hash, token FROM tokens")
@@ -66,6 +72,14 @@ class TokenStore:
     def note_issued(self, secret: str) -> None:
         """Keep for ever that a secret was given to somebody: whoever shows it may stop."""
         self._note_issued(hashed(secret))
+
+    def issued(self) -> Sequence[str]:
+        """Return the hashes of all secrets that were ever issued."""
+        return list(self._issued)
+
+    def of_hash(self, key: str) -> Token | None:
+        """Return the token whose secret has a hash, None if it was revoked."""
+        return self._tokens.get(key)
 
     def was_issued(self, secret: str) -> bool:
         """Return whether a secret was ever given to somebody, also one that was revoked."""
@@ -112,6 +126,7 @@ class TokenStore:
         if key in self._issued:
             return
         self._issued[key] = None
+        self.issued_to(key)
         self._database.write("INSERT OR IGNORE INTO issued (hash) VALUES (?)", key)
         if len(self._issued) > MOST_ISSUED:
             oldest = next(iter(self._issued))

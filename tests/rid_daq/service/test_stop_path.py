@@ -31,7 +31,7 @@ from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Role
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.stop_desk import is_loopback
+from rid_daq.service.stop.shown_secrets import is_loopback
 from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.service.store.state_folder import STATE_FOLDER
 from tests.rid_daq.service.conftest import Worker, job

@@ -1,0 +1,109 @@
+"""`Wire`: messages between the service and the process in front of it, with sockets in them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+_MOST_BYTES: Final = 96 << 10
+_BUFFER_BYTES: Final = 1 << 20
+_MOST_WAITING: Final = 512
+
+
+class Wire:
+    """One end of the wire; one event loop's.
+
+    A message is a JSON document, bytes, and at most one descriptor. Messages keep their order.
+
+    Parameters
+    ----------
+    line : socket.socket
+        A socket of type SOCK_SEQPACKET.
+    """
+
+    def __init__(self, line: socket.socket) -> None:
+        line.setblocking(False)
+        for option in (socket.SO_SNDBUF, socket.SO_RCVBUF):
+            line.setsockopt(socket.SOL_SOCKET, option, _BUFFER_BYTES)
+        self._line = line
+        self._waiting: deque[tuple[bytes, int | None]] = deque()
+        self._received: Callable[[dict[str, object], bytes, int | None], None] | None = None
+        self._over: Callable[[], None] = lambda: None
+
+    def begin(
+        self,
+        received: Callable[[dict[str, object], bytes, int | None], None],
+        over: Callable[[], None],
+    ) -> None:
+        """Pass on what comes, and say when the other end is gone."""
+        self._received, self._over = received, over
+        asyncio.get_running_loop().add_reader(self._line, self._read)
+
+    def send(
+        self, document: dict[str, object], data: bytes = b"", descriptor: int | None = None
+    ) -> bool:
+        """Send a message without waiting; return False if the other end is too far behind.
+
+        The descriptor stays the caller's.
+        """
+        told = json.dumps(document).encode()
+        message = len(told).to_bytes(4, "big") + told + data
+        if len(self._waiting) >= _MOST_WAITING:
+            return False
+        if self._waiting or not self._try(message, descriptor):
+            self._waiting.append((message, None if descriptor is None else os.dup(descriptor)))
+            asyncio.get_running_loop().add_writer(self._line, self._write)
+        return True
+
+    def close(self) -> None:
+        """Close this end."""
+        with contextlib.suppress(RuntimeError, ValueError, OSError):
+            loop = asyncio.get_running_loop()
+            loop.remove_reader(self._line)
+            loop.remove_writer(self._line)
+        for _, descriptor in self._waiting:
+            if descriptor is not None:
+                os.close(descriptor)
+        self._waiting.clear()
+        self._line.close()
+
+    def _try(self, message: bytes, descriptor: int | None) -> bool:
+        try:
+            socket.send_fds(self._line, [message], [] if descriptor is None else [descriptor])
+        except BlockingIOError:
+            return False
+        except OSError:  # the other end is gone: `over` follows
+            return True
+        return True
+
+    def _write(self) -> None:
+        while self._waiting:
+            message, descriptor = self._waiting[0]
+            if not self._try(message, descriptor):
+                return
+            self._waiting.popleft()
+            if descriptor is not None:
+                os.close(descriptor)
+        asyncio.get_running_loop().remove_writer(self._line)
+
+    def _read(self) -> None:
+        assert self._received is not None
+        try:
+            message, descriptors, _, _ = socket.recv_fds(self._line, _MOST_BYTES, 1)
+        except BlockingIOError:
+            return
+        except OSError:
+            message, descriptors = b"", []
+        if not message:
+            self.close()
+            self._over()
+            return
+        length = int.from_bytes(message[:4], "big")
+        document = json.loads(message[4 : 4 + length])
+        self._received(document, message[4 + length :], descriptors[0] if descriptors else None)
