@@ -171,7 +171,7 @@ def _row(message: Any, names: Sequence[str]) -> list[float] | None:
     twice = [name for name in names if list(message.name).count(name) > 1]
     if len(index) < len(message.name) and twice:
         raise ConfigError(
-            f"a message names joint {twice[0]} twice: nobody can tell which of its values are the"
+            f"a message names joint {twice[0]} twice: it does not say which of its values are the"
             " arm's. Record the arm's own topic, before other drivers are merged into it",
             code="RID-BAG-JOINT-TWICE",
         )

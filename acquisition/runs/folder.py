@@ -204,9 +204,8 @@ class RunFolder:
         """
         path = self.file(name)
         with system_errors(RecordingError, f"{path}: cannot be read"):
-            if path.lstat().st_size != entry.size_bytes:
-                return False
-        return digest_of(path) == (entry.sha256, entry.size_bytes)
+            size = path.lstat().st_size
+        return size == entry.size_bytes and digest_of(path) == (entry.sha256, size)
 
     def differences(self, names: Iterable[str]) -> dict[str, str]:
         """Return which files are not those that the run was made with, and what is wrong.

@@ -255,11 +255,11 @@ def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
             part = TO_BODY @ (value * np.outer(vector, vector)).ravel()
             if np.linalg.norm(cone.effects[:, body] @ part) < BORDER_SIGMAS:
                 out[body] -= part
-    alone, together = _constrained(cone)
+    alone, shared = _constrained(cone)
     for column in np.flatnonzero(alone):
         if np.linalg.norm(cone.effects[:, column] * y[column]) < BORDER_SIGMAS:
             out[column] = 0.0
-    out[together] = 0.0
+    out[shared] = 0.0
     return out
 
 

@@ -98,6 +98,9 @@ class Admitted:
 class Reception(Protocol):
     """What decides about requests by their heads."""
 
-    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted:
-        """Return the answer, the protocol that takes over, or that the application is asked."""
+    def receive(self, head: RequestHead, peer: Peer) -> Reply | Line | Admitted | None:
+        """Return the answer, the protocol that takes over, or that the application is asked.
+
+        None passes the connection on to the door's speaker as it is.
+        """
         ...

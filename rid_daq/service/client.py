@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 import contextlib
-import ipaddress
 import os
 import threading
 import time
@@ -19,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
 import httpx
 
@@ -28,7 +27,7 @@ from config.errors import ConfigError, LockedError, RidDaqError, ServiceError
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Job, JobState, OnLostClient
 from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
-from rid_daq.service.sockets import local_sockets
+from rid_daq.service.sockets import is_this_computer, local_sockets
 from rid_daq.terminal.job_events import EVENT, AnyEvent, Documented, Ended
 
 LOOK_S: Final = 0.1
@@ -112,17 +111,17 @@ class ServiceClient:
             headers["authorization"] = f"Bearer {secret}"
         if address.startswith(("http://", "https://")):
             secure = address.startswith("https://")
-            if not (secure or _is_this_computer(address)):
+            if not (secure or is_this_computer(address)):
                 raise ConfigError(
                     f"--service {address}: would send the token in the clear: give https://, or an"
                     " address of this computer",
                     code="RID-SERVICE-PLAIN",
                 )
-            return cls(
-                httpx.Client(
-                    base_url=address, headers=headers, timeout=_patience(), trust_env=secure
-                )
+            patience = _patience()
+            http = httpx.Client(
+                base_url=address, headers=headers, timeout=patience, trust_env=secure
             )
+            return cls(http)
         transport = httpx.HTTPTransport(uds=str(_socket(address)))
         return cls(
             httpx.Client(
@@ -357,14 +356,6 @@ class LeasedCell:
 _REFUSALS: dict[str, type[RidDaqError]] = {
     each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
 }
-
-
-def _is_this_computer(address: str) -> bool:
-    host = urlsplit(address).hostname or ""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _api(path: str) -> str:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import ipaddress
 import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
+from urllib.parse import urlsplit
 
 BACKLOG: Final = 128
 _ENDING: Final = "service.sock"
@@ -27,6 +29,15 @@ def local_sockets() -> list[Path]:
     from mock_hw.host.runtime_directory import runtime_directory
 
     return [path for path in sorted(runtime_directory().glob(f"*.{_ENDING}")) if _answers(path)]
+
+
+def is_this_computer(address: str) -> bool:
+    """Return whether a URL leads to an address that only this computer has."""
+    host = urlsplit(address).hostname or ""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 @contextlib.contextmanager

@@ -255,7 +255,7 @@ class Workshop:
             self._readiness.note_end(cell, document)
             if ended is None and running.run is not None:
                 self._readiness.note_death(cell.name, reason)
-        self._tell_changed(without=job.id)
+        self._report_changes(without=job.id)
         del self._running[job.id]  # all of it is written: until then it is tried again
         self._feed.forget(cell.name)
         level = logging.INFO if state is JobState.DONE else logging.WARNING
@@ -295,7 +295,7 @@ class Workshop:
         approved: Mapping[str, str] | None = None,
     ) -> Job:
         starting = self._starting[job.id] = StartingJob(job)
-        self._tell_changed()
+        self._report_changes()
         try:
             if job.kind.opens_cell:
                 await self._journal(job)
@@ -305,7 +305,7 @@ class Workshop:
             return self._change(job, JobState.FAILED, reason)
         finally:
             del self._starting[job.id]
-            self._tell_changed()
+            self._report_changes()
         process = worker.process
         if starting.stopping:
             process.kill()
@@ -315,7 +315,7 @@ class Workshop:
         running = RunningJob(job, cell, worker, self.events(job.id))
         self._running[job.id] = running
         self.give_signs_of_life()
-        self._tell_changed()
+        self._report_changes()
         running.order(
             kind=job.kind.value,
             request=job.request,
@@ -332,7 +332,7 @@ class Workshop:
         self._publish(job)
         return job
 
-    def _tell_changed(self, without: str = "") -> None:
+    def _report_changes(self, without: str = "") -> None:
         """Say which process has which cell's bus open; 0 for one that is on its way."""
         jobs = {each.job.cell: 0 for each in self._starting.values() if each.job.kind.opens_cell}
         jobs |= {
@@ -380,15 +380,12 @@ def _give_up(running: RunningJob) -> None:
 
 def outcome_of(running: RunningJob, closing: bool) -> tuple[JobState, str]:
     """Return what became of a job whose process has ended, and why in a sentence."""
-    ended, document = running.ended, running.document
-    told_before = running.run is None and running.process.returncode in _BY_TERM
-    if ended is None and running.stopping and told_before:
+    ended, document, code = running.ended, running.document, running.process.returncode
+    if ended is None and running.stopping and running.run is None and code in _BY_TERM:
         return JobState.INTERRUPTED if closing else JobState.STOPPED, running.stopping
     if ended is None:
-        return JobState.INTERRUPTED, (
-            f"its process died (exit code {running.process.returncode}); the drives stop by their"
-            " own watch"
-        )
+        died = f"its process died (exit code {code}); the drives stop by their own watch"
+        return JobState.INTERRUPTED, died
     if closing:
         return JobState.INTERRUPTED, running.stopping
     if ended.exit_code == 0:

@@ -9,6 +9,7 @@ import os
 import signal
 import socket
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,13 +22,15 @@ from rid_daq.service.front.hand_over import HandOver
 from rid_daq.service.front.wire import Wire
 from rid_daq.service.stop.stop_entrance import StopEntrance
 
-LIMITS: Final = Limits(waiting=1024, answering=512, stream_bytes_s=1 << 30, stream_s=30.0)
+LIMITS: Final = Limits(waiting=1024, answering=512, body_bytes=1 << 40, answer_s=30.0)
+"""What is handed on, the service bounds; here STOP's lines and heads that are not whole are."""
+
 NICENESS: Final = -10
 _ACCEPTED_AT_ONCE: Final = 8
 _BACKLOG: Final = 1024
 
 
-async def serve(told: dict[str, Any]) -> None:
+async def serve(told: Mapping[str, Any]) -> None:
     """Serve until the service has closed its end of the wire."""
     loop, over = asyncio.get_running_loop(), asyncio.Event()
     wire = Wire(socket.socket(fileno=told["wire"]))
@@ -61,7 +64,7 @@ async def serve(told: dict[str, Any]) -> None:
         servers.append(await loop.create_server(accept, sock=listener, backlog=_ACCEPTED_AT_ONCE))
         listener.listen(_BACKLOG)
 
-    def received(document: dict[str, Any], _data: bytes, _descriptor: int | None) -> None:
+    def received(document: Mapping[str, Any], _data: bytes, _descriptor: int | None) -> None:
         if "issued" in document:
             desk.note_issued(document["issued"])
         if "jobs" in document:

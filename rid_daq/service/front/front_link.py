@@ -56,8 +56,8 @@ class FrontLink:
 
     async def run(self) -> None:
         """Have the process, and start another one if it ends; until this task is cancelled."""
-        self._service.tokens.issued_to = self._tell_issued
-        self._service.workshop.changed = self._tell_jobs
+        self._service.tokens.issued_to = self._send_issued
+        self._service.workshop.changed = self._send_jobs
         while True:
             began_s = time.monotonic()
             await self._have_one()
@@ -102,11 +102,11 @@ class FrontLink:
                 process.kill()
                 await process.wait()
 
-    def _tell_issued(self, key: str) -> None:
+    def _send_issued(self, key: str) -> None:
         if self._wire is not None:
             self._wire.send({"issued": [key]})
 
-    def _tell_jobs(self, jobs: dict[str, int]) -> None:
+    def _send_jobs(self, jobs: dict[str, int]) -> None:
         self._jobs = jobs
         if self._wire is not None:
             self._wire.send({"jobs": jobs})

@@ -15,6 +15,7 @@ _BUSY: Final = (
     b"Connection: close\r\n\r\n"
 )
 _BUFFER_BYTES: Final = 32 << 10
+_FIRST_BYTES: Final = 32 << 10  # more than a head, less than a message of the wire holds
 
 
 class HandOver(asyncio.Protocol):
@@ -37,6 +38,8 @@ class HandOver(asyncio.Protocol):
         self._outer: asyncio.Transport | None = None
         self._inner: asyncio.Transport | None = None
         self._task: asyncio.Task[None] | None = None
+        self._backlog = bytearray()
+        self._lost = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin; what the client has sent follows as data."""
@@ -47,6 +50,9 @@ class HandOver(asyncio.Protocol):
         assert self._outer is not None
         if self._inner is not None:
             self._inner.write(data)
+            return
+        if self._task is not None:  # decrypted before reading was paused
+            self._backlog += data
             return
         self._outer.pause_reading()
         if self._outer.get_extra_info("sslcontext") is None:
@@ -60,17 +66,23 @@ class HandOver(asyncio.Protocol):
     async def _relay(self, data: bytes) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
-            sent = self._send(data, theirs.fileno())
+            sent = self._send(data[:_FIRST_BYTES], theirs.fileno())
         if not sent:
             ours.close()
             return
         loop = asyncio.get_running_loop()
         inner, _ = await loop.create_connection(lambda: _Inner(self), sock=ours)
+        if self._lost:
+            inner.abort()
+            return
         self._inner = inner
         self._inner.set_write_buffer_limits(high=_BUFFER_BYTES)
+        self._inner.write(data[_FIRST_BYTES:] + bytes(self._backlog))
+        self._backlog.clear()
         assert self._outer is not None
         self._outer.set_write_buffer_limits(high=_BUFFER_BYTES)
-        self._outer.resume_reading()
+        with contextlib.suppress(RuntimeError):  # it was closed meanwhile
+            self._outer.resume_reading()
 
     def _send(self, data: bytes, descriptor: int) -> bool:
         peer = self._connection.peer
@@ -88,6 +100,7 @@ class HandOver(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End the service's side too."""
+        self._lost = True
         if self._inner is not None:
             self._inner.close()
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
 
 from acquisition.motion.samples import Phase
 from acquisition.task.control_block import ControlBlock
@@ -62,3 +65,17 @@ def taken(served: ServedProcess, motion: str) -> Iterator[str]:
             client.stop("ir361")
             until(lambda: client.cell("ir361").job is None)
             client.ask("DELETE", "/cells/ir361/lease", None, key)
+
+
+def served_port(served: ServedProcess) -> int:
+    return int(httpx.URL(served.url).port or 0)
+
+
+def front_process(served: ServedProcess) -> int | None:
+    """Return the process in front of a service, None if there is none now."""
+    task = Path(f"/proc/{served.process.pid}/task/{served.process.pid}/children")
+    for child in map(int, task.read_text().split()):
+        words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+        if b"rid_daq.service.front" in words:
+            return child
+    return None

@@ -1,0 +1,124 @@
+"""The process in front of the service: STOP also while the service hangs; the rest is handed on."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+from websockets.sync.client import connect
+
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.states import TaskState
+from rid_daq.service.front.front_desk import FrontDesk, hash_of
+from rid_daq.service.records import JobState
+from rid_daq.service.refusals import NotKnownError, UnknownError
+from rid_daq.service.store.tokens import hashed
+from tests.rid_daq.service.conftest import ServedProcess, serving
+from tests.rid_daq.service.moving import begin_motion, front_process, served_port, taken, until
+
+pytestmark = pytest.mark.slow
+STOPPING = {"X-Rid-Daq": "stop"}
+
+
+def post_stop(served: ServedProcess, path: str = "/api/v1/stop") -> dict[str, Any]:
+    answer = httpx.post(
+        f"http://127.0.0.1:{served_port(served)}{path}", headers=STOPPING, timeout=60.0
+    )
+    assert answer.status_code == 202, answer.text
+    told: dict[str, Any] = answer.json()
+    return told
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
+    with serving(tmp_path_factory.mktemp("front")) as found:
+        yield found
+
+
+@pytest.mark.promise("stop-while-the-service-hangs")
+@pytest.mark.parametrize("way", ["http", "line"])
+def test_a_stop_reaches_the_motion_while_the_service_hangs(
+    running: ServedProcess, long_motion: str, way: str
+) -> None:
+    with taken(running, long_motion) as key:
+        job = begin_motion(running, key)
+        with running.client as client:
+            pid = client.job(job.id).pid
+        assert pid is not None
+        control = ControlBlock.of_process(pid)
+        assert control is not None
+        url = f"ws://127.0.0.1:{served_port(running)}/api/v1/stop-line"
+        with connect(url) as line:
+            running.process.send_signal(signal.SIGSTOP)
+            try:
+                if way == "http":
+                    assert post_stop(running, "/api/v1/cells/ir361/stop")["told"]
+                else:
+                    line.send(json.dumps({"stop": "ir361", "number": 1}))
+                    while (told := json.loads(line.recv(60.0)))["type"] != "stopped":
+                        pass
+                    assert told["told"]
+                until(lambda: control.task.state is TaskState.FINISHED)
+            finally:
+                running.process.send_signal(signal.SIGCONT)
+        with running.client as client:
+            until(lambda: client.job(job.id).state.is_over)
+            over = client.job(job.id)
+        assert (over.state, over.reason) == (JobState.STOPPED, "stopped by somebody")
+
+
+@pytest.mark.promise("stop-while-the-service-hangs")
+def test_a_front_that_dies_is_replaced(running: ServedProcess) -> None:
+    until(lambda: front_process(running) is not None)
+    first = front_process(running)
+    assert first is not None
+    os.kill(first, signal.SIGKILL)
+    until(lambda: front_process(running) not in (None, first))
+    assert not post_stop(running)["told"]
+    with running.client as client:
+        assert client.cell("ir361").cell == "ir361"
+
+
+def desk() -> tuple[FrontDesk, list[tuple[str, str]]]:
+    told: list[tuple[str, str]] = []
+    return FrontDesk(["a", "b"], lambda target, who: told.append((target, who))), told
+
+
+@pytest.mark.promise("stop-by-any-token-ever-issued")
+def test_the_front_knows_who_may_stop() -> None:
+    found, _ = desk()
+    assert hash_of("x\ud800") == hashed("x\ud800")
+    shown = {"authorization": "Bearer secret"}
+    with pytest.raises(NotKnownError):
+        found.admit(shown, local=False, address="192.0.2.7")
+    assert found.admit(shown, local=False, address="127.0.0.1") == ""
+    assert found.admit({}, local=True, address="") == ""
+    found.note_issued([hash_of("secret")])
+    key = hash_of("secret")
+    for headers in (
+        shown,
+        {"cookie": "a=b; any-name=secret"},
+        {"sec-websocket-protocol": "rid-daq, rid-daq.secret"},
+    ):
+        assert found.admit(headers, local=False, address="192.0.2.7") == key
+
+
+def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
+    found, told = desk()
+    assert not found.stop("a", "").told
+    found.note_jobs({"a": os.getpid()})
+    control = ControlBlock.create()
+    assert found.stop("*", "key").told
+    assert control.program.stop_code
+    control.program.declare_task_gone()
+    found.note_jobs({"b": 0})
+    assert not found.stop("a", "").told
+    assert found.stop("b", "").told, "its worker is on its way: the service is told"
+    with pytest.raises(UnknownError):
+        found.stop("c", "")
+    assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
