@@ -117,10 +117,8 @@ class ServiceClient:
                     " address of this computer",
                     code="RID-SERVICE-PLAIN",
                 )
-            patience = _patience()
-            http = httpx.Client(
-                base_url=address, headers=headers, timeout=patience, trust_env=secure
-            )
+            http = httpx.Client(base_url=address, headers=headers, trust_env=secure)
+            http.timeout = _patience()
             return cls(http)
         transport = httpx.HTTPTransport(uds=str(_socket(address)))
         return cls(
