@@ -277,11 +277,11 @@ def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (["--confidence", "1.5"], "confidence of 1.5"),
-        (["--margin", "2"], "margin of 2"),
+        (["--confidence", "1.5"], "'--confidence': it should be at most"),
+        (["--margin", "2"], "'--margin': it should be at most"),
         (["--margin", "0.97"], "cannot be driven within its limits at any speed: torque of axis3"),
         (["--jerk", "1", "--jerk", "2"], "--jerk has 2 values: give one, or one for each of 3"),
-        (["--torque-rate", "-1"], "--torque-rate must be positive"),
+        (["--torque-rate", "-1"], "'--torque-rate': it should be at least"),
         (["--mass", "300"], "--mass"),
         (["--base-limits"], "--base-limits: cell ir361 has no `plate` with `limits`"),
         (["--rms-torque", "5"], "RMS torque of axis2 is"),

@@ -45,7 +45,11 @@ def test_no_document_is_an_error_of_the_service(
 
         return asyncio.run(asked())
 
-    @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=15,
+        deadline=None,
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    )
     @given(values_of(SCHEMAS[kind], SCHEMAS[kind]) | st.dictionaries(st.text(), odd_values()))
     def look(request: Any) -> None:
         before = sorted(folder.parent.iterdir())

@@ -351,7 +351,11 @@ def paths_in(value: object) -> Iterator[Path]:
 def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: Path) -> None:
     """Nothing else comes of it, and what is accepted names nothing outside the service's folder."""
 
-    @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=60,
+        deadline=None,
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    )
     @given(values_of(SCHEMAS[kind], SCHEMAS[kind]))
     def look(told: Any) -> None:
         before = sorted(tmp_path.parent.iterdir())
