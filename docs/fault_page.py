@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "faults.md"
@@ -222,38 +222,41 @@ def as_figure(words: str) -> str:
     return plain or "holds"
 
 
-def declared(tests: Path = ROOT / "tests") -> dict[int, set[str]]:
-    """Return the test functions that are marked with `pytest.mark.fault`, by row."""
-    rows: dict[int, set[str]] = {}
+def declared(tests: Path = ROOT / "tests", mark: str = "fault") -> dict[Any, set[str]]:
+    """Return the test functions that carry a mark, by what the mark names: row, or promise."""
+    rows: dict[Any, set[str]] = {}
     for path in sorted(tests.rglob("test_*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         name = path.relative_to(tests.parent).as_posix()
-        for test, marks in _tests(tree, name):
-            for number in marks:
-                rows.setdefault(number, set()).add(test)
+        for test, named in _tests(tree, name, mark):
+            for each in named:
+                rows.setdefault(each, set()).add(test)
     return rows
 
 
 def _tests(
-    node: ast.Module | ast.ClassDef, prefix: str, above: tuple[int, ...] = ()
-) -> Iterator[tuple[str, tuple[int, ...]]]:
+    node: ast.Module | ast.ClassDef, prefix: str, mark: str, above: tuple[Any, ...] = ()
+) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    assigned = [each for each in node.body if isinstance(each, ast.Assign)]
+    above += tuple(_marks([e.value for e in assigned if _is_named(e, "pytestmark")], mark))
     for child in node.body:
         if isinstance(child, ast.ClassDef):
-            yield from _tests(child, f"{prefix}::{child.name}", (*above, *_marks(child)))
+            own = (*above, *_marks(child.decorator_list, mark))
+            yield from _tests(child, f"{prefix}::{child.name}", mark, own)
         elif isinstance(child, ast.FunctionDef) and child.name.startswith("test"):
-            yield f"{prefix}::{child.name}", (*above, *_marks(child))
+            yield f"{prefix}::{child.name}", (*above, *_marks(child.decorator_list, mark))
 
 
-def _marks(node: ast.FunctionDef | ast.ClassDef) -> Iterator[int]:
-    for decorator in node.decorator_list:
-        for call in ast.walk(decorator):
+def _is_named(assigned: ast.Assign, name: str) -> bool:
+    return any(isinstance(each, ast.Name) and each.id == name for each in assigned.targets)
+
+
+def _marks(expressions: Sequence[ast.expr], mark: str) -> Iterator[Any]:
+    for expression in expressions:
+        for call in ast.walk(expression):
             if (
                 isinstance(call, ast.Call)
                 and isinstance(call.func, ast.Attribute)
-                and call.func.attr == "fault"
+                and call.func.attr == mark
             ):
-                yield from (
-                    a.value
-                    for a in call.args
-                    if isinstance(a, ast.Constant) and isinstance(a.value, int)
-                )
+                yield from (a.value for a in call.args if isinstance(a, ast.Constant))

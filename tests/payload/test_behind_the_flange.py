@@ -34,7 +34,6 @@ def exported(
     return json.loads(capsys.readouterr().out)["notes"], (folder / "load").read_text()
 
 
-@pytest.mark.promise("load-behind-flange-is-said")
 @pytest.mark.parametrize("to", [each for each in LoadFormat if each is not LoadFormat.URDF])
 def test_behind_the_flange_is_said_with_its_distance_and_before_it_nothing(
     to: LoadFormat, tmp_path: Path, capsys: pytest.CaptureFixture[str]

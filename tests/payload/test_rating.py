@@ -38,7 +38,6 @@ def test_a_guess_of_the_links_is_no_rating() -> None:
     assert HeaviestPayload.of(robot(cad=None)) is None
 
 
-@pytest.mark.promise("payload-within-rating")
 def test_a_payload_said_to_be_heavier_is_refused_before_the_motion() -> None:
     arm = robot(rated_payload_kg=15.0)
     refuse_heavier(arm, 15.0)
@@ -47,7 +46,6 @@ def test_a_payload_said_to_be_heavier_is_refused_before_the_motion() -> None:
     assert refused.value.refusal == "RID-PAYLOAD-HEAVY"
 
 
-@pytest.mark.promise("payload-within-rating")
 @pytest.mark.parametrize(("mass_kg", "passed"), [(4.0, True), (60.0, False)])
 def test_a_verdict_holds_the_identified_mass_against_the_rating(
     mass_kg: float, passed: bool
@@ -65,7 +63,6 @@ def test_a_verdict_holds_the_identified_mass_against_the_rating(
     assert line.value == pytest.approx(100.0 * mass_kg / 15.0, rel=0.2)
 
 
-@pytest.mark.promise("payload-within-rating")
 def test_a_session_with_such_a_payload_ends_before_anything_moves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -163,7 +163,6 @@ def test_a_bag_cut_anywhere_is_refused_or_read_as_far_as_it_goes(tmp_path: Path)
             bag_as_table(path, bag_map(), NAMES, tmp_path / "table.csv")
 
 
-@pytest.mark.promise("joint-once-per-message")
 @pytest.mark.parametrize("names", [("elbow", "elbow"), ("elbow", "shoulder", "elbow")])
 def test_a_joint_that_a_message_names_twice_is_refused(
     tmp_path: Path, names: tuple[str, ...]

@@ -50,7 +50,6 @@ def test_a_wrong_rate_is_said_by_the_velocities(tmp_path: Path) -> None:
     assert found.startswith("The clock is wrong: positions over rate_hz are 0.900 times")
 
 
-@pytest.mark.promise("unreadable-is-refused")
 @pytest.mark.parametrize("field", ["0_5", "1,5", "nan", "inf", "", "0x1", "1.5 Nm", "٣"])
 def test_a_field_that_is_no_number_is_a_damaged_row(tmp_path: Path, field: str) -> None:
     path = save(tmp_path / "r.csv", T, POSITION, TORQUE)

@@ -18,7 +18,6 @@ def test_plain_numbers_are_read(text: str, value: float) -> None:
     assert parse_number(text) == value
 
 
-@pytest.mark.promise("unreadable-is-refused")
 @pytest.mark.parametrize(
     "text",
     [

@@ -65,7 +65,6 @@ NUMBERS = [
 LISTS = ['xyz="0.4 0 0"', 'rpy="1.5708 0 0"', 'xyz="0 0 1"', 'xyz="0.1 0 0"']
 
 
-@pytest.mark.promise("unreadable-is-refused")
 @pytest.mark.parametrize("wrong", ["1,5", "1_5", "${pi/6}", "1.5 m", "", "0x1", "1.5°"])
 @pytest.mark.parametrize("number", NUMBERS)
 def test_a_number_that_cannot_be_read_is_refused_with_its_line(number: str, wrong: str) -> None:
@@ -75,7 +74,6 @@ def test_a_number_that_cannot_be_read_is_refused_with_its_line(number: str, wron
     assert refused.value.refusal == "RID-FILE-NUMBER"
 
 
-@pytest.mark.promise("unreadable-is-refused")
 @pytest.mark.parametrize(
     "wrong", ["0,4 0 0", "0 0", "0 0 0 0", "nan 0 0", "${pi/2} 0 0", "1_0 0 0"]
 )
@@ -116,7 +114,6 @@ def test_what_no_robot_has_is_refused_with_file_and_line(old: str, new: str, cod
     assert refused.value.refusal == code
 
 
-@pytest.mark.promise("unread-is-reported")
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [

@@ -183,7 +183,6 @@ class TestRoundedAngles:
         assert len(table.notes) == 1
 
 
-@pytest.mark.promise("at-most-16-joints")
 def test_more_than_16_joints_are_refused_with_file_and_line() -> None:
     limits = "{position_min: -1, position_max: 1, velocity: 1, acceleration: 1, torque: 1}"
     joints = "".join(f"  - {{name: j{n}, limits: {limits}}}\n" for n in range(17))

@@ -70,7 +70,6 @@ def test_what_cannot_be_meant_is_replaced_and_said(
     assert any(told in str(taken) for taken in one.taken)
 
 
-@pytest.mark.promise("unreadable-is-refused")
 @pytest.mark.parametrize(
     ("kind", "limits"),
     [

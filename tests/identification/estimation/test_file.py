@@ -140,7 +140,6 @@ def test_a_changed_file_is_refused_with_its_place(
         read_estimate(edited(path, change))
 
 
-@pytest.mark.promise("unsound-model-is-refused")
 @pytest.mark.parametrize(
     "change",
     [

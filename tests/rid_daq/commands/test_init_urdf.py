@@ -194,7 +194,6 @@ def test_what_cannot_be_made_is_said_and_nothing_written(
     assert not (tmp_path / "cell").exists()
 
 
-@pytest.mark.promise("unreadable-is-refused")
 def test_a_limit_that_cannot_be_read_ends_init_with_exit_code_2_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,7 +19,6 @@ READ = """async (texts) => {
 }"""
 
 
-@pytest.mark.promise("decimal-comma-in-the-browser")
 def test_a_decimal_comma_is_read_and_what_is_ambiguous_or_no_number_is_none(
     open_page: OpenPage,
 ) -> None:
@@ -36,7 +35,6 @@ def test_a_decimal_comma_is_read_and_what_is_ambiguous_or_no_number_is_none(
     assert open_page().evaluate(READ, list(read)) == list(read.values())
 
 
-@pytest.mark.promise("decimal-comma-in-the-browser")
 @pytest.mark.parametrize(("typed", "mass"), [("9,6", 9.6), ("9.6", 9.6)])
 def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str], typed: str, mass: float
@@ -52,7 +50,6 @@ def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
     give_back(page)
 
 
-@pytest.mark.promise("decimal-comma-in-the-browser")
 def test_a_mass_that_is_no_number_is_refused_by_its_field(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
