@@ -44,11 +44,6 @@ class Known(Ranged):
             raise EstimationError(
                 f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}"
             )
-        if not np.isfinite(self.value) or not 0.0 <= self.sigma < np.inf:
-            raise EstimationError(
-                f"what is known of {self.name} must be a number with a standard deviation that is"
-                " not negative"
-            )
         if self.name == "m" and self.value <= 0.0:
             raise EstimationError("a known mass must be positive")
         self._refuse_other_units()

@@ -12,7 +12,7 @@ import pytest
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.processing.periods import PeriodAverage, average_periods
-from config.errors import EstimationError
+from config.errors import ConfigError, EstimationError
 from config.robot.robot import RobotDescription
 from identification.choices import REPORTED, PayloadLimits
 from identification.estimation.estimate import Estimate
@@ -257,7 +257,7 @@ def test_what_contradicts_itself_is_not_a_payload(
         Known("mass", 1.0, 0.1)
     with pytest.raises(EstimationError, match="must be positive"):
         Known("m", -1.0, 0.1)
-    with pytest.raises(EstimationError, match="not negative"):
+    with pytest.raises(ConfigError, match=r"sigma: -0\.1 is outside its range"):
         Known("m", 1.0, -0.1)
 
 
