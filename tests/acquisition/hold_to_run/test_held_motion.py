@@ -219,3 +219,32 @@ def test_whatever_is_pressed_and_let_go_speed_and_acceleration_stay_reduced(
     slope = np.diff(velocities, axis=0) / T
     assert (np.abs(slope) <= 0.3 * ACCELERATION * (1.0 + 1e-6)).all()
     assert (np.abs(np.diff(positions, axis=0)) <= 0.31 * SPEED * T).all()
+
+
+@pytest.mark.promise("ranges-everywhere")
+@pytest.mark.parametrize(
+    ("goal", "pace"),
+    [
+        (GOAL, np.nan),
+        (GOAL, -1.0),
+        (GOAL, 0.0),
+        (np.array([np.nan, 0.0]), 1.0),
+        (np.array([np.inf, 0.0]), 1.0),
+        (np.array([2.001, -0.2]), 1.0),
+    ],
+)
+def test_what_nobody_can_mean_leads_nowhere(goal: NDArray[np.float64], pace: float) -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(goal, pace=pace)
+    bench.cycles(50, held=True)
+    np.testing.assert_array_equal(bench.positions, np.tile(START, (51, 1)))
+
+
+@pytest.mark.promise("ranges-everywhere")
+def test_no_order_is_driven_beyond_a_tenth_of_the_speed_limit() -> None:
+    bench = Bench()
+    bench.cycles(1, held=False)
+    bench.press(START + np.array([1.5, 0.0]), pace=1e6)
+    bench.cycles(200, held=True)
+    assert np.abs(bench.velocities).max() == pytest.approx(0.1 * SPEED)
