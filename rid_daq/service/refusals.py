@@ -32,6 +32,9 @@ _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
     (errors.LockedError, HTTPStatus.CONFLICT),
     (errors.PreflightError, HTTPStatus.CONFLICT),
     (errors.ConfigError, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (errors.RecordingError, HTTPStatus.UNPROCESSABLE_ENTITY),  # a damaged run harms itself only
+    (errors.DataQualityError, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (errors.EstimationError, HTTPStatus.UNPROCESSABLE_ENTITY),
 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Sequence
 from http import HTTPStatus
 from typing import Any
@@ -23,6 +24,7 @@ from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_desk import StopDesk
 
 API_VERSION = "1.0"
+MOST_DETAILS = 10
 
 
 class Problem(Record):
@@ -64,7 +66,7 @@ def make_api(
     for router in more:
         app.include_router(router)
     app.add_exception_handler(RidDaqError, _refused)
-    app.add_exception_handler(RequestValidationError, _not_valid)
+    app.add_exception_handler(RequestValidationError, _misread)
     app.add_middleware(JsonBody)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign]
     return app
@@ -106,13 +108,23 @@ def _moved(schema: Any, name: str) -> Any:
 async def _refused(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RidDaqError)
     told = Problem(error=type(error).__name__, message=str(error), code=error.refusal)
-    return JSONResponse(told.model_dump(), status_code=status_of(error))
+    return AsciiResponse(told.model_dump(), status_code=status_of(error))
 
 
-async def _not_valid(_request: Request, error: Exception) -> JSONResponse:
+async def _misread(_request: Request, error: Exception) -> JSONResponse:
+    """Answer a request that is not of its type, without repeating what was sent."""
     assert isinstance(error, RequestValidationError)
-    first = error.errors()[0]
-    where = ".".join(map(str, first["loc"][1:])) or str(first["loc"][0])
-    message = f"{where}: {first['msg']}"[:MOST_SHOWN]
+    details = [{name: each[name] for name in ("type", "loc", "msg")} for each in error.errors()]
+    where = ".".join(map(str, details[0]["loc"]))
+    message = f"{where}: {details[0]['msg']}"[:MOST_SHOWN]
     told = Problem(error="ConfigError", message=message, code="RID-REQUEST-INVALID")
-    return JSONResponse(told.model_dump(), HTTPStatus.UNPROCESSABLE_ENTITY)
+    document = {**told.model_dump(), "detail": details[:MOST_DETAILS]}
+    return AsciiResponse(document, status_code=HTTPStatus.UNPROCESSABLE_ENTITY)
+
+
+class AsciiResponse(JSONResponse):
+    """JSON in ASCII: half characters that a client has sent do not end the answer."""
+
+    def render(self, content: Any) -> bytes:
+        """Return the content as JSON."""
+        return json.dumps(content, allow_nan=False).encode("ascii")

@@ -244,3 +244,17 @@ def test_no_document_breaks_a_request(
 
     check()
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.promise("bad-files")
+@pytest.mark.parametrize("content", [DEEP, b'{"schema": NaN}', b"\xff\xfe", b"[]", b"{}"])
+def test_a_damaged_run_harms_itself_only(asker: Asker, content: bytes) -> None:
+    run = RunFolder.create(asker.service.runs, "damaged")
+    run.file("result.json").write_bytes(content)
+    run.finish(RunStatus.COMPLETE, {"robot": "ir361"})
+    torn = RunFolder.create(asker.service.runs, "torn")
+    torn.file("manifest.json").write_bytes(content)
+    for path in ("", "/manifest", "/result", "/report"):
+        for name in ("damaged", torn.run_id):
+            assert asker.ask("GET", f"/api/v1/runs/{name}{path}").status_code < 500
+    assert len(asker.ask("GET", "/api/v1/runs").json()) == 2
