@@ -44,7 +44,7 @@ _MOST_OF: Final = MappingProxyType(
 """Characters of a field's texts, if not `MOST_CHARACTERS`: a pasted file, and paths."""
 
 _JSON: Final = (".json",)
-_ENDINGS: Final = MappingProxyType(
+OUTPUT_ENDINGS: Final = MappingProxyType(
     {
         JobKind.DESIGN: (".yaml",),
         JobKind.RETIME: (".yaml",),
@@ -147,7 +147,7 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
     ConfigError
         It ends otherwise.
     """
-    endings = {"output": _ENDINGS.get(kind), "report": (".html",)}
+    endings = {"output": OUTPUT_ENDINGS.get(kind), "report": (".html",)}
     for name, allowed in endings.items():
         output = request.get(name)
         if output is not None and allowed and Path(str(output)).suffix not in allowed:

@@ -86,13 +86,12 @@ def request_of(
         It is not a request of this kind, or a number in it is outside of its range.
     """
     require_bounded(kind, told)
-    require_ending(kind, told)
     request = request_type(kind)
     fields = request.__dataclass_fields__
     owned = {"cell": cell, "runs": runs, "cleared": cleared, "tester": owner}
     filled = {**told, **{name: value for name, value in owned.items() if name in fields}}
     try:
-        return TypeAdapter(request).validate_python(filled)
+        asked = TypeAdapter(request).validate_python(filled)
     except ValidationError as error:
         found = error.errors()
         first = next((each for each in found if each["type"] in _OUT_OF_RANGE), found[0])
@@ -101,6 +100,8 @@ def request_of(
         raise ConfigError(f"{kind.value}: {where}: {first['msg']}", code=code) from None
     except ConfigError as error:
         raise ConfigError(f"{kind.value}: {error}", code=error.refusal) from None
+    require_ending(kind, told)
+    return asked
 
 
 def request_schema(kind: JobKind) -> dict[str, object]:
