@@ -89,7 +89,11 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     clustered = np.diagonal(estimate.covariance_jackknife)
     colour = min(1.0, float(np.median(white / clustered)))
     tried: list[tuple[str, FloatArray]] = []
+    still = {estimate.robot.joint_names.index(s.joint): s.positions[0] for s in estimate.still}
     for words, motion in joint_motions(estimate.robot):
+        if np.any(motion[1][:, list(still)] != 0.0):  # it would show other parameters, too
+            continue
+        motion[0][:, list(still)] = list(still.values())
         tried.append((words, _information(estimate, motion, noise)))
     found = []
     for i in weak:
@@ -142,6 +146,30 @@ def few_findings(estimate: Estimate) -> tuple[str, ...]:
     )
 
 
+def still_findings(estimate: Estimate) -> tuple[str, ...]:
+    """Say what is left out of joints that no run moved.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    """
+    return tuple(
+        f"{each.words} stood still: its own friction and inertia are not shown and left out"
+        f" ({', '.join(_of_joint(estimate, each.joint)) or 'none in the model'}), and the other"
+        f" parameters hold only with {each.joint} there. To identify it, record a motion that moves"
+        f" {each.joint} and identify both runs together."
+        for each in estimate.still
+    )
+
+
+def _of_joint(estimate: Estimate, joint: str) -> list[str]:
+    """Return the unseen friction and motor parameters of a joint."""
+    number = estimate.robot.joint_names.index(joint) + 1
+    motor = (f"Im{number}", f"Ia{number}")
+    return [name for name in estimate.base.unseen if name.endswith(f"_{joint}") or name in motor]
+
+
 def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
     """Say of nonlinear parameters that the data do not show that they are no estimates.
 
@@ -185,6 +213,8 @@ def _information(
     model: RobotModel = estimate.model
     warm = Conditions(temperature_k=np.full(model.chain.n, 300.0))
     columns = torque_columns(model, estimate.base, motion, warm)
+    for each in estimate.still:  # the torque of a joint at rest shows nothing
+        columns[:, model.joint_names.index(each.joint)] = 0.0
     return np.asarray((columns / noise[:, np.newaxis]).reshape(-1, len(estimate.base)))
 
 

@@ -147,6 +147,7 @@ class ConsistencyProgramme:
         settings.verbose = False
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
+        statuses: list[str] = []
         for unit in UNITS_SIGMAS:  # far from every consistent robot the solver needs a larger one
             solution = DefaultSolver(
                 self._quadratic,
@@ -156,10 +157,11 @@ class ConsistencyProgramme:
                 [*(PSDTriangleConeT(SIZE) for _ in self.bodies), NonnegativeConeT(k)],
                 settings,
             ).solve()
-            if str(solution.status) in ("Solved", "AlmostSolved"):
+            statuses.append(str(solution.status))
+            if statuses[-1] in ("Solved", "AlmostSolved"):
                 x = unit * np.array(solution.x)
                 return np.asarray(self.units @ (start + directions @ x))
         raise EstimationError(
-            f"no physically consistent parameters were found (Clarabel: {solution.status});"
+            f"no physically consistent parameters were found (Clarabel: {', '.join(statuses)});"
             " look for parameters with senseless values or standard deviations in the estimate"
         )

@@ -217,6 +217,14 @@ def with_free_reversals(
     )
 
 
+def mean_motion(average: PeriodAverage, band_hz: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities of a mean period, (samples, n) [rad or m, per s]."""
+    harmonics = harmonics_below(
+        band_hz, average.period_s, average.sample_period_s, average.torque_filter
+    )
+    return _motion(average, harmonics)[:2]
+
+
 def _motion(average: PeriodAverage, harmonics: int) -> Derivatives:
     """Return the motion of a mean period on a fine grid.
 

@@ -65,7 +65,7 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     robot = estimate.robot.model_copy(update={"joints": own})
     options = replace(estimate.options, friction_terms=None)
     model = options.build(robot)
-    base = base_parameters(model, kind=options.kind)
+    base = base_parameters(model, kind=options.kind, still=estimate.still)
     heads = np.eye(len(estimate.base.standard_names))[list(estimate.base.kept)].T
     turned = base.combination @ _folding(estimate.model, model, temperature_k) @ heads
 

@@ -21,6 +21,7 @@ from identification.equations.warming import Warming
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
+from identification.model.still_joints import StillJoint, refuse_still
 from identification.regression.fit_grade import FitGrade, grade_fit
 
 BLOCK_ROWS = 4096
@@ -88,6 +89,8 @@ class Estimate:
         Where it was measured.
     run_ids : tuple of str
         The runs behind it.
+    still : tuple of StillJoint
+        Joints that no run moved: it holds only at their positions.
     """
 
     robot: RobotDescription
@@ -116,6 +119,7 @@ class Estimate:
     periods: int = 0
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
+    still: tuple[StillJoint, ...] = ()
 
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
@@ -234,8 +238,15 @@ def predict(
         Motion [rad or m, per second, per second squared].
     conditions : Conditions, optional
         Temperature and payload; the load is computed here, and the memory where it is not given.
+
+    Raises
+    ------
+    EstimationError
+        A joint that stood still when the robot was identified is not where it stood.
     """
     model, torque = estimate.model, np.empty(np.shape(q))
+    if isinstance(estimate, Estimate):
+        _refuse_other_positions(estimate, q)
     if conditions is None or conditions.memory is None:
         conditions = with_memory(model, q, conditions)
     for start in range(0, len(q), BLOCK_ROWS):
@@ -277,6 +288,7 @@ def predict_base_wrench(
             "the internal model does not know the reaction on the base: identify the combined"
             " model, from a run with a force plate"
         )
+    _refuse_other_positions(estimate, q)
     wrench = np.empty((len(q), 6))
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
@@ -284,6 +296,15 @@ def predict_base_wrench(
         phi = base_wrench_regressor(estimate.model, q[rows], v[rows], a[rows], block)
         wrench[rows] = estimate.base.columns(phi) @ estimate.values
     return wrench
+
+
+def _refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
+    """Refuse positions of joints that stood elsewhere when the estimate was made."""
+    names = estimate.robot.joint_names
+    refuse_still(
+        [each for each in estimate.still if not each.stands_there(q[:, names.index(each.joint)])],
+        "this motion cannot be predicted",
+    )
 
 
 def _sigma(covariance: FloatArray) -> FloatArray:

@@ -28,6 +28,7 @@ from identification.estimation.file_checks import UNSOUND_MODEL, refuse_contradi
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters, ModelKind
 from identification.model.options import ModelOptions
+from identification.model.still_joints import StillJoint
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -54,6 +55,11 @@ class _Options(ConfigModel):
     sign_smoothing_rad_s: float
     friction_terms: tuple[FrictionTerm, ...] | None = None
     payload: bool = False
+
+
+class _Still(ConfigModel):
+    joint: str
+    positions: Annotated[Row, Field(min_length=1)]
 
 
 class _Shape(ConfigModel):
@@ -128,6 +134,7 @@ class EstimateDocument(ConfigModel):
     plate: _Plate | None = None
     channel: _Channel | None = None
     warming: _Warming | None = None
+    still: tuple[_Still, ...] = ()
     model: _Options
     robot: RobotDescription
 
@@ -218,6 +225,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         plate=None if plate is None else _Plate.taken(plate),
         channel=None if estimate.channel is None else _Channel.taken(estimate.channel),
         warming=None if estimate.warming is None else _Warming.taken(estimate.warming),
+        still=tuple(_Still.taken(each) for each in estimate.still),
         model=_Options.taken(estimate.options),
     )
 
@@ -269,6 +277,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         plate=None if document.plate is None else document.plate.into(PlateFit),
         channel=None if document.channel is None else document.channel.into(TorqueChannel),
         warming=None if document.warming is None else document.warming.into(Warming),
+        still=tuple(each.into(StillJoint) for each in document.still),
         cell_name=document.cell,
         run_ids=document.runs,
     )

@@ -17,7 +17,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
-from identification.equations.bins import BinEquations
+from identification.equations.bins import BinEquations, mean_motion
 from identification.equations.plate_fit import PlateFit
 from identification.equations.whitened import residual_covariance
 from identification.estimation.estimate import Estimate
@@ -28,6 +28,7 @@ from identification.estimation.prior import prior_rows
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.inertia import base_inertia_squares, inertia_size
 from identification.model.options import ModelOptions
+from identification.model.still_joints import StillJoint, still_joints
 from identification.regression.intervals import at_least
 from identification.regression.least_squares import Solution
 
@@ -54,6 +55,8 @@ class FittedPeriods:
         One a run.
     fit : PeriodicFit
         The solution.
+    still : tuple of StillJoint
+        The joints that no run moves.
     """
 
     robot: RobotDescription
@@ -62,6 +65,7 @@ class FittedPeriods:
     problem: PeriodicProblem
     equations: tuple[BinEquations, ...]
     fit: PeriodicFit
+    still: tuple[StillJoint, ...] = ()
 
     @property
     def base(self) -> BaseParameters:
@@ -116,6 +120,7 @@ class FittedPeriods:
             periods=sum(average.periods_kept for average in problem.averages),
             cell_name=cell_name,
             run_ids=run_ids,
+            still=self.still,
         )
 
 
@@ -151,7 +156,8 @@ def fit_periodic(
         needs is missing.
     """
     options = options or EstimationOptions()
-    model, base, terms = model_of(robot, options.model)
+    motions = [mean_motion(average, options.band_hz) for average in averages]
+    model, base, terms, still = model_of(robot, options.model, motions, options.standstill_rad_s)
     n, runs = len(robot.joints), len(averages)
     problem = PeriodicProblem(
         base=base,
@@ -183,7 +189,7 @@ def fit_periodic(
         equations = problem.equations(model, shaped.standard)
         problem, fit = _with_delays(problem, model, shaped.standard, equations)
     terms = terms.with_nonlinear_of(model)
-    return FittedPeriods(robot, terms, model, problem, equations, fit)
+    return FittedPeriods(robot, terms, model, problem, equations, fit, still)
 
 
 def _with_delays(
@@ -213,11 +219,27 @@ def _with_delays(
 
 
 def model_of(
-    robot: RobotDescription, options: ModelOptions | None
-) -> tuple[RobotModel, BaseParameters, ModelOptions]:
-    """Return the model that options ask for, what of it can be identified, and the options."""
+    robot: RobotDescription,
+    options: ModelOptions | None,
+    motions: Sequence[tuple[FloatArray, FloatArray]] = (),
+    standstill_rad_s: float = 0.0,
+) -> tuple[RobotModel, BaseParameters, ModelOptions, tuple[StillJoint, ...]]:
+    """Return the model that options ask for, and what of it some motions can show.
+
+    Returns
+    -------
+    model : RobotModel
+        The model.
+    base : BaseParameters
+        What of it can be identified.
+    options : ModelOptions
+        The options, less what their kind of model has not.
+    still : tuple of StillJoint
+        The joints that none of the motions, each q and v, moves.
+    """
     options = options or ModelOptions()
     if options.kind == "external":  # what is inside the robot, the base does not feel
         options = replace(options, friction=False, friction_terms=None, spring=False)
     model = options.build(robot)
-    return model, base_parameters(model, kind=options.kind), options
+    still = still_joints(model, motions, standstill_rad_s) if motions else ()
+    return model, base_parameters(model, kind=options.kind, still=still), options, still

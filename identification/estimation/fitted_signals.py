@@ -26,6 +26,7 @@ from identification.estimation.smoothed_fit import (
 )
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
+from identification.model.still_joints import StillJoint
 from identification.regression.intervals import at_least
 
 
@@ -47,6 +48,8 @@ class FittedSignals:
         Where the equations are linearised; None where the model is linear.
     fit : SmoothedFit
         The solution.
+    still : tuple of StillJoint
+        The joints that no run moves.
     """
 
     robot: RobotDescription
@@ -55,6 +58,7 @@ class FittedSignals:
     problem: SmoothedProblem
     standard: FloatArray | None
     fit: SmoothedFit
+    still: tuple[StillJoint, ...] = ()
 
     @property
     def base(self) -> BaseParameters:
@@ -104,6 +108,7 @@ class FittedSignals:
             weighting=problem.weighting,
             cell_name=cell_name,
             run_ids=run_ids,
+            still=self.still,
         )
 
 
@@ -138,7 +143,8 @@ def fit_smoothed(
         The joints do not fit, or the motion does not show the parameters.
     """
     options = options or EstimationOptions()
-    model, base, terms = model_of(robot, options.model)
+    motions = [(run.position, run.velocity) for run in signals]
+    model, base, terms, still = model_of(robot, options.model, motions, options.standstill_rad_s)
     if terms.kind != "internal":
         raise EstimationError(
             f"the {terms.kind} model is estimated from periodic runs only: record a periodic"
@@ -152,4 +158,6 @@ def fit_smoothed(
         prior=prior_rows(base, options.prior),
     )
     model, standard, fit = fit_with_nonlinear(model, base, problem.fit)
-    return FittedSignals(robot, terms.with_nonlinear_of(model), model, problem, standard, fit)
+    return FittedSignals(
+        robot, terms.with_nonlinear_of(model), model, problem, standard, fit, still
+    )

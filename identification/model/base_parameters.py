@@ -9,6 +9,7 @@ merged into them.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,6 +21,7 @@ from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
 from dynamics.model.transmission import Transmission
 from dynamics.terms.conditions import Conditions
+from identification.model.still_joints import StillJoint
 from identification.regression.least_squares import triangular_factor
 
 ModelKind = Literal["internal", "external", "combined"]
@@ -103,6 +105,7 @@ def base_parameters(
     model: RobotModel,
     *,
     kind: ModelKind = "internal",
+    still: Sequence[StillJoint] = (),
     tolerance: float = 1e-8,
     samples: int = 300,
     seed: int = 0,
@@ -117,6 +120,9 @@ def base_parameters(
         What is measured: joint torques (the internal model), the six components of the reaction
         on the base plate (external), or both. Gears count as lossless; a payload as measured both
         with and without it.
+    still : sequence of StillJoint
+        Joints that stand still, whose torques count as not measured: friction at rest may be
+        anything.
     tolerance : float
         A column whose part independent of the columns kept is smaller than this fraction of it
         counts as dependent.
@@ -131,25 +137,36 @@ def base_parameters(
     EstimationError
         The rank is not clear at this tolerance.
     """
-    stacked = random_regressor(model, kind=kind, samples=samples, seed=seed)
+    stacked = random_regressor(model, kind=kind, still=still, samples=samples, seed=seed)
     return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
 
 
 def random_regressor(
-    model: RobotModel, *, kind: ModelKind = "internal", samples: int = 300, seed: int = 0
+    model: RobotModel,
+    *,
+    kind: ModelKind = "internal",
+    still: Sequence[StillJoint] = (),
+    samples: int = 300,
+    seed: int = 0,
 ) -> FloatArray:
     """Return the regressor that `base_parameters` looks at, shape (rows, p)."""
     random = np.random.default_rng(seed)
     shape = (samples, len(model.joint_names))
     q = random.uniform(-np.pi, np.pi, shape)
     v, a = random.normal(0.0, 2.0, shape), random.normal(0.0, 5.0, shape)
+    for each in still:
+        j = model.joint_names.index(each.joint)
+        q[:, j], v[:, j], a[:, j] = random.choice(each.positions, samples), 0.0, 0.0
+    measured = np.any(model.actuator_speed(v) != 0.0, axis=0)
+    if not measured.any():
+        raise EstimationError("every joint stands still: record a motion that moves them")
     lossless = replace(model, transmission=Transmission())
     temperature = random.uniform(280.0, 350.0, shape)
     parts: list[FloatArray] = []
     for payload in (False, True) if "payload" in model.parameter_groups else (False,):
         conditions = Conditions(temperature_k=temperature, payload=payload)
         if kind != "external":
-            parts.append(regressor(lossless, q, v, a, conditions))
+            parts.append(regressor(lossless, q, v, a, conditions)[:, measured])
         if kind != "internal":
             parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
     columns = len(model.parameter_names)

@@ -327,7 +327,7 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
     np.fill_diagonal(correlation, 1.0)
     factor = np.linalg.cholesky(correlation + 1e-9 * np.eye(PARAMETERS_PER_LINK))
     programme = ConsistencyProgramme(
-        matrix=np.linalg.solve(factor, np.diag(1.0 / sigma)),
+        matrix=np.asarray(np.linalg.solve(factor, np.diag(1.0 / sigma)), dtype=np.float64),
         weight=PULL,
         centre=values,
         scale=sigma,

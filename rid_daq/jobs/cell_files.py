@@ -15,6 +15,7 @@ from config.load import LoadedCell
 from config.robot.robot import RobotDescription
 from identification.estimation import file as estimate_file
 from identification.estimation.estimate import Estimate
+from identification.model.still_joints import refuse_still
 
 
 def motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
@@ -41,12 +42,14 @@ def motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, bytes]:
 
 
 def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
-    """Return the model of a file, which must be of a robot.
+    """Return the model of a file, which must be of a robot, and of which every joint moved.
 
     Raises
     ------
     ConfigError
         It is none, or of another robot, be it one with the same joint names.
+    EstimationError
+        A joint stood still when it was identified.
     """
     return estimate_and_bytes(path, robot)[0]
 
@@ -54,7 +57,8 @@ def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
 def estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
     """Return the model of a file, and the file's bytes; as `estimate_for`."""
     data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
-    return require_robot(path, estimate_file.estimate_content(data, path), robot), data
+    estimate = require_robot(path, estimate_file.estimate_content(data, path), robot)
+    return require_every_joint(path, estimate), data
 
 
 def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Estimate:
@@ -66,6 +70,18 @@ def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Es
             f" differ in {', '.join(differences)}. Identify this robot, or correct its file (of an"
             " import: the map's `robot`)"
         )
+    return estimate
+
+
+def require_every_joint(path: Path, estimate: Estimate) -> Estimate:
+    """Return a model of which every joint moved when it was identified.
+
+    Raises
+    ------
+    EstimationError
+        A joint stood still.
+    """
+    refuse_still(estimate.still, str(path))
     return estimate
 
 

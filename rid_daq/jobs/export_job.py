@@ -21,6 +21,7 @@ from identification.export.description import pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
+from identification.model.still_joints import refuse_still
 from identification.regression.fit_grade import Grade
 from rid_daq.runs.run_data import RunData, report_lacks
 from rid_daq.terminal.choices import MODEL, Format
@@ -121,6 +122,8 @@ def export_model(request: ExportRequest) -> ExportedModel:
             " the identified parameters are sums over several"
         )
     estimate = read_estimate(Path(request.what))
+    if not as_identified:
+        refuse_still(estimate.still, request.what)
     bad = [fit.joint for fit in estimate.fit if fit.grade is Grade.BAD]
     if bad and not request.despite_misfit:
         raise EstimationError(

@@ -26,6 +26,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
+from identification.model.still_joints import refuse_still, still_joints
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from identification.validation.period_delays import choose_period_delays
@@ -140,9 +141,12 @@ def compare_friction(
     robot = one_robot(data)
     if how.loaded:
         raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
+    signals = signals_of(data, how)
+    motions = [(run.position, run.velocity) for run in signals]
+    model, speed = how.options.model.build(robot), how.options.standstill_rad_s
+    refuse_still(still_joints(model, motions, speed), "friction cannot be chosen (--choose)")
     if data[0].is_periodic:
         return _compare_periods(robot, data, how, watch)
-    signals = signals_of(data, how)
     alike = len({run.sample_period_s for run in signals}) == 1
     if alike:
         bandwidth_hz = choose_bandwidth(robot, signals, how.options)

@@ -8,7 +8,12 @@ from pathlib import Path
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
-from identification.accuracy.identifiability import few_findings, unseen_findings, weak_parameters
+from identification.accuracy.identifiability import (
+    few_findings,
+    still_findings,
+    unseen_findings,
+    weak_parameters,
+)
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
 from identification.choices import LoadMassKg, LoadMassSigmaKg
@@ -256,6 +261,7 @@ def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, 
     """Return what a person should know of an estimate."""
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [
+        *still_findings(estimate),
         *few_findings(estimate),
         *unseen_findings(estimate),
         *(each.sentence for each in weak),

@@ -11,7 +11,7 @@ from identification.regression.fit_grade import Grade
 from identification.wiring.mistakes import Kind
 from rid_daq.report.consistency_entry import ConsistencyEntry
 from rid_daq.report.formats import measured, number
-from rid_daq.report.sections.section import Section, Texts, finite, say_doubts, units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
@@ -38,8 +38,7 @@ class ParameterEntry(Section):
         True where the fit ended at an end of the parameter's range: the data do not show it, and
         its standard deviation means nothing. Left out elsewhere.
     not_shown : bool
-        True if the data do not show the parameter: it is at a bound, or its interval is as wide as
-        its range. Its value is no estimate then. Left out elsewhere.
+        True if it is at a bound, or its interval is as wide as its range. Left out elsewhere.
     """
 
     name: str
@@ -198,6 +197,8 @@ class EstimateSection(Section):
     mistakes : tuple of MistakeEntry
         Mistakes of wiring, units and files that explain the data far better; left out where nobody
         looked.
+    still : dict of str to numbers
+        Joints that no run moved, and where they stood [rad or m]; left out if there are none.
     consistency : ConsistencyEntry or None
         Test of physical consistency; left out if it was not made.
     """
@@ -215,6 +216,7 @@ class EstimateSection(Section):
     axes: tuple[AxisResidual, ...]
     findings: Texts | None = None
     mistakes: tuple[MistakeEntry, ...] | None = None
+    still: dict[str, Numbers] | None = None
     consistency: ConsistencyEntry | None = None
 
     @classmethod
@@ -274,6 +276,7 @@ class EstimateSection(Section):
             ),
             findings=None if findings is None else tuple(findings),
             mistakes=mistakes,
+            still={each.joint: each.positions for each in estimate.still} or None,
             consistency=None if consistency is None else ConsistencyEntry.of(consistency),
         )
 

@@ -36,7 +36,7 @@ SEEDS = 6
 
 
 def truth_of(kind: ModelKind, cell: Any, arm: KnownArm) -> NDArray[np.float64]:
-    model, base, _ = model_of(arm.robot, ModelOptions(kind=kind))
+    model, base, *_ = model_of(arm.robot, ModelOptions(kind=kind))
     return base.from_standard(true_parameters(model, cell.robot, cell.plant))
 
 
