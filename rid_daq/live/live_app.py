@@ -22,6 +22,7 @@ _FILES = {
     "/page.css": ("page.css", "text/css"),
     "/icon.svg": ("icon.svg", "image/svg+xml"),
     "/page.js": ("page.js", "text/javascript"),
+    "/stop.js": ("stop.js", "text/javascript"),
 }
 _NO_TOKEN = (
     "This page needs the whole address that rid-daq has shown in its terminal, with ?t= and what"

@@ -3,7 +3,7 @@
 const OLD_MS = 500, HISTORY_MS = 60000;
 const byId = (id) => document.getElementById(id);
 const cards = [];
-let shown = null, heardAt = 0, askedToStop = false, stopFailed = false, unknown = false;
+let shown = null, heardAt = 0, unknown = false;
 
 function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
@@ -144,13 +144,12 @@ function look() {
   document.body.classList.toggle("old", silent && !ended);
   byId("stop").disabled = ended && silent;
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
-  if (stopFailed) banner("bad", "The stop was NOT sent. Use the emergency stop.");
-  else if (unknown) banner("bad", "Not admitted: open the whole address that the terminal shows.");
+  if (unknown) banner("bad", "Not admitted: open the whole address that the terminal shows.");
   else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}`);
   else if (shown && shown.problem !== null) banner("bad", shown.problem);
   else if (ended) banner("good", "The motion has ended; the drives are off.");
   else if (silent && shown !== null) banner("bad", "NOT LIVE: what you see is old.");
-  else if (askedToStop || (shown && shown.stop_asked)) banner("wait", "Asked to stop.");
+  else if (shown && shown.stop_asked) banner("wait", "Asked to stop.");
   else banner("", "");
 }
 
@@ -162,24 +161,15 @@ function paint() {
   }
 }
 
-async function stop() {
-  askedToStop = true;
-  try {
-    const answer = await fetch("/stop", {
-      method: "POST", body: "{}", cache: "no-store",
-      headers: { "Content-Type": "application/json", "X-Rid-Daq": "stop" },
-    });
-    stopFailed = !answer.ok;
-  } catch {
-    stopFailed = !(shown && shown.over);
-  }
-  look();
-}
-
-byId("stop").addEventListener("pointerdown", (event) => { if (event.button === 0) stop(); });
-byId("stop").addEventListener("click", (event) => { if (event.detail === 0) stop(); });  // by keyboard
 const events = new EventSource("/events");
-events.onmessage = (event) => { heardAt = performance.now(); unknown = false; show(JSON.parse(event.data)); look(); };
+events.onmessage = (event) => {
+  heardAt = performance.now();
+  unknown = false;
+  show(JSON.parse(event.data));
+  look();
+  // stop.js goes on until it knows of an answer, and this one may come before the request's own
+  if (shown.stop_asked) document.dispatchEvent(new CustomEvent("stop-answered", { detail: { sentence: "Asked to stop." } }));
+};
 events.onerror = () => { unknown = events.readyState === EventSource.CLOSED && shown === null; look(); };
 setInterval(look, 200);
 setInterval(paint, 250);

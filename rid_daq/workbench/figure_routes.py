@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Query
-from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import JSONResponse, Response
 
 from rid_daq.service.api.context import OfCell, OfJob, Service, Who
 from rid_daq.service.api.runs import run_folder
@@ -18,10 +19,12 @@ from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.job_events import WarmedUp
+from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.workbench.static_files import require_current
 
 router = APIRouter(prefix="/figures", include_in_schema=False)
 
-KEPT: Final = {"cache-control": "private, max-age=3600"}
+KEPT: Final = {"cache-control": "private, max-age=31536000, immutable"}
 _DRAWING: Final = threading.Lock()
 
 As = Annotated[Literal["csv"] | None, Query(alias="as")]
@@ -34,20 +37,11 @@ class FigureName(Record):
     title: str
 
 
-@router.get("/script/bokeh.js", response_class=FileResponse)
-def bokeh_library() -> Response:
+@router.get("/script/{version}/bokeh.js")
+def bokeh_library(request: Request, version: str) -> Response:
     """Return BokehJS as its package has it."""
-    from rid_daq.figures.embedding import bokeh_script
-
-    return FileResponse(bokeh_script(), media_type="text/javascript", headers=KEPT)
-
-
-@router.get("/script/figure.js", response_class=FileResponse)
-def figure_library() -> Response:
-    """Return the module that shows figures."""
-    from rid_daq.figures.embedding import figure_script
-
-    return FileResponse(figure_script(), media_type="text/javascript")
+    require_current(version, "the plot library")
+    return _bokeh().answer(request, "text/javascript", KEPT)
 
 
 @router.get("/runs/{run}")
@@ -61,7 +55,13 @@ def list_figures(run: str, service: Service, who: Who) -> list[FigureName]:
 
 @router.get("/runs/{run}/{name}")
 def run_figure(
-    run: str, name: str, service: Service, who: Who, dark: bool = False, form: As = None
+    request: Request,
+    run: str,
+    name: str,
+    service: Service,
+    who: Who,
+    dark: bool = False,
+    form: As = None,
 ) -> Response:
     """Return a figure of a run."""
     from rid_daq.workbench.run_figures import run_drawings
@@ -69,12 +69,13 @@ def run_figure(
     folder = run_folder(service, run)
     for drawing in run_drawings(folder):
         if drawing.name == name:
-            return _answer(drawing.make, f"{folder.run_id}-{name}", dark, form)
+            return _answer(request, drawing.make, f"{folder.run_id}-{name}", dark, form)
     raise UnknownError(f"run {folder.run_id} has no figure {name!r}")
 
 
 @router.get("/cells/{cell}/motion")
 def motion_figure(
+    request: Request,
     cell: OfCell,
     service: Service,
     file: str,
@@ -87,7 +88,9 @@ def motion_figure(
 
     path = require_inside(file, service.folder)
     by = None if not model else require_inside(model, service.folder)
-    return _answer(lambda: motion_picture(cell.loaded, path, by), Path(file).stem, dark, form)
+    return _answer(
+        request, lambda: motion_picture(cell.loaded, path, by), Path(file).stem, dark, form
+    )
 
 
 @router.get("/cells/{cell}/motion/facts")
@@ -100,7 +103,9 @@ def motion_facts(cell: OfCell, service: Service, file: str) -> dict[str, object]
 
 
 @router.get("/jobs/{job}/warm-up")
-def warm_up(job: OfJob, service: Service, dark: bool = False, form: As = None) -> Response:
+def warm_up(
+    request: Request, job: OfJob, service: Service, dark: bool = False, form: As = None
+) -> Response:
     """Return the curve of a job's warm-up as far as it has come."""
     from rid_daq.figures.warm_up_figure import warm_up_figure
 
@@ -118,12 +123,17 @@ def warm_up(job: OfJob, service: Service, dark: bool = False, form: As = None) -
 
         return warm_up_figure(told[0].joints, np.array(power), told[0].settled_percent)
 
-    return _answer(make, f"{job.id}-warm-up", dark, form)
+    return _answer(request, make, f"{job.id}-warm-up", dark, form)
 
 
 @router.get("/cells/{cell}/history")
 def history(
-    cell: OfCell, service: Service, quantity: str, dark: bool = False, form: As = None
+    request: Request,
+    cell: OfCell,
+    service: Service,
+    quantity: str,
+    dark: bool = False,
+    form: As = None,
 ) -> Response:
     """Return how a quantity of the cell's robot has changed from run to run."""
     from rid_daq.figures.history_figure import PastValue, history_figure
@@ -144,10 +154,14 @@ def history(
         )
         for each in told.entries
     ]
-    return _answer(lambda: history_figure(told.title, told.unit, values), "history", dark, form)
+    return _answer(
+        request, lambda: history_figure(told.title, told.unit, values), "history", dark, form
+    )
 
 
-def _answer(make: Callable[[], Any], name: str, dark: bool, form: str | None) -> Response:
+def _answer(
+    request: Request, make: Callable[[], Any], name: str, dark: bool, form: str | None
+) -> Response:
     """Return a figure as its item or its table; one is drawn at a time."""
     from rid_daq.figures.embedding import as_csv, as_item
 
@@ -156,4 +170,12 @@ def _answer(make: Callable[[], Any], name: str, dark: bool, form: str | None) ->
         if form == "csv":
             saved = {"content-disposition": f'attachment; filename="{name}.csv"'}
             return Response(as_csv(figure), media_type="text/csv", headers=saved)
-        return JSONResponse(as_item(figure, dark))
+        item = JSONResponse(as_item(figure, dark))
+    return CompressedBody.of(bytes(item.body)).answer(request, "application/json")
+
+
+@functools.cache
+def _bokeh() -> CompressedBody:
+    from rid_daq.figures.embedding import bokeh_script
+
+    return CompressedBody.of(bokeh_script().read_bytes())

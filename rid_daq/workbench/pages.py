@@ -1,4 +1,4 @@
-"""`PAGES`: the routers of all pages."""
+"""`PAGES`: the routers of all pages, the one for unknown addresses last."""
 
 from __future__ import annotations
 
@@ -24,4 +24,5 @@ PAGES: Final[tuple[APIRouter, ...]] = (
     job_pages.router,
     runs_pages.router,
     settings_page.router,
+    door_pages.unknown,
 )

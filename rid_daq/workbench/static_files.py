@@ -1,28 +1,111 @@
-"""The pages' own scripts and styles; they hold nothing that somebody unknown may not see."""
+"""The pages' own scripts, styles and pictures: public, and cached by their contents.
+
+Pages name them under `/static/VERSION/`, which browsers keep for a year: other contents have
+another version. `/static/NAME` is never cached; a module there exports what its versioned one
+exports, so that a page has each module once.
+"""
 
 from __future__ import annotations
 
+import functools
+import hashlib
+from collections.abc import Mapping
+from importlib.metadata import version
 from importlib.resources import files
 from types import MappingProxyType
 from typing import Final
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from rid_daq.service.refusals import UnknownError
+from rid_daq.workbench.compressed import CompressedBody
 
 router = APIRouter(include_in_schema=False)
 
+CACHED: Final = MappingProxyType({"cache-control": "public, max-age=31536000, immutable"})
 _KINDS: Final = MappingProxyType(
     {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 )
+_NO_MODULES: Final = ("stop.js", "beat.js")
+
+
+@functools.cache
+def static_files() -> Mapping[str, bytes]:
+    """Return the files by name; those of other packages that pages need are among them."""
+    own = files("rid_daq.workbench").joinpath("static").iterdir()
+    shared = (
+        files("rid_daq.live").joinpath("stop.js"),
+        files("rid_daq.figures").joinpath("figure.js"),
+    )
+    return {
+        file.name: file.read_bytes()
+        for file in (*own, *shared)
+        if file.name[file.name.rfind(".") :] in _KINDS
+    }
+
+
+@functools.cache
+def static_version() -> str:
+    """Return what changes with the contents of any file, and with the plot library's version."""
+    digest = hashlib.sha256(version("bokeh").encode())
+    for name, content in sorted(static_files().items()):
+        digest.update(name.encode() + hashlib.sha256(content).digest())
+    return digest.hexdigest()[:16]
+
+
+def static_address(name: str) -> str:
+    """Return where a page finds a file.
+
+    Raises
+    ------
+    UnknownError
+        There is none of this name.
+    """
+    _content(name)
+    return f"/static/{static_version()}/{name}"
+
+
+def require_current(version: str, name: str) -> None:
+    """Raise an error if a page asks for the file of another version of the program.
+
+    Raises
+    ------
+    UnknownError
+        It does.
+    """
+    if version != static_version():
+        raise UnknownError(f"{name} has changed: reload the page", code="RID-PAGE-OUTDATED")
+
+
+@router.get("/static/{version}/{name}")
+async def versioned_file(request: Request, version: str, name: str) -> Response:
+    """Return a file that browsers keep."""
+    require_current(version, name)
+    _content(name)
+    return _compressed(name).answer(request, _media_type(name), CACHED)
 
 
 @router.get("/static/{name}")
 async def static_file(name: str) -> Response:
-    """Return a script, a style or a picture of the pages."""
-    for file in files("rid_daq.workbench").joinpath("static").iterdir():
-        kind = _KINDS.get(name[name.rfind(".") :])
-        if file.name == name and kind is not None:
-            return Response(file.read_bytes(), media_type=f"{kind}; charset=utf-8")
-    raise UnknownError(f"no file {name!r}")
+    """Return a file that browsers do not keep; a module passes on its versioned one."""
+    content = _content(name)
+    if name.endswith(".js") and name not in _NO_MODULES:
+        content = f'export * from "{static_address(name)}";\n'.encode()
+    return Response(content, media_type=_media_type(name))
+
+
+@functools.cache
+def _compressed(name: str) -> CompressedBody:
+    return CompressedBody.of(static_files()[name])
+
+
+def _content(name: str) -> bytes:
+    content = static_files().get(name)
+    if content is None:
+        raise UnknownError(f"no file {name!r}")
+    return content
+
+
+def _media_type(name: str) -> str:
+    return f"{_KINDS[name[name.rfind('.') :]]}; charset=utf-8"

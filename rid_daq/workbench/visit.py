@@ -12,21 +12,25 @@ from typing import Annotated, Any, Final
 
 import jinja2
 from fastapi import Depends, Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.routing import APIRoute
 from markupsafe import Markup
+from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from config.errors import RidDaqError
 from rid_daq.live.guard import PLOT_POLICY
 from rid_daq.service.api.context import OfCell, Service, Who
 from rid_daq.service.doorkeeper import Doorkeeper
+from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity
 from rid_daq.service.refusals import NotKnownError, status_of
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.session.versions import program_version
 from rid_daq.workbench.menu import MENU
+from rid_daq.workbench.static_files import static_address
 
 _TEMPLATES: Final = jinja2.Environment(
     loader=jinja2.PackageLoader("rid_daq.workbench"),
@@ -43,6 +47,7 @@ def _utc(text: str) -> str:
 
 
 _TEMPLATES.filters["utc"] = _utc
+_TEMPLATES.globals["static"] = static_address
 
 
 @dataclass(frozen=True)
@@ -97,9 +102,14 @@ class Visit:
 
 
 def bare_page(template: str, /, status: HTTPStatus = HTTPStatus.OK, **context: Any) -> HTMLResponse:
-    """Return a page for somebody who is not known, or who has named no cell."""
+    """Return a page without a cell: for unknown devices and addresses; its STOP stops all cells."""
     text = _TEMPLATES.get_template(template).render(version=program_version(), **context)
     return HTMLResponse(text, status)
+
+
+def problem_page(status: HTTPStatus, message: str) -> HTMLResponse:
+    """Return the page for an address that cannot be shown."""
+    return bare_page("problem.html", status, message=message)
 
 
 async def _visit(request: Request, service: Service, who: Who, cell: OfCell) -> Visit:
@@ -108,6 +118,14 @@ async def _visit(request: Request, service: Service, who: Who, cell: OfCell) -> 
 
 Visitor = Annotated[Visit, Depends(_visit)]
 """The parameter of a page's route: whose address has `{cell}` in it."""
+
+
+_INTERNAL: Final = "Internal error; please report it with the service's log."
+
+
+def _mistakes(error: RequestValidationError) -> str:
+    """Return what is wrong in a page's address."""
+    return "; ".join(f"{each['loc'][-1]}: {each['msg']}" for each in error.errors())
 
 
 def door_page(key: str = "") -> HTMLResponse:
@@ -129,7 +147,7 @@ def door_page(key: str = "") -> HTMLResponse:
 
 
 class PageRoute(APIRoute):
-    """A route of a page: who is not known comes to the pairing, and a refusal is a page too."""
+    """A route of a page: an unknown device comes to the pairing, and every error is a page too."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Return what answers a request."""
@@ -144,7 +162,14 @@ class PageRoute(APIRoute):
                     return door_page()
                 return RedirectResponse("/pair", HTTPStatus.SEE_OTHER)
             except RidDaqError as error:
-                return bare_page("problem.html", status_of(error), message=str(error))
+                return problem_page(status_of(error), str(error))
+            except HTTPException as error:
+                return problem_page(HTTPStatus(error.status_code), str(error.detail))
+            except RequestValidationError as error:
+                return problem_page(HTTPStatus.UNPROCESSABLE_ENTITY, _mistakes(error))
+            except Exception:
+                LOG.exception("internal error on the page %s", request.url.path)
+                return problem_page(HTTPStatus.INTERNAL_SERVER_ERROR, _INTERNAL)
 
         return answer
 

@@ -1,10 +1,10 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
 import { duration, element, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
-import { showEnd, showJoints, showSilence, showTemperatures } from "./joints.js";
+import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "./joints.js";
 import { loadPreflight } from "./preflight.js";
 import { runTable } from "./run_table.js";
-import { ask, on, preflightAge } from "./service.js";
+import { ask, on, preflightAge, reach } from "./service.js";
 
 const panel = new JobPanel(find("job"), { next, ended });
 let status = null;
@@ -57,7 +57,8 @@ function showState() {
   const age = preflightAge();
   const job = status.job;
   let text, kind = "";
-  if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
+  if (!reach.values && !reach.requests) [text, kind] = ["Not known: the service does not answer.", "bad"];
+  else if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
   else if (status.state === "moving") text = `The robot moves: ${job.kind}, by ${job.owner}.`;
   else if (status.state === "stopping") text = "The robot is being stopped.";
   else if (status.state === "checking") text = `Nothing moves: ${job.kind} is under way.`;
@@ -76,8 +77,29 @@ on("cell", (now) => {
   status = now;
   showState();
 });
-on("samples", (picture) => showJoints(find("joints"), find("joints-words"), picture));
-on("reach", (reached) => !reached && status?.job && showSilence(find("joints-words")));
+// ---- live values: those of a motion are old once none has come for a while
+const OLD_MS = 1500;
+let picture = null;
+let pictureAt = 0;
+
+on("samples", (newest) => {
+  [picture, pictureAt] = [newest, performance.now()];
+  showJoints(find("joints"), find("joints-words"), newest);
+});
+
+function showLive() {
+  const silent = picture?.moving && performance.now() - pictureAt > OLD_MS;
+  if (status?.job && (!reach.values || silent)) showSilence(find("joints-words"));
+  else if (!status?.job) showReturn(find("joints-words"));
+}
+
+on("reach", () => {
+  showState();
+  showLive();
+});
 on("again", refresh);
-setInterval(showState, 1000);
+setInterval(() => {
+  showState();
+  showLive();
+}, 500);
 refresh();

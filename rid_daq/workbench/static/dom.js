@@ -40,7 +40,8 @@ export function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-export const moment = (seconds) => new Date(1000 * seconds).toLocaleString();
+// A time in this device's zone, which it names.
+export const moment = (seconds) => new Date(1000 * seconds).toLocaleString(undefined, { timeZoneName: "short" });
 
 // The number that a person wrote: a decimal point or comma. NaN if it is anything else, also where a
 // comma may separate thousands: "1,234".

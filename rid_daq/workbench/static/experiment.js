@@ -1,7 +1,8 @@
 // Experiment: choose or design a motion, see it, rehearse and record it.
 import { duration, element, find } from "./dom.js";
+import { newest } from "./requests.js";
 import { on, page } from "./service.js";
-import { CELL, WorkPanel, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
+import { CELL, WorkPanel, endFigure, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
 
 const motion = find("motion");
 const kind = find("kind");
@@ -32,11 +33,11 @@ const panel = new WorkPanel(find("job"), {
 });
 
 // ---- the motion and its picture
-let asked = 0;
+const replacing = newest();
 let chosenKind = "";
 
 async function showMotion() {
-  const mine = ++asked;
+  const signal = replacing();
   const problem = find("motion-problem");
   const facts = find("facts");
   find("no-motion").hidden = motion.options.length > 0;
@@ -44,8 +45,8 @@ async function showMotion() {
   if (!motion.value) return;
   find("label").placeholder = motion.value.replace(/\.yaml$/, "");
   try {
-    const told = await look(factsUrl(motion.value));
-    if (mine !== asked) return;
+    const told = await look(factsUrl(motion.value), { signal });
+    if (signal.aborted) return;
     chosenKind = told.kind;
     const lines = [["Motion", told.sentence], ["Takes", duration(told.duration_s)]];
     if (told.periods !== null) lines.push(["Periods", String(told.periods)]);
@@ -53,8 +54,9 @@ async function showMotion() {
     facts.replaceChildren(...lines.map(([word, value]) => element("div", {}, element("dt", {}, word), element("dd", {}, value))));
     figureIn(picture, motionUrl(motion.value, find("model").value));
   } catch (error) {
-    if (mine !== asked) return;
+    if (signal.aborted) return;
     facts.replaceChildren();
+    endFigure(picture);
     picture.replaceChildren();
     problem.textContent = error.message;
   }

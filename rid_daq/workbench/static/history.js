@@ -1,12 +1,12 @@
 // The history of a robot: its figure; another quantity is another page.
 import { find } from "./dom.js";
-import { page } from "./service.js";
+import { go, page } from "./service.js";
 import { figureIn } from "./work.js";
 
 const quantity = find("quantity");
 
 quantity.addEventListener("change", () => {
-  location.search = new URLSearchParams({ quantity: quantity.value });
+  go(`?${new URLSearchParams({ quantity: quantity.value })}`);
 });
 const wanted = new URLSearchParams({ quantity: quantity.value });
 figureIn(find("figure"), `/figures/cells/${encodeURIComponent(page.cell)}/history?${wanted}`);

@@ -1,6 +1,7 @@
 // Identify: Data, Model, Check, Solve, Result.
 import { element, find } from "./dom.js";
 import { estimateParts, validationParts } from "./identify_result.js";
+import { newest } from "./requests.js";
 import { ask, mayMove, on } from "./service.js";
 import { CELL, WorkPanel, completeRuns, figuresOf, fileLink, findings, look, nameOf, numberOf, options, press, runWords, wanted } from "./work.js";
 
@@ -89,18 +90,18 @@ function modelWords() {
   return `${many}Friction as the robot file has it${each}.`;
 }
 
-let asked = 0;
+const replacing = newest();
 async function check() {
-  const mine = ++asked;
+  const signal = replacing();
   checked = null;
   show();
   try {
     const query = chosenRuns().map((name) => `run=${encodeURIComponent(name)}`).join("&");
-    const told = await look(`${CELL}/identify/check?${query}`);
-    if (mine !== asked) return;
+    const told = await look(`${CELL}/identify/check?${query}`, { signal });
+    if (signal.aborted) return;
     checked = told;
   } catch (error) {
-    if (mine !== asked) return;
+    if (signal.aborted) return;
     checked = { data: [{ passed: false, text: error.message }], model: [], parameters: 0, friction: {} };
   }
   show();

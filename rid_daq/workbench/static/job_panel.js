@@ -15,6 +15,7 @@ const ENDS = {
   done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
   interrupted: ["bad", "Interrupted"],
 };
+const URGENT = { urgent: true }; // a job's questions do not wait behind lists and figures
 const over = (job) => job.state in ENDS;
 
 export const kindWords = (kind) => KINDS[kind] ?? kind;
@@ -66,7 +67,7 @@ export class JobPanel {
     const id = sessionStorage.getItem(this.key);
     if (!id) return;
     try {
-      const job = await ask("GET", `/jobs/${id}`);
+      const job = await ask("GET", `/jobs/${id}`, undefined, undefined, undefined, URGENT);
       if (this.job === null) this.show(job);
     } catch (error) {
       if (error.status === 404) sessionStorage.removeItem(this.key);
@@ -105,7 +106,7 @@ export class JobPanel {
 
   async refresh() {
     try {
-      this.change(await ask("GET", `/jobs/${this.job.id}`));
+      this.change(await ask("GET", `/jobs/${this.job.id}`, undefined, undefined, undefined, URGENT));
     } catch {
       return; // out of reach again: the page says so
     }
@@ -154,7 +155,7 @@ export class JobPanel {
       if (left()) return;
       [this.asking, this.waiting] = [this.waiting, null];
       try {
-        const events = await ask("GET", `/jobs/${id}/events?after=${this.known}`);
+        const events = await ask("GET", `/jobs/${id}/events?after=${this.known}`, undefined, undefined, undefined, URGENT);
         if (left()) return;
         this.known += events.length;
         for (const event of events) this.take(event);

@@ -16,7 +16,8 @@ export function showJoints(section, words, picture) {
   }
 }
 
-export const showSilence = (words) => say(words, "NOT LIVE: the service does not answer.", true);
+export const showSilence = (words) => say(words, "NOT LIVE: no values arrive from the service.", true);
+export const showReturn = (words) => words.classList.contains("problem") && say(words, "Values from before the connection was lost.", false);
 export const showEnd = (words) => say(words, "Values at the end of the last motion.", false);
 
 function say(words, sentence, problem) {

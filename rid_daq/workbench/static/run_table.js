@@ -1,5 +1,5 @@
 // Runs as a table; with `pick`, each may be ticked.
-import { element } from "./dom.js";
+import { element, moment } from "./dom.js";
 import { page } from "./service.js";
 
 const BAD = ["damaged", "unfinished"];
@@ -32,7 +32,7 @@ export function runTable(runs, pick = null) {
       element("td", {}, run.kind || "–"),
       element("td", {}, run.status),
       element("td", {}, run.robot || "–"),
-      element("td", { class: "number" }, run.created_utc ? new Date(run.created_utc).toLocaleString() : run.id),
+      element("td", { class: "number" }, run.created_utc ? moment(Date.parse(run.created_utc) / 1000) : run.id),
       element("td", {}, run.has_report ? link : "–"),
     );
   };

@@ -2,30 +2,31 @@
 import { element, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { runTable } from "./run_table.js";
-import { ask, mayMove } from "./service.js";
+import { isReplaced, newest } from "./requests.js";
+import { ask, lease, mayMove } from "./service.js";
 
 const panel = new JobPanel(find("job"), { ended: (job) => job.kind === "recover" && load() });
 const kinds = new Set();
 const [search, kind, status] = ["search", "kind", "status"].map(find);
 const WAIT_MS = 250;
+const LIST_MS = 30000;
 let waiting = null;
-let asked = 0;
+const replacing = newest();
 let picked = [];
 
 async function load() {
-  const mine = ++asked;
   const wanted = new URLSearchParams({ search: search.value.trim(), limit: "500" });
   if (kind.value) wanted.set("kind", kind.value);
   if (status.value) wanted.set("status", status.value);
   try {
-    const runs = await ask("GET", `/runs?${wanted}`);
-    if (mine !== asked) return;
+    const runs = await ask("GET", `/runs?${wanted}`, undefined, LIST_MS, lease.key, { signal: replacing() });
     for (const run of runs) addKind(run.kind);
     picked = [];
     showPicked();
     const none = element("p", { class: "soft" }, "No run is like this.");
     find("runs").replaceChildren(runs.length ? runTable(runs, pick) : none, ...runs.filter((run) => run.problem).map(damaged), ...runs.filter((run) => run.status === "unfinished").map(recover));
   } catch (error) {
+    if (isReplaced(error)) return;
     find("runs").replaceChildren(element("p", { class: "problem" }, error.message));
   }
 }

@@ -1,5 +1,9 @@
 // The service as pages use it: requests, one WebSocket, the lease of this page's cell.
 import { HeldKey } from "./held_key.js";
+import { Refusal, request } from "./requests.js";
+import { lockForThisTab, unlock } from "./tab_lock.js";
+
+export { Refusal };
 
 export const page = {
   cell: document.body.dataset.cell,
@@ -10,58 +14,32 @@ export const page = {
 export const mayMove = page.role !== "viewer";
 
 const LEASE_S = 15;
-const BEAT_MS = 4000;
 const PATIENCE_MS = 10000;
-const ALIVE_MS = 2000;
-const WATCH_MS = 200;
-const SILENT_MS = 800;
-const SIGN_MS = 1000;
-const AGAIN_MS = 1000;
+const RENEW_MS = 2000;
+const AGAIN_MS = 500;
+// Both channels have a heartbeat; silence is told within 2 s.
+const WATCH_MS = 100;
+const STALE_MS = 1850; // without a word on a channel
+const PROBE_MS = 700; // from one probe of the requests to the next
+const PROBE_PATIENCE_MS = 2000;
+const MOST_PROBES = 2;
+const FIRST_MS = 4000; // for the first word of the WebSocket, while the page loads
+const FRESH_MS = 1000; // a service that was heard so lately is not asked before a page is left
 const KEY = `rid-daq lease ${page.cell}`;
 const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
-// What the service has refused, or that it does not answer: `message` is a sentence for people.
-export class Refusal extends Error {
-  constructor(kind, message, status) {
-    super(message);
-    this.kind = kind;
-    this.status = status;
-  }
-}
-
 // Ask the API: ask("POST", "/cells/ir361/lease", {note}); the cell's lease is shown where we have it.
-export async function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key) {
+// A GET waits while others are under way; what changes something does not. `signal` ends it.
+export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, more = {}) {
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   if (key) headers["x-rid-daq-lease"] = key;
-  let answer, text;
-  try {
-    answer = await fetch(`/api/v1${path}`, {
-      method,
-      headers,
-      body: body === undefined ? undefined : JSON.stringify(body),
-      signal: AbortSignal.timeout(patienceMs),
-    });
-    text = await answer.text();
-  } catch {
-    throw new Refusal("OutOfReach", "The service does not answer.", 0);
-  }
-  if (answer.ok) return text ? JSON.parse(text) : null;
-  throw refusalOf(answer, text);
-}
-
-function refusalOf(answer, text) {
-  try {
-    const told = JSON.parse(text);
-    if (told.message) return new Refusal(told.error, told.message, answer.status);
-  } catch {
-    // an answer of the server itself, without words
-  }
-  if (answer.status === 401) return new Refusal("NotKnownError", "This device is not let in any more.", 401);
-  return new Refusal("Refused", `The service refuses this (${answer.status}).`, answer.status);
+  const options = { method, headers, body: body === undefined ? undefined : JSON.stringify(body) };
+  return request(`/api/v1${path}`, options, { patienceMs, urgent: method !== "GET", ...more });
 }
 
 // Listeners: "cell" (status), "job" (job), "event" (job id, event), "samples" (picture, job id),
-// "key" (job id and text: why a held key does not count), "reach" (true or false), "again" (after a gap: ask for what may have been missed).
+// "key" (job id and text: why a held key does not count), "reach" ({ values, requests }: whether each
+// channel is alive), "again" (after a gap: ask for what may have been missed).
 const listeners = new Map();
 
 export function on(type, listener) {
@@ -75,8 +53,12 @@ function tell(type, ...values) {
 
 // The newest status of the cell, null until it is known; ageFrom is when its age was true.
 export const now = { status: null, ageFrom: 0 };
+let statusFrom = 0;
 
-function setStatus(status) {
+// Take the status that was true at `from`, unless a newer one is known: links deliver late.
+function setStatus(status, from = performance.now()) {
+  if (from < statusFrom) return;
+  statusFrom = from;
   const fresh = "preflight_age_s" in status;
   const age = now.status?.preflight_age_s ?? null;
   const holder = (of) => `${of?.lease?.owner} ${of?.lease?.note}`;
@@ -93,62 +75,88 @@ export function preflightAge() {
   return age === null ? null : age + (performance.now() - now.ageFrom) / 1000;
 }
 
-// ---- reach: the socket is open, and the service answers within two seconds. While a job has the cell it
-// is seldom silent: a page that hears nothing for a while asks, so that a person knows within two seconds.
+// ---- reach: the WebSocket beats twice a second; requests are probed. A channel that was silent for
+// too long is dead until it is heard again. A page in the background is judged once it is seen again.
 let socket = null;
-let answers = true;
-let reached = null;
-let heardAt = 0;
-let watching = false;
+let openedAt = 0;
+let valuesAt = 0;
+let answeredAt = 0;
+let probedAt = -Infinity;
+let probes = 0;
+export const reach = { values: true, requests: true };
 
-function noteReach() {
-  const reach = answers && socket?.readyState === WebSocket.OPEN;
-  if (reach === reached) return;
-  const again = reach && reached === false;
-  reached = reach;
+function judge() {
+  if (document.visibilityState === "hidden") return;
+  const at = performance.now();
+  const found = { values: at - valuesAt < STALE_MS, requests: at - answeredAt < STALE_MS };
+  if (found.values === reach.values && found.requests === reach.requests) return;
+  const again = found.requests && !reach.requests;
+  Object.assign(reach, found);
   tell("reach", reach);
   if (again) tell("again");
 }
 
-function hear() {
-  heardAt = performance.now();
-  answers = true;
-  noteReach();
-}
-
-async function look(patienceMs = ALIVE_MS) {
+// The cell as it is now: also the heartbeat of requests.
+async function look() {
   const from = performance.now();
+  probedAt = from;
+  probes += 1;
   try {
-    const status = await ask("GET", CELL, undefined, patienceMs);
-    hear();
-    setStatus(status);
+    const status = await ask("GET", CELL, undefined, PROBE_PATIENCE_MS, lease.key, { urgent: true });
+    answeredAt = performance.now();
+    setStatus(status, from);
   } catch (error) {
     if (error.status === 401) location.assign("/pair");
-    answers = error.status !== 0 || heardAt > from;
-    noteReach();
+    if (error.status !== 0) answeredAt = performance.now();
+  } finally {
+    probes -= 1;
   }
+  judge();
 }
 
-async function watch() {
-  if (watching || !now.status?.job || performance.now() - heardAt < SILENT_MS) return;
-  watching = true;
-  await look(SIGN_MS);
-  watching = false;
+function watch() {
+  const at = performance.now();
+  if (socket && at - Math.max(valuesAt, openedAt) > STALE_MS) reconnect();
+  if (at - probedAt > PROBE_MS && probes < MOST_PROBES) look();
+  judge();
 }
 
-export function connect() {
-  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  socket = new WebSocket(`${scheme}//${location.host}/api/v1/ws`);
-  socket.addEventListener("open", noteReach);
-  socket.addEventListener("message", (message) => {
-    hear();
+function connect(first = false) {
+  const mine = new WebSocket(`${location.protocol === "https:" ? "wss:" : "ws:"}//${location.host}/api/v1/ws`);
+  let again = !first;
+  socket = mine;
+  openedAt = performance.now();
+  mine.addEventListener("message", (message) => {
+    if (socket !== mine) return;
+    valuesAt = performance.now();
+    judge();
     dispatch(JSON.parse(message.data));
+    if (again) tell("again");
+    again = false;
   });
-  socket.addEventListener("close", () => {
-    keys.cut();
-    noteReach();
-    setTimeout(connect, AGAIN_MS);
-  });
+  mine.addEventListener("close", () => socket === mine && reconnect());
+}
+
+// A WebSocket that hangs does not close by itself: another one takes its place.
+function reconnect() {
+  const old = socket;
+  keys.cut();
+  socket = null;
+  old.close();
+  setTimeout(connect, AGAIN_MS, false);
+}
+
+// True if the service answers now; it is not asked if it was heard just now.
+async function answers() {
+  if (reach.requests && performance.now() - Math.max(valuesAt, answeredAt) < FRESH_MS) return true;
+  await look();
+  return performance.now() - answeredAt < FRESH_MS;
+}
+
+// Go to another page of ours. A page that cannot be reached would be the browser's own, without STOP.
+export async function go(address) {
+  if (await answers()) location.assign(address);
+  else tell("stay");
 }
 
 function dispatch(told) {
@@ -157,35 +165,55 @@ function dispatch(told) {
   if (told.type === "event") tell("event", told.job, told.event);
   if (told.type === "challenge") keys.challenge(told);
   if (told.type === "event" && told.event.kind === "key_refused") tell("key", told.job, told.event.text);
+  if (told.type === "stopped") document.dispatchEvent(new CustomEvent("stop-answered", { detail: told }));
   if (told.type === "samples" && told.cell === page.cell) tell("samples", told.picture, told.job);
 }
 
 export function begin() {
-  connect();
+  const at = performance.now();
+  [valuesAt, answeredAt] = [at + FIRST_MS - STALE_MS, at + FIRST_MS - STALE_MS];
+  connect(true);
   look();
-  if (lease.key) lease.renew();
-  setInterval(look, BEAT_MS);
+  lease.recall();
   setInterval(watch, WATCH_MS);
-  new Worker("/static/beat.js").addEventListener("message", () => lease.key && lease.renew());
+  new Worker(new URL("./beat.js", import.meta.url)).addEventListener("message", () => lease.key && lease.renew());
   document.addEventListener("visibilitychange", () => {
-    if (document.visibilityState === "visible") {
-      look();
-      if (lease.key) lease.renew();
-    }
+    if (document.visibilityState !== "visible") return;
+    const at = performance.now() - FRESH_MS; // its timers stood: it listens from now on
+    [valuesAt, answeredAt] = [Math.max(valuesAt, at), Math.max(answeredAt, at)];
+    look();
+    if (lease.key) lease.renew();
   });
 }
 
+// STOP goes by this WebSocket too.
+document.addEventListener("stop-asked", ({ detail }) => {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(detail);
+});
+
 // ---- the lease: its key stays in this tab, and is renewed as long as one of our pages is open, in
-// the background too (beat.js); not by a device that sleeps
+// the background too (beat.js); not by a device that sleeps, nor by a copy of the tab
 export const lease = {
-  key: sessionStorage.getItem(KEY),
+  key: null,
   lost: false,
+  known: false,
+
+  // The page before in this tab may have had the lease.
+  async recall() {
+    const key = sessionStorage.getItem(KEY);
+    if (key !== null && (await lockForThisTab(`${KEY} ${key}`))) this.key = key;
+    else sessionStorage.removeItem(KEY);
+    this.known = true;
+    if (this.key) this.renew();
+    if (now.status) tell("cell", now.status);
+  },
 
   async take(note, confirmed = undefined) {
     const held = await ask("POST", `${CELL}/lease`, { note, seconds: LEASE_S, confirmed });
     this.key = held.key;
     this.lost = false;
     sessionStorage.setItem(KEY, held.key);
+    await lockForThisTab(`${KEY} ${held.key}`);
     await look();
   },
 
@@ -199,7 +227,7 @@ export const lease = {
   async renew() {
     const key = this.key;
     try {
-      await ask("PUT", `${CELL}/lease`, { seconds: LEASE_S }, ALIVE_MS);
+      await ask("PUT", `${CELL}/lease`, { seconds: LEASE_S }, RENEW_MS);
     } catch (error) {
       if (error.status === 409 && key === this.key) this.drop();
     }
@@ -214,6 +242,7 @@ export const lease = {
 
   forget() {
     this.key = null;
+    unlock();
     sessionStorage.removeItem(KEY);
   },
 };

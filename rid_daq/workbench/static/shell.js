@@ -2,18 +2,16 @@
 import "./awake.js";
 import { dialog } from "./dialog.js";
 import { element, find } from "./dom.js";
-import { begin, lease, mayMove, now, on, page } from "./service.js";
-import { watchStop } from "./stop.js";
+import { begin, go, lease, mayMove, now, on, page, reach } from "./service.js";
 
 const [words, take, over, back] = ["lease-words", "lease-take", "lease-over", "lease-back"].map(find);
-const reach = find("reach");
+const banner = find("reach");
+let stays = false;
 let problem = "";
 const LOST = {
   stop: "If this page is closed, or its device sleeps or goes out of reach, the motion is stopped.",
   finish: "If this page is closed, or its device sleeps or goes out of reach, the motion goes on to its end.",
 };
-
-watchStop();
 
 // ---- what needs something: data-needs="lease" (the cell is ours and no job has it) or "ready" (the
 // same, and it may move), or "held" (the same, and it may move while a key is held), or "role" (we may do more than look). Elements with data-why="lease" or "ready" say what is missing.
@@ -41,20 +39,23 @@ function showNeeds() {
 
 function showCell(status) {
   const state = find("state");
-  if (state.dataset.state !== status.state) {
-    state.dataset.state = status.state;
-    state.textContent = status.state;
+  const known = reach.values || reach.requests;
+  const shown = known ? status.state : "not known";
+  if (state.textContent !== shown || state.dataset.state !== status.state) {
+    state.dataset.state = known ? status.state : "unknown";
+    state.textContent = shown;
   }
   const mine = lease.key !== null;
   const owner = status.lease;
   let text = "Nobody has this cell.";
-  if (owner) text = `${mine ? "You have" : `${owner.owner} has`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
+  const another = owner?.owner === page.who ? "Another page of this device" : owner?.owner;
+  if (owner) text = `${mine ? "You have" : `${another} has`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
   if (!mine && lease.lost) text = `You do not have this cell any more. ${text}`;
   if (mine && status.job && status.state === "moving") text += ` ${LOST[status.job.on_lost_client]}`;
-  words.textContent = problem || text;
+  words.textContent = problem || (lease.known ? text : "…");
   words.classList.toggle("problem", problem !== "");
-  take.hidden = !mayMove || mine || owner !== null;
-  over.hidden = !mayMove || mine || owner === null;
+  take.hidden = !mayMove || !lease.known || mine || owner !== null;
+  over.hidden = !mayMove || !lease.known || mine || owner === null;
   back.hidden = !mine;
   showNeeds();
 }
@@ -100,18 +101,40 @@ back.addEventListener("click", () => attempt(() => lease.giveBack()));
 
 find("cell-choice")?.addEventListener("change", (event) => {
   const [, , , ...rest] = location.pathname.split("/");
-  location.assign(["/cells", encodeURIComponent(event.target.value), ...rest.slice(0, 1)].join("/"));
+  go(["/cells", encodeURIComponent(event.target.value), ...rest.slice(0, 1)].join("/"));
 });
 
 document.querySelector("nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });
 
+// A link of ours is followed once the service answers: else this page, with its STOP, stays.
+document.addEventListener("click", (event) => {
+  const link = event.target.closest?.("a[href]");
+  if (!link || event.defaultPrevented || event.button !== 0 || event.ctrlKey || event.metaKey || event.shiftKey || event.altKey) return;
+  const within = link.pathname === location.pathname && link.search === location.search && link.hash;
+  if (link.origin !== location.origin || link.target || link.hasAttribute("download") || within) return;
+  event.preventDefault();
+  go(link.href);
+});
+
+function showReach() {
+  const { values, requests } = reach;
+  if (values && requests) stays = false;
+  let text = "";
+  if (!values && !requests) text = "The service does not answer: use the emergency stop. What this page shows is old. It tries again.";
+  else if (!values) text = "NOT LIVE: no values arrive from the service; what this page shows may be old. It tries again.";
+  else if (!requests) text = "The service does not answer requests: buttons and links do not work now. Values still arrive. This page tries again.";
+  if (stays) text += " It stays open: the next page would not load.";
+  banner.hidden = text === "";
+  banner.textContent = text;
+  document.body.classList.toggle("unreached", !values && !requests);
+  if (now.status) showCell(now.status);
+}
+
 on("cell", showCell);
-on("reach", (reached) => {
-  reach.hidden = reached;
-  reach.textContent = reached
-    ? ""
-    : "The service does not answer: use the emergency stop. This page shows what was, and tries again.";
-  document.body.classList.toggle("unreached", !reached);
+on("reach", showReach);
+on("stay", () => {
+  stays = true;
+  showReach();
 });
 
 new MutationObserver(showNeeds).observe(find("main"), { childList: true, subtree: true });

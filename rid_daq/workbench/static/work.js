@@ -1,8 +1,9 @@
 // What the pages of the work share: a panel with a running estimate, figures, findings, choices.
-import { showFigure } from "/figures/script/figure.js";
 import { element, find, parseNumber, table } from "./dom.js";
+import { showFigure } from "./figure.js";
 import { JobPanel } from "./job_panel.js";
-import { ask, page, Refusal } from "./service.js";
+import { request } from "./requests.js";
+import { ask, page } from "./service.js";
 
 export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 export const wanted = new URLSearchParams(location.search);
@@ -39,17 +40,7 @@ export class WorkPanel extends JobPanel {
 }
 
 // Ask a page's own address, which is no part of the API.
-export async function look(path) {
-  let answer;
-  try {
-    answer = await fetch(path, { signal: AbortSignal.timeout(30000) });
-  } catch {
-    throw new Refusal("OutOfReach", "The service does not answer.", 0);
-  }
-  const told = await answer.json();
-  if (!answer.ok) throw new Refusal(told.error, told.message ?? `refused (${answer.status})`, answer.status);
-  return told;
-}
+export const look = (path, { signal = null, patienceMs = 30000 } = {}) => request(path, {}, { patienceMs, signal });
 
 const address = (path, values) => {
   const query = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
@@ -62,45 +53,97 @@ export const factsUrl = (file) => address(`/figures${CELL}/motion/facts`, { file
 let library = null;
 function plots() {
   library ??= new Promise((resolve, reject) => {
-    const script = element("script", { src: "/figures/script/bokeh.js", onload: resolve });
-    script.addEventListener("error", () => reject(new Error("The plots could not be loaded: reload the page.")));
+    const version = new URL(import.meta.url).pathname.split("/").at(-2);
+    const script = element("script", { src: `/figures/script/${version}/bokeh.js`, fetchpriority: "low", onload: resolve });
+    script.addEventListener("error", () => {
+      library = null;
+      script.remove();
+      reject(new Error("The plots could not be loaded: reload the page."));
+    });
     document.head.append(script);
   });
   return library;
 }
 
-// Show a figure; the one that is there stays until the new one is drawn.
+// Resolves once a place is on the screen, or nearly.
+function seen(place, signal) {
+  return new Promise((resolve) => {
+    const watch = new IntersectionObserver((found) => {
+      if (!found.some((each) => each.isIntersecting)) return;
+      watch.disconnect();
+      resolve();
+    }, { rootMargin: "50%" });
+    watch.observe(place);
+    signal.addEventListener("abort", () => {
+      watch.disconnect();
+      resolve();
+    });
+  });
+}
+
+const FIGURE_MS = 120000; // a figure of a long run by a slow link
+
+// End the loading of a figure.
+export function endFigure(place) {
+  place.loading?.abort();
+  place.loading = null;
+  delete place.dataset.again;
+}
+
+// Show a figure once its place is seen; the one that is there stays until the new one is drawn. Another
+// address ends what is loading; the same one is drawn once more when it is there.
 export async function figureIn(place, url) {
+  if (place.loading && place.dataset.url === url) {
+    place.dataset.again = "yes";
+    return;
+  }
+  endFigure(place);
+  const loading = new AbortController();
+  const { signal } = loading;
+  place.loading = loading;
   place.dataset.url = url;
+  place.dataset.figureState = "waiting";
+  const before = place.lastElementChild;
+  const drawn = element("div", {}, element("p", { class: "soft" }, "Loading the figure …"));
+  place.append(drawn);
+  signal.addEventListener("abort", () => drawn.remove());
   try {
+    await seen(place, signal);
+    if (signal.aborted) return;
+    place.dataset.figureState = "loading";
     await plots();
   } catch (error) {
+    if (signal.aborted) return;
+    place.loading = null;
+    place.dataset.figureState = "failed";
     place.replaceChildren(element("p", { class: "problem" }, error.message));
     return;
   }
-  if (place.dataset.url !== url) return;
-  if (place.lastElementChild?.dataset.figureState === "loading") {
-    place.dataset.again = "yes"; // drawn once more when this one is there
-    return;
-  }
-  const before = place.lastElementChild;
-  const drawn = element("div");
-  place.append(drawn);
+  if (signal.aborted) return;
+  const of = (values) => `${url}${url.includes("?") ? "&" : "?"}${new URLSearchParams(values)}`;
+  const takeOut = showFigure(drawn, {
+    csv: of({ as: "csv" }),
+    item: (dark) => look(of({ dark }), { signal, patienceMs: FIGURE_MS }),
+  });
   const watch = new MutationObserver(() => {
     const state = drawn.dataset.figureState;
     if (state === "loading") return;
+    watch.disconnect();
+    place.loading = null;
     before?.takeOut?.();
     before?.remove();
     place.dataset.figureState = state;
-    watch.disconnect();
     if (place.dataset.again) {
       delete place.dataset.again;
-      figureIn(place, place.dataset.url);
+      figureIn(place, url);
     }
   });
   watch.observe(drawn, { attributes: true, attributeFilter: ["data-figure-state"] });
-  place.dataset.figureState = "loading";
-  drawn.takeOut = showFigure(drawn, url);
+  drawn.takeOut = takeOut;
+  signal.addEventListener("abort", () => {
+    watch.disconnect();
+    takeOut();
+  });
 }
 
 // A figure of a run behind its title; it is fetched when it is opened.
@@ -180,7 +223,7 @@ export function offer(select, path, words = path, kind = "") {
   select.dispatchEvent(new Event("change"));
 }
 
-export const runWords = (run) => `${run.label || run.id}, ${run.created_utc.slice(0, 16).replace("T", " ")}`;
+export const runWords = (run) => `${run.label || run.id}, ${run.created_utc.slice(0, 16).replace("T", " ")} UTC`;
 
 export async function completeRuns() {
   const runs = await ask("GET", "/runs?limit=200");

@@ -118,17 +118,16 @@ def test_nothing_is_pressed_before_the_page_listens(open_page: OpenPage) -> None
     def hold(route: Route) -> None:
         held.append(route)
 
-    page.route("**/stop.js", hold)
-    with page.expect_request("**/stop.js"):
+    page.route("**/shell.js", hold)
+    with page.expect_request("**/shell.js"):
         page.get_by_role("link", name="Settings").click()
-    name, stop = page.locator("#pairing-name"), page.locator("#stop")
+    name = page.locator("#pairing-name")
     expect(name).to_be_visible()
-    expect(stop).to_be_disabled()
     assert name.evaluate("field => field.closest('[inert]')?.id") == "main"
     assert held
     for route in held:
         route.continue_()
-    expect(stop).to_be_enabled()
+    expect(page.locator("#lease-take")).to_be_visible()
     name.click()
     expect(name).to_be_focused()
 
@@ -173,12 +172,13 @@ def test_a_service_that_does_not_answer_is_told_in_large_words(
     served_pages.process.send_signal(signal.SIGSTOP)
     try:
         page.locator("#stop").click()
-        words = "The service does not answer: use the emergency stop."
-        expect(page.locator("#stop-words")).to_have_text(words)
-        expect(page.locator("#reach")).to_be_visible()
+        expect(page.locator("#stop-words")).to_contain_text("use the emergency stop")
+        expect(page.locator("#reach")).to_contain_text("use the emergency stop")
+        expect(page.locator("#state")).to_have_text("not known")
     finally:
         served_pages.process.send_signal(signal.SIGCONT)
     expect(page.locator("#reach")).to_be_hidden()
+    expect(page.locator("#stop-words")).to_have_text("Nothing moves here by this service.")
     problems.clear()
 
 

@@ -1,72 +1,98 @@
-"""A service that falls silent: how soon a page says so, by a clock that the test turns."""
+"""A service that falls silent on a channel: how soon a page says so, by the test's own clock."""
 
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from tests.rid_daq.workbench.conftest import OpenPage
 
 pytestmark = pytest.mark.slow
 
 
-SILENT = """
+FAKE = """
+const sockets = new Set();
 window.WebSocket = class extends EventTarget {
   static OPEN = 1;
   readyState = 1;
   constructor() {
     super();
-    window.tell = (told) =>
-      this.dispatchEvent(new MessageEvent("message", { data: JSON.stringify(told) }));
+    sockets.add(this);
     setTimeout(() => this.dispatchEvent(new Event("open")), 0);
   }
+  send() {}
+  close() {
+    sockets.delete(this);
+  }
 };
-AbortSignal.timeout = (ms) => {
-  const ending = new AbortController();
-  setTimeout(() => ending.abort(), ms);
-  return ending.signal;
+window.tell = (told) => {
+  for (const each of sockets)
+    each.dispatchEvent(new MessageEvent("message", { data: JSON.stringify(told) }));
 };
-window.fall = () => {
-  window.asked = 0;
-  window.fetch = (url, { signal }) => new Promise((_, reject) => {
-    window.asked += 1;
+window.answering = true;
+window.fake = async (moving) => {
+  const { now } = await import("/static/service.js");
+  const job = moving ? { id: "j1", kind: "record", state: "running", owner: "a test" } : null;
+  const status = { ...now.status, state: moving ? "moving" : "closed", job };
+  window.fetch = (url, { signal }) => new Promise((resolve, reject) => {
+    const answer = url.endsWith("/cells/ir361") ? status : url.endsWith("/preflight") ? null : [];
+    if (window.answering) resolve(new Response(JSON.stringify(answer)));
     signal.addEventListener("abort", () => reject(signal.reason));
   });
+  tell({ type: "cell", cell: status });
 };
 """
-"""A service that tells what a test says (`tell`), and answers until it falls silent (`fall`)."""
+"""A service that says what a test says (`tell`), and answers requests while `answering`."""
 
 PICTURE = """{ type: "samples", cell: "ir361", job: "j1", picture: {
   words: "Measuring", moving: true, age_s: 0, joints: [], share: 0.5, count: "", left_s: null,
 } }"""
 
 
-def test_a_service_that_falls_silent_in_a_motion_is_told_within_two_seconds(
-    open_page: OpenPage,
+def spend(page: Page, seconds: float, said: str | None) -> None:
+    """Let the page's time pass; the WebSocket says something ten times a second, or nothing."""
+    for _ in range(round(10 * seconds)):
+        page.clock.run_for(100)
+        if said is not None:
+            page.evaluate(f"tell({said})")
+
+
+@pytest.mark.promise("stale-values-are-marked")
+@pytest.mark.parametrize("moving", [False, True], ids=["idle", "moving"])
+@pytest.mark.parametrize(
+    ("values", "requests", "words"),
+    [
+        (False, True, "NOT LIVE"),
+        (True, False, "does not answer requests"),
+        (False, False, "use the emergency stop"),
+    ],
+    ids=["values", "requests", "both"],
+)
+def test_a_silent_channel_is_told_within_two_seconds_and_its_end_too(
+    open_page: OpenPage, values: bool, requests: bool, words: str, moving: bool
 ) -> None:
     page = open_page()
-    page.add_init_script(SILENT)
+    page.add_init_script(FAKE)
     page.clock.install()
     page.reload()
     expect(page.locator("#lease-take")).to_be_visible()
-    expect(page.locator("#now")).to_contain_text("Not ready")
-    page.evaluate("fall()")
     page.clock.pause_at(page.evaluate("Date.now() + 60_000"))
-    page.evaluate("""async () => {
-      const { now } = await import("/static/service.js");
-      const job = { id: "j1", kind: "record", state: "running", owner: "a test" };
-      tell({ type: "cell", cell: { ...now.status, state: "moving", job } });
-    }""")
-    asked = page.evaluate("asked")
-    for _ in range(20):
-        page.clock.run_for(100)
-        page.evaluate(f"tell({PICTURE})")
-    expect(page.locator("#reach")).to_be_hidden()
-    expect(page.locator("#joints-words")).to_have_text("Measuring.")
-    assert page.evaluate("asked") <= asked + 1  # its beat alone: it hears enough
-    page.clock.run_for(2000)
-    expect(page.locator("#reach")).to_contain_text("The service does not answer")
-    expect(page.locator("#joints-words")).to_have_text("NOT LIVE: the service does not answer.")
-    page.evaluate(f"tell({PICTURE})")
-    expect(page.locator("#reach")).to_be_hidden()
-    expect(page.locator("#joints-words")).to_have_text("Measuring.")
+    page.evaluate("moving => fake(moving)", moving)
+    said = PICTURE if moving else '{ type: "beat" }'
+    reach, live = page.locator("#reach"), page.locator("#joints-words")
+    spend(page, 3.0, said)
+    expect(reach).to_be_hidden()
+    shown = live.inner_text()
+
+    page.evaluate("answering => { window.answering = answering; }", requests)
+    spend(page, 2.0, said if values else None)
+    expect(reach).to_contain_text(words)
+    expect(page.locator("#state")).to_have_text(
+        ("moving" if moving else "closed") if values or requests else "not known"
+    )
+    if moving and not values:
+        expect(live).to_contain_text("NOT LIVE")
+    page.evaluate("window.answering = true")
+    spend(page, 2.5, said)
+    expect(reach).to_be_hidden()
+    expect(live).to_have_text(shown)

@@ -1,0 +1,226 @@
+// STOP: the first script of a page, without imports. It works if every other script is missing.
+// Its script element names the cell ("*" for all), the address of the request, and the WebSocket.
+"use strict";
+(() => {
+  const AGAIN_MS = 250; // between two attempts
+  const REFUSED_MS = 1000; // the same after a refusal
+  const LATE_MS = 2000; // then the page says that no answer came
+  const TWICE_MS = 1000; // one press gives several events; two Escapes are one stop
+  const SHOWN_MS = 8000;
+  const SILENT_MS = 1500; // a line without a beat for so long is replaced
+  const CONNECT_MS = [100, 250, 500, 1000, 2000, 5000];
+  const MOST_LINES = 4;
+  const MOST_REQUESTS = 2; // a browser has six connections for requests
+  const REQUEST_MS = 5000;
+  const KEPT_MS = 60000;
+  const KEY = "rid-daq stop";
+  const here = document.currentScript.dataset;
+
+  let asked = null; // the press that is not acknowledged yet
+  let number = Math.floor(Math.random() * 1e9);
+  let answer = null; // what was acknowledged, as long as it is shown
+  const lines = new Set();
+  const requests = new Set();
+
+  // ---- words: true at every moment
+  const find = (id) => document.getElementById(id);
+
+  function show() {
+    const words = find("stop-words");
+    if (!words) return;
+    let [kind, text] = answer ?? ["", ""];
+    if (asked) [kind, text] = ["wait", "Asking for the stop…"];
+    if (asked && performance.now() - asked.from >= LATE_MS)
+      [kind, text] = ["bad", "No answer for more than 2 s: use the emergency stop. Still trying to stop."];
+    if (asked?.refusal) [kind, text] = ["bad", `Not stopped: use the emergency stop. Still trying. ${asked.refusal}`];
+    if (words.textContent === text && words.className === (text && `banner ${kind}`)) return;
+    words.textContent = text;
+    words.className = text && `banner ${kind}`;
+  }
+
+  // ---- a press, and its repetition until it is acknowledged
+  function stop() {
+    begin({ number: ++number, cell: here.cell, request: here.request, at: Date.now() });
+  }
+
+  function begin(press) {
+    asked = { ...press, from: performance.now(), refusal: "", refusedAt: -Infinity };
+    answer = null;
+    document.documentElement.dataset.stop = "asked";
+    keep(press);
+    if (here.line && !newest) connect();
+    attempt();
+  }
+
+  function attempt() {
+    if (!asked) return;
+    show();
+    const press = asked;
+    if (performance.now() - press.refusedAt >= REFUSED_MS) request(press);
+    const message = JSON.stringify({ stop: press.cell, number: press.number });
+    for (const line of lines) if (line.readyState === WebSocket.OPEN) line.send(message);
+    document.dispatchEvent(new CustomEvent("stop-asked", { detail: message }));
+  }
+
+  function acknowledge({ number: of, told = true, sentence = "Stop asked for: watch that the axes come to rest." }) {
+    if (!asked || (of !== undefined && of !== asked.number)) return;
+    asked = null;
+    delete document.documentElement.dataset.stop;
+    keep(null);
+    const shown = [told ? "good" : "wait", sentence];
+    answer = shown;
+    show();
+    setTimeout(() => {
+      if (answer === shown) answer = null;
+      show();
+    }, SHOWN_MS);
+    for (const each of requests) each.abort();
+    for (const line of lines) if (line !== newest) drop(line);
+  }
+
+  // A press outlives its page: the next page of this tab goes on.
+  function keep(press) {
+    try {
+      if (press) sessionStorage.setItem(KEY, JSON.stringify(press));
+      else sessionStorage.removeItem(KEY);
+    } catch {
+      // a browser that keeps nothing: the press ends with its page
+    }
+  }
+
+  function kept() {
+    try {
+      const press = JSON.parse(sessionStorage.getItem(KEY));
+      return press && Math.abs(Date.now() - press.at) < KEPT_MS ? press : null;
+    } catch {
+      return null;
+    }
+  }
+
+  // ---- by requests, each on a new connection
+  async function request(press) {
+    if (requests.size >= MOST_REQUESTS) return;
+    const ending = new AbortController();
+    requests.add(ending);
+    const patience = setTimeout(() => ending.abort(), REQUEST_MS);
+    try {
+      const headers = { "x-rid-daq": "stop", "content-type": "application/json" };
+      const options = { method: "POST", headers, body: "{}", keepalive: true, priority: "high", signal: ending.signal };
+      const got = await fetch(press.request, options);
+      const told = await got.json().catch(() => ({}));
+      if (got.ok) acknowledge({ ...told, number: press.number });
+      else if (asked === press) {
+        press.refusal = told.message ?? `The service answered ${got.status}.`;
+        press.refusedAt = performance.now();
+      }
+    } catch {
+      // no answer: the next attempt follows
+    } finally {
+      clearTimeout(patience);
+      requests.delete(ending);
+      show();
+    }
+  }
+
+  // ---- by a WebSocket of its own, open before it is needed
+  let newest = null;
+  let failures = 0;
+  let openAgain = null;
+
+  function connect() {
+    clearTimeout(openAgain);
+    openAgain = null;
+    const line = new WebSocket(`${location.protocol === "https:" ? "wss:" : "ws:"}//${location.host}${here.line}`);
+    line.heardAt = performance.now();
+    newest = line;
+    lines.add(line);
+    while (lines.size > MOST_LINES) drop([...lines][0]);
+    line.addEventListener("message", (message) => {
+      line.heardAt = performance.now();
+      failures = 0;
+      const told = JSON.parse(message.data);
+      if (told.type === "stopped") acknowledge(told);
+    });
+    line.addEventListener("open", () => {
+      line.heardAt = performance.now();
+      if (asked) line.send(JSON.stringify({ stop: asked.cell, number: asked.number }));
+    });
+    line.addEventListener("close", () => {
+      lines.delete(line);
+      if (newest === line) later();
+    });
+  }
+
+  function later() {
+    newest = null;
+    openAgain = setTimeout(connect, CONNECT_MS[Math.min(failures, CONNECT_MS.length - 1)]);
+    failures += 1;
+  }
+
+  function drop(line) {
+    lines.delete(line);
+    line.close();
+  }
+
+  function watch() {
+    attempt();
+    if (!newest || performance.now() - newest.heardAt < SILENT_MS) return;
+    const silent = newest;
+    later();
+    // an open line may still carry the stop or its answer; one that connects keeps the next waiting
+    if (!asked || silent.readyState !== WebSocket.OPEN) drop(silent);
+  }
+
+  // ---- keys and fingers: the press itself stops, not its release
+  let pressedAt = -Infinity;
+  let escapedAt = -Infinity;
+
+  function press(event) {
+    if (!event.target.closest?.("#stop") || event.timeStamp - pressedAt < TWICE_MS) return;
+    pressedAt = event.timeStamp;
+    stop();
+  }
+
+  addEventListener("pointerdown", (event) => event.button === 0 && press(event), true);
+  addEventListener("click", (event) => event.button === 0 && press(event), true);
+  addEventListener("keydown", (event) => {
+    if (event.repeat) return;
+    if (event.key === "Enter" || event.key === " ") press(event);
+    if (event.key !== "Escape") return;
+    if (event.timeStamp - escapedAt < TWICE_MS) {
+      escapedAt = -Infinity;
+      stop();
+    } else escapedAt = event.timeStamp;
+  }, true);
+
+  // ---- other scripts may know of an answer: the page's own WebSocket, or a motion that has ended
+  document.addEventListener("stop-answered", (event) => acknowledge(event.detail));
+
+  // ---- the button is there as soon as it is read, and a part that does not load is told
+  let broken = false;
+  function appear() {
+    if (broken && find("page-broken")) find("page-broken").hidden = false;
+    const button = find("stop");
+    if (!button) return;
+    button.hidden = false;
+    find("stop-missing")?.remove();
+    show();
+  }
+  const appearing = new MutationObserver(appear);
+  appearing.observe(document.documentElement, { childList: true, subtree: true });
+  addEventListener("DOMContentLoaded", () => {
+    appearing.disconnect();
+    appear();
+  });
+  addEventListener("error", (event) => {
+    const place = event.filename ?? event.target.src ?? event.target.href ?? "";
+    if (!place.startsWith(`${location.origin}/static/`)) return;
+    broken = true;
+    appear();
+  }, true);
+
+  if (here.line) connect();
+  setInterval(watch, AGAIN_MS);
+  const unanswered = kept();
+  if (unanswered) begin(unanswered);
+})();

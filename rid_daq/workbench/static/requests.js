@@ -1,0 +1,81 @@
+// Requests to the service: bounded in time and number, so that they never keep STOP waiting.
+
+const AT_ONCE = 3; // of the six connections of a browser; STOP and the heartbeat need the others
+
+// A request that was refused or not answered; `message` is a sentence for people.
+export class Refusal extends Error {
+  constructor(kind, message, status) {
+    super(message);
+    this.kind = kind;
+    this.status = status;
+  }
+}
+
+// True if a request was given up because a newer one replaces it: there is nothing to show.
+export const isReplaced = (error) => error.kind === "Replaced";
+
+let underWay = 0;
+const waiting = [];
+
+async function turn() {
+  if (underWay >= AT_ONCE) await new Promise((resolve) => waiting.push(resolve));
+  underWay += 1;
+}
+
+function leave() {
+  underWay -= 1;
+  waiting.shift()?.();
+}
+
+// Send a request and return its JSON. `urgent` ones do not wait for others to end; `signal` ends one.
+export async function request(url, options = {}, { patienceMs, urgent = false, signal = null } = {}) {
+  if (!urgent) await turn();
+  try {
+    return await send(url, options, patienceMs, signal);
+  } finally {
+    if (!urgent) leave();
+  }
+}
+
+async function send(url, options, patienceMs, signal) {
+  const replaced = () => new Refusal("Replaced", "A newer request replaces this one.", 0);
+  if (signal?.aborted) throw replaced();
+  const ending = new AbortController();
+  const end = () => ending.abort();
+  const patience = setTimeout(end, patienceMs);
+  signal?.addEventListener("abort", end);
+  let answer, text;
+  try {
+    answer = await fetch(url, { ...options, signal: ending.signal });
+    text = await answer.text();
+  } catch {
+    if (signal?.aborted) throw replaced();
+    throw new Refusal("OutOfReach", "The service does not answer.", 0);
+  } finally {
+    clearTimeout(patience);
+    signal?.removeEventListener("abort", end);
+  }
+  if (!answer.ok) throw refusalOf(answer, text);
+  return text ? JSON.parse(text) : null;
+}
+
+function refusalOf(answer, text) {
+  try {
+    const told = JSON.parse(text);
+    if (told.message) return new Refusal(told.error, told.message, answer.status);
+  } catch {
+    // an answer of the server itself, without words
+  }
+  if (answer.status === 401) return new Refusal("NotKnownError", "This device is not let in any more.", 401);
+  return new Refusal("Refused", `The service refuses this (${answer.status}).`, answer.status);
+}
+
+// Return a function that gives a signal for each request of a series, and ends the one before.
+export function newest() {
+  let ending = null;
+  return () => {
+    ending?.abort();
+    ending = new AbortController();
+    return ending.signal;
+  };
+}
