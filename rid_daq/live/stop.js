@@ -2,12 +2,14 @@
 // Its script element names the cell ("*" for all), the address of the request, and the WebSocket.
 "use strict";
 (() => {
+  window.endStop?.(); // of the page whose place this one takes; it ends here, and goes on with its press
   const AGAIN_MS = 250; // between two attempts
   const REFUSED_MS = 1000; // the same after a refusal
   const LATE_MS = 2000; // then the page says that no answer came
   const TWICE_MS = 1000; // one press gives several events; two Escapes are one stop
   const SHOWN_MS = 8000;
   const SILENT_MS = 1500; // a line without a beat for so long is replaced
+  const STOOD_MS = 800; // between two looks
   const CONNECT_MS = [100, 250, 500, 1000, 2000, 5000];
   const MOST_LINES = 4;
   const MOST_REQUESTS = 2; // a browser has six connections for requests
@@ -126,6 +128,7 @@
   let newest = null;
   let failures = 0;
   let openAgain = null;
+  let watchedAt = performance.now();
 
   function connect() {
     clearTimeout(openAgain);
@@ -164,7 +167,11 @@
 
   function watch() {
     attempt();
-    if (!newest || performance.now() - newest.heardAt < SILENT_MS) return;
+    const at = performance.now();
+    const stood = at - watchedAt;
+    watchedAt = at;
+    if (newest && stood > STOOD_MS) newest.heardAt = at; // the page itself stood: beats are yet to be read
+    if (!newest || at - newest.heardAt < SILENT_MS) return;
     const silent = newest;
     later();
     // an open line may still carry the stop or its answer; one that connects keeps the next waiting
@@ -220,7 +227,16 @@
   }, true);
 
   if (here.line) connect();
-  setInterval(watch, AGAIN_MS);
+  const watching = setInterval(watch, AGAIN_MS);
+  window.endStop = () => {
+    clearInterval(watching);
+    clearTimeout(openAgain);
+    newest = null;
+    for (const line of lines) {
+      if (line.readyState === WebSocket.OPEN) line.close();
+      else line.addEventListener("open", () => line.close()); // browsers complain of a sooner end
+    }
+  };
   const unanswered = kept();
   if (unanswered) begin(unanswered);
 })();

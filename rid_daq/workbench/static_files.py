@@ -27,7 +27,7 @@ CACHED: Final = MappingProxyType({"cache-control": "public, max-age=31536000, im
 _KINDS: Final = MappingProxyType(
     {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 )
-_NO_MODULES: Final = ("stop.js", "beat.js")
+_NO_MODULES: Final = ("stop.js", "door.js", "beat.js")
 
 
 @functools.cache

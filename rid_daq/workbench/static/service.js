@@ -19,6 +19,7 @@ const RENEW_MS = 2000;
 const AGAIN_MS = 500;
 // Both channels have a heartbeat; silence is told within 2 s.
 const WATCH_MS = 100;
+const STOOD_MS = 400; // between two looks
 const STALE_MS = 1850; // without a word on a channel
 const PROBE_MS = 700; // from one probe of the requests to the next
 const PROBE_PATIENCE_MS = 2000;
@@ -82,12 +83,17 @@ let openedAt = 0;
 let valuesAt = 0;
 let answeredAt = 0;
 let probedAt = -Infinity;
+let judgedAt = 0;
 let probes = 0;
 export const reach = { values: true, requests: true };
 
 function judge() {
-  if (document.visibilityState === "hidden") return;
   const at = performance.now();
+  const stood = at - judgedAt;
+  judgedAt = at;
+  // this page itself stood (it drew a figure, or was in the background): what came is yet to be read
+  if (stood > STOOD_MS) [valuesAt, answeredAt, openedAt] = [valuesAt + stood, answeredAt + stood, openedAt + stood];
+  if (document.visibilityState === "hidden") return;
   const found = { values: at - valuesAt < STALE_MS, requests: at - answeredAt < STALE_MS };
   if (found.values === reach.values && found.requests === reach.requests) return;
   const again = found.requests && !reach.requests;
@@ -103,6 +109,7 @@ async function look() {
   probes += 1;
   try {
     const status = await ask("GET", CELL, undefined, PROBE_PATIENCE_MS, lease.key, { urgent: true });
+    judge();
     answeredAt = performance.now();
     setStatus(status, from);
   } catch (error) {
@@ -116,9 +123,9 @@ async function look() {
 
 function watch() {
   const at = performance.now();
+  judge();
   if (socket && at - Math.max(valuesAt, openedAt) > STALE_MS) reconnect();
   if (at - probedAt > PROBE_MS && probes < MOST_PROBES) look();
-  judge();
 }
 
 function connect(first = false) {
@@ -128,6 +135,7 @@ function connect(first = false) {
   openedAt = performance.now();
   mine.addEventListener("message", (message) => {
     if (socket !== mine) return;
+    judge();
     valuesAt = performance.now();
     judge();
     dispatch(JSON.parse(message.data));
@@ -171,7 +179,7 @@ function dispatch(told) {
 
 export function begin() {
   const at = performance.now();
-  [valuesAt, answeredAt] = [at + FIRST_MS - STALE_MS, at + FIRST_MS - STALE_MS];
+  [valuesAt, answeredAt, judgedAt] = [at + FIRST_MS - STALE_MS, at + FIRST_MS - STALE_MS, at];
   connect(true);
   look();
   lease.recall();
@@ -179,8 +187,6 @@ export function begin() {
   new Worker(new URL("./beat.js", import.meta.url)).addEventListener("message", () => lease.key && lease.renew());
   document.addEventListener("visibilitychange", () => {
     if (document.visibilityState !== "visible") return;
-    const at = performance.now() - FRESH_MS; // its timers stood: it listens from now on
-    [valuesAt, answeredAt] = [Math.max(valuesAt, at), Math.max(answeredAt, at)];
     look();
     if (lease.key) lease.renew();
   });

@@ -6,15 +6,18 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from rid_daq.service.records import CellState
+from tests.builders.bad_link import BadLink, bad_link
 from tests.rid_daq.conftest import PATIENCE_MS
 from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, serving
+from tests.rid_daq.service.moving import taken
 
 __all__ = ["long_motion", "motion"]
 
@@ -79,6 +82,52 @@ def open_page_of(browser: Browser) -> Iterator[OpenPage]:
     yield opened
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def link(served_pages: ServedProcess) -> Iterator[BadLink]:
+    """A link to the service that a test makes bad."""
+    with bad_link(urlsplit(served_pages.url).port or 0) as link:
+        yield link
+
+
+@pytest.fixture(scope="module")
+def program_lease(served_pages: ServedProcess, long_motion: str) -> Iterator[str]:
+    """The key of the cell's lease, which a program has; the cell is ready to move."""
+    with taken(served_pages, long_motion) as key:
+        yield key
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    """A new browser profile, whose console may complain."""
+    context = browser.new_context(viewport={"width": 1366, "height": 900})
+    context.set_default_timeout(PATIENCE_MS)
+    yield context
+    context.close()
+
+
+OpenByLink = Callable[[], Page]
+
+
+@pytest.fixture
+def open_by_link(context: BrowserContext, link: BadLink, served_pages: ServedProcess) -> OpenByLink:
+    """Open the page of the cell by the link, let in by the terminal's address."""
+
+    def opened() -> Page:
+        page = context.new_page()
+        port = urlsplit(served_pages.url).port
+        page.goto(served_pages.url.replace(f":{port}/", f":{link.port}/"))
+        expect(page.locator("body")).to_have_attribute("data-cell", "ir361")
+        return page
+
+    return opened
+
+
+def go_to(page: Page, tab: str) -> None:
+    """Go to a page by its tab."""
+    page.get_by_role("link", name=tab, exact=True).click()
+    expect(page.locator(f'nav a[aria-current]:text-is("{tab}")')).to_be_visible()
 
 
 @pytest.fixture(scope="session")

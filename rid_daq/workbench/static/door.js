@@ -28,7 +28,7 @@
 
   const NOT_PAGES = /^\/(api|figures|metrics)(\/|$)/;
   let passed = null;
-  document.addEventListener("click", async (event) => {
+  async function showTicket(event) {
     const link = event.target.closest?.("a[href]");
     if (!link || link === passed || link.origin !== location.origin || !NOT_PAGES.test(link.pathname)) return;
     event.preventDefault();
@@ -49,18 +49,32 @@
     passed = copy;
     copy.dispatchEvent(new MouseEvent("click", event));
     copy.remove();
-  });
-
-  // ---- the page of this address takes this one's place
-  const request = new XMLHttpRequest();
-  request.open("GET", given ? "/" : location.href, false);
-  request.setRequestHeader("authorization", bearer);
-  try {
-    request.send();
-    if (new URL(request.responseURL).pathname !== location.pathname || given)
-      history.replaceState(null, "", request.responseURL);
-    document.write(request.responseText);
-  } catch {
-    document.write("<p>The service does not answer. To stop: rid-daq stop in a terminal, or the emergency stop.</p>");
   }
+
+  // ---- the page of this address takes this one's place; until then this one has STOP
+  const PATIENCE_MS = 10000;
+  const AGAIN_MS = 1000;
+  // the page is loaded once that one is: a child that is still being written keeps it waiting
+  const pending = document.createElement("iframe");
+  pending.hidden = true;
+  document.body.append(pending);
+  pending.contentDocument.open();
+
+  async function load() {
+    let text;
+    try {
+      const answer = await fetch(given ? "/" : location.href, { signal: AbortSignal.timeout(PATIENCE_MS) });
+      text = await answer.text();
+      if (new URL(answer.url).pathname !== location.pathname || given) history.replaceState(null, "", answer.url);
+    } catch {
+      document.getElementById("door-words").textContent = "The service does not answer: use the emergency stop. Trying again…";
+      setTimeout(load, AGAIN_MS);
+      return;
+    }
+    document.open(); // forgets all listeners
+    document.addEventListener("click", showTicket);
+    document.write(text);
+    document.close();
+  }
+  load();
 })();
