@@ -21,7 +21,7 @@
   window.WebSocket = class extends PlainSocket {
     constructor(target, ...more) {
       const address = new URL(target, location);
-      const ours = address.host === location.host && address.pathname === "/api/v1/ws";
+      const ours = address.host === location.host && /^\/api\/v1\/(ws|stop-line)$/.test(address.pathname);
       super(target, ...(ours ? [["rid-daq", `rid-daq.${secret}`]] : more));
     }
   };
