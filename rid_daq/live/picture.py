@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from dataclasses import dataclass
 
 from acquisition.motion.samples import Phase
@@ -14,6 +13,7 @@ from acquisition.task.ring import Ring
 from acquisition.task.states import Progress, RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.plausible import ZERO_CELSIUS_K
+from config.process.safety_clock import safety_now_s
 from config.robot.robot import RobotDescription
 from rid_daq.terminal.motion_progress import motion_words
 
@@ -61,7 +61,7 @@ class MotionPicture:
         self._watch = JointWatch(ring, motion.cell, motion.robot)
         self._values: JointValues | None = None
         self._written = 0
-        self._changed_s = time.monotonic()
+        self._changed_s = safety_now_s()
         self._began: tuple[float, int] | None = None
         self._row = 0
 
@@ -72,7 +72,7 @@ class MotionPicture:
     def _picture(self) -> dict[str, object]:
         motion, control = self._motion, self._control
         progress = control.progress
-        now_s = time.monotonic()
+        now_s = safety_now_s()
         if self._ring.written != self._written:
             self._written, self._changed_s = self._ring.written, now_s
             self._values = self._watch.look() or self._values

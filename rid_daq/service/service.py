@@ -98,7 +98,7 @@ class CellService:
             feed=self.feed,
         )
         self.putting = Putting()
-        self.started_s = time.time()
+        self.started_s, self.began_s = time.time(), safety_now_s()
         self.stops = 0
         self._told: dict[str, str] = {}
         self._beat_s: float | None = None

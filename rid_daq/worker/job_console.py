@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, Literal, TypeVar
 from pydantic import BaseModel
 
 from config.errors import ConfigError, PreflightError
+from config.process.safety_clock import safety_now_s
 from rid_daq.terminal.console import Console, Progress, printable
 from rid_daq.terminal.job_events import (
     Answered,
@@ -216,12 +217,12 @@ class _Told:
         self._next_s = 0.0
 
     def update(self, done: float, line: str) -> None:
-        now_s = time.time()
+        now_s = safety_now_s()
         if now_s < self._next_s and done != self._total:
             return
         self._next_s = now_s + PROGRESS_S
         event = Progressed(
-            at_s=now_s,
+            at_s=time.time(),
             title=self._title,
             done=done,
             total=self._total,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import resource
-import time
 
 from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Gauge, generate_latest
 
+from config.process.safety_clock import safety_now_s
 from rid_daq.service.api.context import Service, Who
 from rid_daq.service.records import CellState, JobState, Record
 from rid_daq.session.versions import program_version
@@ -26,7 +26,7 @@ class Health(Record):
 @router.get("/api/v1/health")
 async def health(service: Service) -> Health:
     """Answer that the service is alive; nobody needs a token for that."""
-    up_s = time.time() - service.started_s
+    up_s = safety_now_s() - service.began_s
     return Health(status="ok", version=program_version(), up_s=up_s)
 
 

@@ -333,3 +333,18 @@ def test_no_key_is_held_by_a_command_far_away() -> None:
     event = Asked(at_s=0.0, question=1, form="hold", text="")
     with pytest.raises(ConfigError, match="a key must be held"):
         shown(SimpleNamespace(id="1"), event)
+
+
+@pytest.mark.promise("safety-clock")
+def test_progress_goes_on_being_told_after_the_date_was_set_back(
+    console: JobConsole, events: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = Clock()
+    monkeypatch.setattr("rid_daq.worker.job_console.safety_now_s", now)
+    with console.progress("recording", 10.0, "s") as shown:
+        shown.update(1.0, "")
+        monkeypatch.setattr("time.time", lambda: 0.0)
+        now.now_s += 1.0
+        shown.update(2.0, "")
+    told = [event for event in EventTail(events).new() if isinstance(event, Progressed)]
+    assert [event.done for event in told] == [1.0, 2.0]

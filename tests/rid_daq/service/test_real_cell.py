@@ -1,0 +1,137 @@
+"""A served real cell: its axis test is made through the service, then it may be recorded.
+
+The drives are simulated ones, served on a bus of their own by `rid-daq mock`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.sync.client import connect
+
+from config.errors import LockedError, PreflightError
+from config.load import load_cell
+from rid_daq.preflight.axis_test import AXIS_TEST
+from rid_daq.service.client import ServiceClient
+from rid_daq.service.records import CellState, Job
+from tests.mock_hw.test_bus_acceptance import patient_cell
+from tests.rid_daq.service.conftest import PATIENCE_S, ServedProcess, serving
+from tests.rid_daq.service.moving import CHECK, events, is_in_motion, until
+from tests.rid_daq.service.test_held_keys import Holder
+
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
+
+PRESS_S = 10.0
+JOBS = "/cells/ir361/jobs"
+
+
+@pytest.fixture
+def drives(tmp_path: Path) -> Iterator[Path]:
+    """A real cell's file, whose drives are on their bus."""
+    group = f"239.74.163.9@{20_000 + os.getpid() % 20_000}"
+    safety = load_cell("ir361").config.drive_safety  # a real cell is not that patient
+    config = patient_cell("udp_multicast", group).config
+    config = config.model_copy(update={"drive_safety": safety})
+    (tmp_path / "drives.json").write_text(config.model_dump_json())
+    real = config.model_dump(mode="json") | {"simulated": False, "plant": None}
+    (tmp_path / "cell.json").write_text(json.dumps(real))
+    command = [sys.executable, "-m", "rid_daq", "mock", str(tmp_path / "drives.json")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as mock:
+        assert mock.stdout is not None
+        mock.stdout.readline()  # it serves
+        try:
+            yield tmp_path / "cell.json"
+        finally:
+            mock.terminate()
+
+
+@pytest.fixture
+def served(drives: Path, motion: str) -> Iterator[ServedProcess]:
+    (drives.parent / "motion.yaml").write_text(motion)
+    with serving(drives.parent, cell=str(drives)) as running:
+        yield running
+
+
+def begin(client: ServiceClient, lease: str, kind: str, **request: object) -> Job:
+    body = {"kind": kind, "request": request, "cleared": True}
+    return Job.model_validate(client.ask("POST", JOBS, body, lease))
+
+
+def checked(client: ServiceClient, lease: str) -> list[dict[str, str]]:
+    """Check the cell; return the lines of the preflight."""
+    client.follow(begin(client, lease, "check", **CHECK))
+    lines: list[dict[str, str]] = client.ask("GET", "/cells/ir361/preflight")["lines"]
+    return lines
+
+
+def open_question(client: ServiceClient, job: Job) -> dict[str, object] | None:
+    told = events(client, job)
+    answered = {each["question"] for each in told if each["kind"] == "answered"}
+    asked = [each for each in told if each["kind"] == "asked"]
+    return next((each for each in asked if each["question"] not in answered), None)
+
+
+def attend(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
+    """Hold the key for every axis, and say of each that it has turned by two degrees."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not client.job(job.id).state.is_over:
+        assert time.monotonic() < end_s, events(client, job)[-3:]
+        question = open_question(client, job)
+        if question is None:
+            time.sleep(0.05)
+        elif question["form"] == "hold":
+            holder.hold(" ")
+            until_s = time.monotonic() + PRESS_S
+            while open_question(client, job) == question and time.monotonic() < until_s:
+                time.sleep(0.05)
+            holder.hold("")
+        else:
+            text = "+" if "move as was said" in str(question["text"]) else "2"
+            wanted = {"question": question["question"], "text": text}
+            with contextlib.suppress(LockedError):  # it reads of the question a moment later
+                client.ask("POST", f"/jobs/{job.id}/answer", wanted, lease)
+            time.sleep(0.1)
+
+
+@pytest.mark.promise("served-axis-test")
+def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_recorded(
+    served: ServedProcess,
+) -> None:
+    with served.client as client:
+        lease = client.ask("POST", "/cells/ir361/lease", {"seconds": 3600.0})["key"]
+        red = [line["what"] for line in checked(client, lease) if line["verdict"] == "red"]
+        assert red == [AXIS_TEST]
+        with pytest.raises(PreflightError) as refused:
+            begin(client, lease, "record", motion="motion.yaml")
+        assert refused.value.refusal == "RID-CELL-NOT-READY"
+        secret = client.ask(
+            "POST", "/tokens", {"name": "anna", "role": "operator", "person": True}
+        )["secret"]
+        address = f"ws://{urlsplit(served.url).netloc}/api/v1/ws"
+        headers = {"Authorization": f"Bearer {secret}"}
+        job = begin(client, lease, "axes")
+        with connect(address, additional_headers=headers, ping_interval=None) as socket:
+            attend(client, job, lease, Holder(socket, job.id, lease))
+        client.follow(job).require_done()
+        with pytest.raises(PreflightError):
+            begin(client, lease, "record", motion="motion.yaml")  # not before another check
+        lines = checked(client, lease)
+        assert [line["what"] for line in lines if line["verdict"] == "red"] == []
+        (line,) = (line for line in lines if line["what"] == AXIS_TEST)
+        assert line["found"].endswith(f", {job.owner}"), line
+        assert client.cell("ir361").state is CellState.READY
+        recording = begin(client, lease, "record", motion="motion.yaml")
+        pid = client.job(recording.id).pid
+        assert pid is not None
+        until(lambda: is_in_motion(pid))
+        client.stop("ir361")
+        client.follow(recording)
