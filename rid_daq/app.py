@@ -80,6 +80,7 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
     },
     "Service": {
         "serve": "cells as a service: jobs, runs and a workbench in the browser",
+        "token": "let a program or a device in to a service of this computer",
     },
 }
 """Every command and its one line in the help; the module is `rid_daq.commands.<name>`.
@@ -91,7 +92,7 @@ COMMANDS = {name: line for group in COMMAND_GROUPS.values() for name, line in gr
 
 
 WIDEST_HELP = 120  # columns: longer lines are hard to read; a narrower terminal is kept to
-_WITHOUT_NUMERICS = frozenset({"docs", "init", "report", "runs", "stop"})
+_WITHOUT_NUMERICS = frozenset({"docs", "init", "report", "runs", "stop", "token"})
 _NUMERICS_BYTES = 750 << 20  # of address space, of which about half is used
 
 

@@ -1,0 +1,53 @@
+"""`rid-daq token`: the owner of a service's folder lets somebody in, without a token."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import httpx
+import pytest
+
+from rid_daq.app import run
+from tests.rid_daq.service.conftest import ServedProcess, shared
+
+__all__ = ["shared"]
+
+HEADERS = {"x-rid-daq": "test", "content-type": "application/json"}
+
+
+def role_of(served: ServedProcess, secret: str) -> str:
+    service = served.url.partition("/?")[0]
+    shown = {"authorization": f"Bearer {secret}"}
+    return str(httpx.get(f"{service}/api/v1/whoami", headers=shown).json()["role"])
+
+
+@pytest.mark.promise("lost-token")
+def test_a_lost_administrator_token_is_replaced(
+    shared: ServedProcess, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["token", "anna", "--role", "administrator", "--folder", str(shared.folder), "--json"]
+    assert run(words) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert role_of(shared, made["token"]) == "administrator"
+
+
+@pytest.mark.promise("lost-token")
+def test_a_device_is_let_in_by_its_code(
+    shared: ServedProcess, capsys: pytest.CaptureFixture[str]
+) -> None:
+    service = shared.url.partition("/?")[0]
+    begun = httpx.post(f"{service}/api/v1/pairing", headers=HEADERS, json={}).json()
+    code = f"{begun['code'][:3]} {begun['code'][3:]}"
+    assert run(["token", "laptop", "--code", code, "--folder", str(shared.folder)]) == 0
+    assert "laptop is let in as operator." in capsys.readouterr().out
+    asked = {"secret": begun["secret"]}
+    state = httpx.post(f"{service}/api/v1/pairing/state", headers=HEADERS, json=asked).json()
+    assert role_of(shared, state["key"]) == "operator"
+
+
+def test_without_a_service_there_is_nothing_to_be_let_in_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["token", "anna", "--folder", str(tmp_path)]) == 2
+    assert "RID-TOKEN-NO-SERVICE" in capsys.readouterr().err
