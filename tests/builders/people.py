@@ -52,7 +52,7 @@ if user != os.getuid():
     os.setuid(user)
     ctypes.CDLL(None).prctl(4, 1, 0, 0, 0)  # PR_SET_DUMPABLE: as any program of that user
 if what == "stop":
-    sys.exit(run(["stop", "--json"]))
+    sys.exit(run(["stop", "--all", "--json"]))
 signal.signal(signal.SIGTERM, _end_once)
 os.umask(0o077)
 with hold_cell(cell):

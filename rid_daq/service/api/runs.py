@@ -14,7 +14,7 @@ from fastapi.responses import FileResponse, Response
 from acquisition.runs.catalogue import damaged_runs, find_run_inside, list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, Manifest
-from config.errors import ConfigError, system_errors
+from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_new
 from rid_daq.service.api.context import Operator, Service, Who
 from rid_daq.service.folder_files import KINDS, motion_kind, visible_files
@@ -217,8 +217,11 @@ def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
 
 
 def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Response:
-    path = folder.file(name)
-    if not path.is_file() or path.is_symlink():
+    try:
+        path = folder.file(name)
+    except RecordingError as error:  # a link stands in its way
+        raise UnknownError(str(error), code="RID-RUN-LINK") from None
+    if not path.is_file():
         raise UnknownError(f"run {folder.run_id} has no {name} yet")
     return FileResponse(path, media_type=kind, filename=name if saved else None)
 

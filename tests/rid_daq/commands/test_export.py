@@ -196,6 +196,11 @@ def test_a_file_that_is_there_is_kept(model_file: Path, tmp_path: Path) -> None:
     words = ["export", str(model_file), "--to", "python", "-o", str(out)]
     assert run(words) == 2
     assert out.read_text() == "mine"
+    assert run([*words, "--overwrite"]) == 2, "it is no export of ours"
+    assert out.read_text() == "mine"
+    out.unlink()
+    assert run(words) == 0
+    assert run(words) == 2
     assert run([*words, "--overwrite"]) == 0
     assert "inverse_dynamics" in out.read_text()
 

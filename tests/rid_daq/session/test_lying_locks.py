@@ -236,8 +236,9 @@ def test_an_error_of_any_kind_is_that_sessions_alone(
 
     monkeypatch.setattr(RunningSession, "terminate", fail)
     found = [broken, *running_sessions()]
-    monkeypatch.setattr("rid_daq.session.stopping.running_sessions", lambda cell: found)
-    assert run(["stop"]) == 4
+    name = "rid_daq.session.running_sessions.running_sessions"
+    monkeypatch.setattr(name, lambda _cell=None: found)
+    assert run(["stop", "--all"]) == 4
     assert session.wait(120.0) == 143
     assert "could not be stopped from here: the sky fell" in capsys.readouterr().out
 
