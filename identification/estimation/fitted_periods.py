@@ -223,6 +223,7 @@ def model_of(
     options: ModelOptions | None,
     motions: Sequence[tuple[FloatArray, FloatArray]] = (),
     standstill_rad_s: float = 0.0,
+    moving_share: float = 0.0,
 ) -> tuple[RobotModel, BaseParameters, ModelOptions, tuple[StillJoint, ...]]:
     """Return the model that options ask for, and what of it some motions can show.
 
@@ -235,11 +236,11 @@ def model_of(
     options : ModelOptions
         The options, less what their kind of model has not.
     still : tuple of StillJoint
-        The joints that none of the motions, each q and v, moves.
+        The joints that none of the motions, each q and v, moves in more than `moving_share` of it.
     """
     options = options or ModelOptions()
     if options.kind == "external":  # what is inside the robot, the base does not feel
         options = replace(options, friction=False, friction_terms=None, spring=False)
     model = options.build(robot)
-    still = still_joints(model, motions, standstill_rad_s) if motions else ()
+    still = still_joints(model, motions, standstill_rad_s, moving_share) if motions else ()
     return model, base_parameters(model, kind=options.kind, still=still), options, still

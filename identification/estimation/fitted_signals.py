@@ -26,7 +26,7 @@ from identification.estimation.smoothed_fit import (
 )
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
-from identification.model.still_joints import StillJoint
+from identification.model.still_joints import JERK_SHARE, StillJoint
 from identification.regression.intervals import at_least
 
 
@@ -144,7 +144,9 @@ def fit_smoothed(
     """
     options = options or EstimationOptions()
     motions = [(run.position, run.velocity) for run in signals]
-    model, base, terms, still = model_of(robot, options.model, motions, options.standstill_rad_s)
+    model, base, terms, still = model_of(
+        robot, options.model, motions, options.standstill_rad_s, JERK_SHARE
+    )
     if terms.kind != "internal":
         raise EstimationError(
             f"the {terms.kind} model is estimated from periodic runs only: record a periodic"
@@ -156,6 +158,7 @@ def fit_smoothed(
         standstill_rad_s=options.standstill_rad_s,
         weighting=options.weighting,
         prior=prior_rows(base, options.prior),
+        still=tuple(robot.joint_names.index(each.joint) for each in still),
     )
     model, standard, fit = fit_with_nonlinear(model, base, problem.fit)
     return FittedSignals(

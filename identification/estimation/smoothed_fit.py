@@ -7,7 +7,7 @@ rows are not independent; the cluster-robust covariance takes a second of all jo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,6 +69,8 @@ class SmoothedProblem:
         What is known beforehand.
     sliding_alone : bool
         Whether rows near a reversal are left out; as in `time_blocks`.
+    still : tuple of int
+        Joints that no run moves: none of their rows count.
     """
 
     base: BaseParameters
@@ -77,6 +79,7 @@ class SmoothedProblem:
     weighting: Weighting
     prior: PriorRows
     sliding_alone: bool = False
+    still: tuple[int, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -87,7 +90,7 @@ class SmoothedProblem:
         self, model: RobotModel, standard: FloatArray | None, *, low_passed: bool = False
     ) -> Iterator[TimeBlock]:
         """Yield the equations of the recordings, as `time_blocks` does."""
-        return time_blocks(
+        blocks = time_blocks(
             model,
             self.base,
             self.runs,
@@ -96,6 +99,9 @@ class SmoothedProblem:
             low_passed=low_passed,
             sliding_alone=self.sliding_alone,
         )
+        counts = ~np.isin(np.arange(model.chain.n), self.still)
+        for block in blocks:
+            yield replace(block, use=block.use & counts)
 
     def fit(
         self, model: RobotModel, standard: FloatArray | None, scale: FloatArray | None = None

@@ -20,6 +20,9 @@ from dynamics.model.standstill import standstill
 SAME_POSITION: Final = 0.01
 """Positions so close are one [rad or m]."""
 
+JERK_SHARE: Final = 0.01
+"""Share of its samples in which a joint that stands still may be moved by the jerks of others."""
+
 STILL_MODEL: Final = "RID-MODEL-STILL"
 
 
@@ -50,7 +53,10 @@ class StillJoint:
 
 
 def still_joints(
-    model: RobotModel, motions: Iterable[tuple[FloatArray, FloatArray]], standstill_rad_s: float
+    model: RobotModel,
+    motions: Iterable[tuple[FloatArray, FloatArray]],
+    standstill_rad_s: float,
+    moving_share: float = 0.0,
 ) -> tuple[StillJoint, ...]:
     """Return the joints that stand still throughout every run.
 
@@ -62,12 +68,15 @@ def still_joints(
         Positions and velocities of each run, (samples, n) [rad or m, per s].
     standstill_rad_s : float
         Speed from which on a joint moves.
+    moving_share : float
+        Share of a run's samples in which it may be faster all the same, such as when another joint
+        starts with a jerk.
     """
     slowest = standstill(model, standstill_rad_s)
     still = np.ones(model.chain.n, dtype=bool)
     positions: list[list[float]] = [[] for _ in range(model.chain.n)]
     for q, v in motions:
-        still &= np.abs(v).max(axis=0) < slowest
+        still &= np.mean(np.abs(v) >= slowest, axis=0) <= moving_share
         still &= np.ptp(q, axis=0) < SAME_POSITION
         for known, position in zip(positions, q.mean(axis=0).tolist(), strict=True):
             if all(abs(position - other) >= SAME_POSITION for other in known):

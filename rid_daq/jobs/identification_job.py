@@ -26,7 +26,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
-from identification.model.still_joints import refuse_still, still_joints
+from identification.model.still_joints import JERK_SHARE, refuse_still, still_joints
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from identification.validation.period_delays import choose_period_delays
@@ -144,7 +144,8 @@ def compare_friction(
     signals = signals_of(data, how)
     motions = [(run.position, run.velocity) for run in signals]
     model, speed = how.options.model.build(robot), how.options.standstill_rad_s
-    refuse_still(still_joints(model, motions, speed), "friction cannot be chosen (--choose)")
+    still = still_joints(model, motions, speed, JERK_SHARE)
+    refuse_still(still, "friction cannot be chosen (--choose)")
     if data[0].is_periodic:
         return _compare_periods(robot, data, how, watch)
     alike = len({run.sample_period_s for run in signals}) == 1

@@ -136,3 +136,12 @@ def test_prior_knowledge_makes_nothing_up_of_a_joint_without_friction(arm: Known
     estimate = estimate_smoothed(arm.robot, [still], options)
     assert "Im3" in estimate.base.unseen
     np.testing.assert_allclose(estimate.values, estimate.base.from_standard(known), rtol=1e-3)
+
+
+def test_a_jerk_of_another_joint_does_not_count_as_motion(arm: KnownArm) -> None:
+    q, v, a = sines(0, STOOD)
+    v[1000:1005, 2] = 0.07
+    q[1000:, 2] += 0.003
+    estimate = estimate_smoothed(arm.robot, [signals(arm, (q, v, a))])
+    assert [each.joint for each in estimate.still] == ["axis3"]
+    assert estimate.left_out_fraction[2] == 1.0
