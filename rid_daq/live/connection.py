@@ -62,7 +62,8 @@ class Connection(asyncio.Protocol):
         self._came_bytes = 0
         self._linger_s, self._linger_bytes = _LINGER_S, _LINGER_BYTES
         self._most_bytes = 0
-        self._in_second = (0, 0)
+        self._left = float(door.limits.stream_bytes)
+        self._left_at_s = time.monotonic()
         self.owner = ""
         self.body_bytes = door.limits.body_bytes
 
@@ -137,10 +138,11 @@ class Connection(asyncio.Protocol):
         """Return whether a client sends no more than it may, framing included."""
         if self not in self._door.streams and self not in self._door.lines:
             return self._came_bytes <= self._most_bytes
-        second, came = self._in_second
-        now = int(time.monotonic())
-        self._in_second = (now, came + new if now == second else new)
-        return self._in_second[1] <= self._limits.stream_bytes_s
+        now_s = time.monotonic()
+        come = self._limits.stream_bytes_s * (now_s - self._left_at_s)
+        self._left = min(float(self._limits.stream_bytes), self._left + come) - new
+        self._left_at_s = now_s
+        return self._left >= 0.0
 
     def eof_received(self) -> bool | None:
         """Let the speaker decide."""

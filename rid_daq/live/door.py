@@ -38,8 +38,8 @@ class Limits:
         Of a request; the reception may allow another body.
     message_bytes : int
         Of a WebSocket's message.
-    stream_bytes_s : int
-        What a client may send over a WebSocket in a second.
+    stream_bytes, stream_bytes_s : int
+        What a client may send over a WebSocket at once, and in a second.
     request_s : float
         From the connection to the request's last byte [s]; the reception may allow longer bodies.
     answer_s, stream_s : float
@@ -56,7 +56,8 @@ class Limits:
     head_bytes: int = 16 << 10
     body_bytes: int = 1 << 20
     message_bytes: int = 64 << 10
-    stream_bytes_s: int = 256 << 10
+    stream_bytes: int = 256 << 10
+    stream_bytes_s: int = 64 << 10
     request_s: float = 2.0
     answer_s: float = 5.0
     stream_s: float = 10.0

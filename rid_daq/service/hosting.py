@@ -39,7 +39,8 @@ LIMITS: Final = Limits(
     streams=64,
     streams_of_one=8,
     message_bytes=8 << 10,
-    stream_bytes_s=64 << 10,
+    stream_bytes=64 << 10,
+    stream_bytes_s=32 << 10,
 )
 DESCRIPTORS: Final = 4096
 """Open files that the service asks the system for: a thousand slow clients must not take all."""

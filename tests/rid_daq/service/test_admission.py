@@ -181,7 +181,7 @@ def test_a_flood_of_pings_ends_a_websocket(service: CellService) -> None:
                 url = f"ws://127.0.0.1:{made.port}/api/v1/{path}"
                 async with connect(url, additional_headers=viewer) as line:
                     closed = asyncio.create_task(until_closed(line))
-                    pings = b"\x89\x80\x00\x00\x00\x00" * 20_000
+                    pings = b"\x89\x80\x00\x00\x00\x00" * 100_000
                     line.transport.write(pings)
                     assert await closed in (0, 1006)
 
