@@ -13,6 +13,7 @@ import ssl
 from collections.abc import Sequence
 from http import HTTPStatus
 
+from h11 import LocalProtocolError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -172,7 +173,7 @@ class AsgiServer:
                 "address": connection.peer.address,
                 _CONNECTION: connection,
             }
-            return H11Protocol(self._config, self._state, own)
+            return _Http(self._config, self._state, own)
 
         door = Door(self.limits, speaker, tls, local=local, reception=self._reception)
         self._doors.append(door)
@@ -302,6 +303,16 @@ class AsgiServer:
             if not message.get("more_body"):
                 return bytes(body)
         return None
+
+
+class _Http(H11Protocol):
+    """uvicorn's protocol, which stumbles over some malformed requests: they are no news."""
+
+    def data_received(self, data: bytes) -> None:
+        try:
+            super().data_received(data)
+        except LocalProtocolError:  # as for a HEAD request that is none: 400 has no body there
+            self.transport.abort()
 
 
 class _TooLongError(Exception):

@@ -212,7 +212,10 @@ class Connection(asyncio.Protocol):
         if whole:
             self._transport.close()
         elif self._transport.can_write_eof():
-            self._transport.write_eof()
+            try:
+                self._transport.write_eof()
+            except OSError:  # the client has gone
+                self.abort()
 
     def _pass_on(self, data: bytes) -> None:
         assert self._speaker is not None

@@ -10,6 +10,7 @@ from typing import Final, cast
 
 from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
+from websockets.protocol import State
 from websockets.server import ServerProtocol
 from websockets.typing import Subprotocol
 
@@ -43,7 +44,7 @@ class StopLine(asyncio.Protocol):
         self._speaker = ServerProtocol(max_size=MOST_BYTES, select_subprotocol=_protocol)
         self._transport: asyncio.Transport | None = None
         self._beat: asyncio.TimerHandle | None = None
-        self._open = False
+        self._refused = False
         self._second, self._messages = 0, 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -52,7 +53,6 @@ class StopLine(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End."""
-        self._open = False
         if self._beat is not None:
             self._beat.cancel()
 
@@ -62,13 +62,13 @@ class StopLine(asyncio.Protocol):
         for event in self._speaker.events_received():
             if isinstance(event, Request):
                 response = self._speaker.accept(event)
+                if self._speaker.eof_sent:  # what followed the request was no frame
+                    break
                 self._speaker.send_response(response)
-                if response.status_code == 101:
-                    self._open = True
             elif isinstance(event, Frame):
                 self._take(event)
         self._flush()
-        if self._open and self._beat is None:
+        if self._is_open and self._beat is None:
             self._send_beat()
 
     def eof_received(self) -> bool | None:
@@ -79,22 +79,23 @@ class StopLine(asyncio.Protocol):
 
     def shutdown(self) -> None:
         """Tell the client that the service ends."""
-        if self._open:
-            self._open = False
+        if self._is_open:
             self._speaker.send_close(1012)
             self._flush()
         if self._transport is not None:
             self._transport.close()
 
     def _take(self, frame: Frame) -> None:
-        if frame.opcode not in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT) or not self._open:
+        if frame.opcode not in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT) or self._refused:
             return
         second = int(time.monotonic())
         self._messages = self._messages + 1 if second == self._second else 1
         self._second = second
         answer = self._answer(bytes(frame.data)) if frame.fin else None
+        if not self._is_open:  # the client closes: the stop counts all the same
+            return
         if answer is None or self._messages > MOST_MESSAGES:
-            self._open = False
+            self._refused = True
             self._speaker.send_close(POLICY, "send stop and number")
         else:
             self._speaker.send_text(json.dumps(answer).encode())
@@ -102,8 +103,12 @@ class StopLine(asyncio.Protocol):
     def _answer(self, message: bytes) -> dict[str, object] | None:
         return answer_to_stop(self._desk, self._who, read_stop(message))
 
+    @property
+    def _is_open(self) -> bool:
+        return self._speaker.state is State.OPEN
+
     def _send_beat(self) -> None:
-        if not self._open:
+        if not self._is_open:
             return
         self._speaker.send_text(BEAT)
         self._flush()
@@ -116,7 +121,7 @@ class StopLine(asyncio.Protocol):
                 self._transport.write(data)
             else:
                 self._transport.close()
-        if self._speaker.close_expected() and not self._open:
+        if self._refused or self._speaker.close_expected():
             self._transport.close()
 
 
