@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import time
+from functools import partial
 
 import pytest
 from playwright.sync_api import BrowserContext, Error, Page, expect
@@ -93,7 +94,7 @@ def test_stop_can_be_pressed_within_a_second_of_a_click_on_a_tab_by_slow_3g(
         old = page.evaluate("performance.timeOrigin")
         page.get_by_role("link", name=tab, exact=True).evaluate("link => { link.click(); }")
         clicked_s = time.monotonic()
-        until(lambda before=old: has_stop(page, before))
+        until(partial(has_stop, page, old))
         took_s[tab] = time.monotonic() - clicked_s
         expect(page.locator(f'nav a[aria-current]:text-is("{tab}")')).to_be_visible()
     assert max(took_s.values()) <= 1.0, took_s
