@@ -26,6 +26,7 @@ class Way(Protocol):
 
     def arrived(self, now_s: float) -> list[Told]:
         """Return the messages that have arrived since the last look."""
+        ...
 
 
 class DisturbedWay:
