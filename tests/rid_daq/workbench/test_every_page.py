@@ -145,7 +145,7 @@ def test_a_report_is_zoomed_here_too_as_a_page_of_nobody(
     base = served_pages.url.split("/?")[0]
     page.goto(f"{base}/cells/ir361/runs/{folder.run_id}")
     with page.context.expect_page() as opened:
-        page.get_by_role("link", name="Report").click()
+        page.get_by_role("link", name="Report", exact=True).click()
     page = opened.value
     page.on("pageerror", lambda error: problems.append(str(error)))
     expect(page.locator('.live[data-figure-state="shown"]')).to_have_count(1)
