@@ -214,6 +214,8 @@ class AsgiServer:
                 await self._answer_websocket(connection, scope, receive, send)
             else:
                 await self._answer_request(connection, scope, receive, send)
+        except LocalProtocolError:  # what came behind the head was answered with 400 already
+            connection.abort()
         finally:
             connection.answered()
 
