@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import time
+from datetime import UTC, datetime, timedelta
 from functools import partial
 
 import pytest
@@ -121,6 +122,21 @@ def test_slow_3g_alone_raises_no_alarm_and_draws_the_figure(
         expect(shown).to_be_visible(timeout=60_000)
         expect(page.locator("#facts")).to_contain_text("Takes")
         assert page.evaluate("window.alarms") == []
+
+
+@pytest.mark.promise("ages-by-the-services-clock")
+def test_a_tablet_whose_clock_is_wrong_shows_true_ages_and_names_the_zone(
+    context: BrowserContext, served_pages: ServedProcess, program_lease: str
+) -> None:
+    with moving(served_pages, program_lease):  # there is a preflight and a run
+        pass
+    context.clock.install(time=datetime.now(UTC) + timedelta(hours=2))
+    page = context.new_page()
+    page.goto(served_pages.url)
+    expect(page.locator("#preflight-words")).to_have_text(re.compile(r"\d+ (s|min) ago"))
+    zone = page.evaluate("""() => new Intl.DateTimeFormat(undefined, { timeZoneName: "short" })
+      .formatToParts().find((part) => part.type === "timeZoneName").value""")
+    expect(page.locator("#last-runs td.number").first).to_contain_text(zone)
 
 
 @pytest.mark.promise("one-tab-has-the-lease")
