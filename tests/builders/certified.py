@@ -27,7 +27,7 @@ from rid_daq.terminal.choices import PAYLOAD
 MEDIUM = PayloadBody.of_reported(
     np.array([9.579, 0.024, 0.090, -0.202, 0.612, 0.063, 0.637, -0.158, -0.002, -0.008])
 )
-SIGMA = 1e-3
+SIGMA = 5e-3
 
 
 @dataclass(frozen=True)

@@ -162,7 +162,7 @@ def test_the_same_session_gives_the_same_bytes(session: Session) -> None:
 
 
 def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path: Path) -> None:
-    failed = certified_session(tmp_path / "runs", mass_percent=1e-6)
+    failed = certified_session(tmp_path / "runs", mass_percent=0.1)
     text = words_of(pages_of(certificate_pdf(certificate_of(failed.folder, None))))
     assert "FAILED Limits not kept: interval of the mass (2σ)." in text
     assert "PASSED" not in text
