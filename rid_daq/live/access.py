@@ -13,8 +13,7 @@ import secrets
 import socket
 import ssl
 from collections.abc import Mapping
-from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -42,12 +41,16 @@ class Access:
         What a viewer must show; new at every start unless the user has given one.
     certificate : Path or None
         PEM file with certificate and key, for TLS.
+    session : str
+        The secret in the page's addresses. It ends with the program, so that a page that stays open
+        sends nothing of use to whichever program has the port afterwards.
     """
 
     address: str
     port: int
     token: str
     certificate: Path | None = None
+    session: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
 
     @classmethod
     def of_options(
@@ -115,11 +118,6 @@ class Access:
             host = f"[{host}]"
         return f"{self.scheme}://{host}:{self.port}/?t={self.token}"
 
-    @property
-    def cookie_name(self) -> str:
-        """The cookie that holds the token; cookies do not know ports, so the name does."""
-        return f"rid_daq_{self.port}"
-
     def tls(self) -> ssl.SSLContext | None:
         """Return how connections are encrypted, None where they are not.
 
@@ -181,21 +179,12 @@ class Access:
         """Return whether this is the token, in a time that does not tell how much of it is."""
         return hmac.compare_digest(token.encode(), self.token.encode())
 
-    def has_token(self, headers: Mapping[str, str]) -> bool:
-        """Return whether a request shows the token, as cookie or as bearer."""
+    def admits(self, headers: Mapping[str, str], session: str | None) -> bool:
+        """Return whether a request shows the token as bearer, or the session in its address."""
         kind, _, bearer = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and self.knows(bearer.strip()):
             return True
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(self.cookie_name)
-        except CookieError:
-            return False
-        return cookie is not None and self.knows(cookie.value)
-
-    def cookie(self) -> str:
-        """Return the Set-Cookie header that a viewer gets for the token."""
-        secure = "; Secure" if self.certificate is not None else ""
-        return f"{self.cookie_name}={self.token}; HttpOnly; SameSite=Strict; Path=/{secure}"
+        return session is not None and hmac.compare_digest(session.encode(), self.session.encode())
 
 
 def _parse_listen(listen: str) -> tuple[str, int]:

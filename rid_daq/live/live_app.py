@@ -6,6 +6,7 @@ import ipaddress
 from collections.abc import AsyncIterator, Callable
 from http import HTTPStatus
 from importlib.resources import files
+from string import Template
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -33,8 +34,8 @@ _NO_TOKEN = (
 def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     """Return the application behind its guard.
 
-    All but the stop needs the token; the stop needs it from another machine only: a stop too many
-    costs a run, one too few may cost an arm.
+    Page and events need the token, or the session of a page that was opened with it. The stop needs
+    them from another machine only: a stop too many costs a run, one too few may cost an arm.
 
     Parameters
     ----------
@@ -47,33 +48,40 @@ def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     """
     folder = files("rid_daq.live")
     contents = {path: folder.joinpath(name).read_bytes() for path, (name, _) in _FILES.items()}
+    page = Template(contents.pop("/").decode()).substitute(session=access.session).encode()
+
+    async def main_page(request: Request) -> Response:
+        token = request.query_params.get("t")
+        if token is not None and access.knows(token):
+            away = {"Location": f"/?s={access.session}"}
+            return Response(status_code=HTTPStatus.SEE_OTHER, headers=away)
+        if token is not None or not _is_admitted(request):
+            return _not_admitted()
+        return Response(page, media_type="text/html")
 
     async def file(request: Request) -> Response:
         path = request.url.path
-        token = request.query_params.get("t") if path == "/" else None
-        if token is not None and access.knows(token):
-            away = {"Location": "/", "Set-Cookie": access.cookie()}
-            return Response(status_code=HTTPStatus.SEE_OTHER, headers=away)
-        if token is not None or not access.has_token(request.headers):
-            return _not_admitted()
         if path not in contents:
             return Response(status_code=HTTPStatus.NOT_FOUND)
         return Response(contents[path], media_type=_FILES[path][1])
 
     async def events(request: Request) -> Response:
-        if not access.has_token(request.headers):
+        if not _is_admitted(request):
             return _not_admitted()
-        if request.method != "GET":
+        if request.method != "GET":  # Starlette lets HEAD through
             return Response(status_code=HTTPStatus.NOT_FOUND)
         return StreamingResponse(_lines(feed), media_type="text/event-stream")
 
     async def ask_to_stop(request: Request) -> Response:
         if request.headers.get(STOP_HEADER) != "stop":
             return Response(status_code=HTTPStatus.FORBIDDEN)
-        if not _from_here(request) and not access.has_token(request.headers):
+        if not _from_here(request) and not _is_admitted(request):
             return _not_admitted()
         stop()
         return JSONResponse({"stop": "asked for"}, HTTPStatus.ACCEPTED)
+
+    def _is_admitted(request: Request) -> bool:
+        return access.admits(request.headers, request.query_params.get("s"))
 
     async def not_found(request: Request, error: Exception) -> Response:
         return Response(status_code=HTTPStatus.NOT_FOUND)
@@ -81,8 +89,9 @@ def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     app = Starlette(
         routes=[
             Route("/stop", ask_to_stop, methods=["POST"]),
-            Route("/events", events),
-            Route("/{path:path}", file),
+            Route("/events", events, methods=["GET"]),
+            Route("/", main_page, methods=["GET"]),
+            Route("/{path:path}", file, methods=["GET"]),
         ],
         exception_handlers={HTTPStatus.METHOD_NOT_ALLOWED: not_found},
     )

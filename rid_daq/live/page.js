@@ -2,6 +2,7 @@
 "use strict";
 const OLD_MS = 500, HISTORY_MS = 60000;
 const byId = (id) => document.getElementById(id);
+const eventsAddress = document.currentScript.dataset.events;
 const cards = [];
 let shown = null, heardAt = 0, unknown = false;
 
@@ -161,7 +162,7 @@ function paint() {
   }
 }
 
-const events = new EventSource("/events");
+const events = new EventSource(eventsAddress);
 events.onmessage = (event) => {
   heardAt = performance.now();
   unknown = false;

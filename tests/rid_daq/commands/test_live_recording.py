@@ -46,7 +46,7 @@ class Crowd:
             access = self._page.access
             hanging = (
                 f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{access.port}\r\n"
-                f"Cookie: {access.cookie_name}={access.token}\r\n\r\n"
+                f"Authorization: Bearer {access.token}\r\n\r\n"
             )
             for number in range(CLIENTS):
                 line = socket.socket()

@@ -69,8 +69,8 @@ class Served:
         return self.ask(("\r\n".join(lines) + "\r\n\r\n").encode())
 
     @property
-    def cookie(self) -> str:
-        return f"Cookie: rid_daq_{self.access.port}={TOKEN}"
+    def bearer(self) -> str:
+        return f"Authorization: Bearer {TOKEN}"
 
     def stop_head(self) -> bytes:
         return STOP % self.host
@@ -88,7 +88,7 @@ class Served:
     def _ask_for_events(self) -> socket.socket:
         line = self.connect()
         line.sendall(
-            f"GET /events HTTP/1.1\r\nHost: {self.host.decode()}\r\n{self.cookie}\r\n\r\n".encode()
+            f"GET /events HTTP/1.1\r\nHost: {self.host.decode()}\r\n{self.bearer}\r\n\r\n".encode()
         )
         return line
 
@@ -149,22 +149,22 @@ def unstopped(served: Served) -> Served:
     return served
 
 
-def test_the_address_of_the_terminal_opens_the_page_and_leaves_a_cookie(served: Served) -> None:
+def test_the_address_of_the_terminal_opens_the_page(served: Served) -> None:
     status, head, _ = served.get(f"/?t={TOKEN}")
     assert status == 303
-    assert "\r\nlocation: /\r\n" in head.lower()
-    assert "HttpOnly; SameSite=Strict" in head
-    status, head, body = served.get("/", served.cookie)
+    assert f"\r\nlocation: /?s={served.access.session}\r\n" in head
+    assert "set-cookie" not in head.lower()
+    status, head, body = served.get(f"/?s={served.access.session}")
     assert status == 200
     assert b"STOP" in body
     assert "default-src 'none'; script-src 'self'" in head
     assert "unsafe" not in head
     assert "nosniff" in head
-    for path in ("/page.css", "/page.js", "/icon.svg"):
-        assert served.get(path, served.cookie)[0] == 200
+    for path in ("/page.css", "/page.js", "/stop.js", "/icon.svg"):
+        assert served.get(path)[0] == 200
 
 
-@pytest.mark.parametrize("path", ["/", "/page.js", "/events", "/?t=wrong", "/nothing"])
+@pytest.mark.parametrize("path", ["/", "/events", "/?t=wrong", "/?s=wrong"])
 def test_without_the_token_nothing_is_shown(served: Served, path: str) -> None:
     status, _, body = served.get(path)
     assert status == 403
@@ -172,16 +172,16 @@ def test_without_the_token_nothing_is_shown(served: Served, path: str) -> None:
 
 
 def test_unknown_paths_are_not_found(served: Served) -> None:
-    for path in ("/../page.js", "/%2e%2e/access.py", "/access.py", "/stop"):
-        assert served.get(path, served.cookie)[0] == 404
+    for path in ("/../page.js", "/%2e%2e/access.py", "/access.py", "/page.html", "/stop"):
+        assert served.get(path, served.bearer)[0] == 404
 
 
 def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served) -> None:
     name = b"evil.example:%d" % unstopped.access.port
-    cookie = unstopped.cookie.encode()
+    bearer = unstopped.bearer.encode()
     for path in (b"/", b"/events", b"/?t=" + TOKEN.encode()):
         status, _, body = unstopped.ask(
-            b"GET %s HTTP/1.1\r\nHost: %s\r\n%s\r\n\r\n" % (path, name, cookie)
+            b"GET %s HTTP/1.1\r\nHost: %s\r\n%s\r\n\r\n" % (path, name, bearer)
         )
         assert (status, body) == (421, b"")
     status, _, _ = unstopped.ask(STOP % name + b"X-Rid-Daq: stop\r\n" + STOP_BODY)
@@ -193,9 +193,9 @@ def test_a_name_that_was_rebound_to_this_machine_gets_nothing(unstopped: Served)
 @pytest.mark.parametrize(
     "header", ["Origin: https://evil.example", "Origin: null", "Sec-Fetch-Site: cross-site"]
 )
-def test_a_strangers_page_gets_nothing_even_with_the_cookie(unstopped: Served, header: str) -> None:
+def test_a_strangers_page_gets_nothing_even_with_the_token(unstopped: Served, header: str) -> None:
     for path in ("/", "/events", "/page.js"):
-        assert unstopped.get(path, unstopped.cookie, header)[0] == 403
+        assert unstopped.get(path, unstopped.bearer, header)[0] == 403
     sent = unstopped.stop_head() + f"X-Rid-Daq: stop\r\n{header}\r\n".encode() + STOP_BODY
     assert unstopped.ask(sent)[0] == 403
     assert unstopped.control.program.stop_code == 0
@@ -207,7 +207,7 @@ def test_what_a_form_of_a_strangers_page_can_send_stops_nothing(unstopped: Serve
         sent = host + b"Content-Type: %s\r\nX-Rid-Daq: stop\r\n" % kind + STOP_BODY
         assert unstopped.ask(sent)[0] == 415
     assert unstopped.ask(unstopped.stop_head() + STOP_BODY)[0] == 403, "no header of its own"
-    assert unstopped.ask(b"GET /stop HTTP/1.1\r\nHost: %s\r\n\r\n" % unstopped.host)[0] == 403
+    assert unstopped.ask(b"GET /stop HTTP/1.1\r\nHost: %s\r\n\r\n" % unstopped.host)[0] == 404
     options = b"OPTIONS /stop HTTP/1.1\r\nHost: %s\r\nOrigin: https://evil.example\r\n\r\n"
     status, head, _ = unstopped.ask(options % unstopped.host)
     assert status == 403
@@ -351,7 +351,7 @@ def test_on_another_address_it_is_tls_and_the_token(certificate: Path) -> None:
                 return _parts(_read_all(line))[0]
 
         assert ask("") == 403
-        assert ask(live.cookie + "\r\n") == 200
+        assert ask(live.bearer + "\r\n") == 200
         assert live.ask(b"GET / HTTP/1.1\r\nHost: %s\r\n\r\n" % live.host)[0] == 0, "no plain text"
     finally:
         live.close()
