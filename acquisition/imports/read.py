@@ -1,24 +1,28 @@
 """Someone else's recording, read by a map into a `Recording`.
 
-Nothing is repaired: a row that cannot be true is named and left out, a file with too few true rows
-is refused.
+A row that cannot be true is named and left out, a file with too few true rows is refused. Rows
+that repeat the one before are left out as well, and the times are rebuilt if the stamps are wrong
+and positions and velocities show the true ones (`acquisition.clock`). All else stays as recorded.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from acquisition.clock.judgement import judge_clock
+from acquisition.clock.samples import Samples
 from acquisition.imports.between_steps import between_steps, position_steps
 from acquisition.imports.causes import cause_of_loss
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import find
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
-from acquisition.imports.soundness import leave_out
+from acquisition.imports.soundness import leave_out, without_copies
 from acquisition.imports.tables import read_tables
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
@@ -60,8 +64,8 @@ def import_csv(
     Returns
     -------
     Recording
-        The sound rows, every one of the main phase, with their own time stamps; on a uniform
-        grid of whole periods where the map has `period_s`.
+        The sound rows, every one of the main phase, with their own time stamps or rebuilt times;
+        on a uniform grid of whole periods where the map has `period_s`.
     ImportReport
         What was read and left out, and what is odd about the rest.
 
@@ -77,7 +81,8 @@ def import_csv(
     damaged: list[DamagedRow] = []
     table = read_tables((file, *further), import_map, columns.columns, damaged)
     read = columns.rows(table, len(import_map.joints))
-    rows, notes = leave_out(read, import_map, damaged)
+    original = without_copies(read)
+    rows, notes = leave_out(original, import_map, damaged)
     used = len(rows.row)
     share = len(damaged) / max(table.rows_read, 1)
     if share > import_map.left_out_limit or used < FEWEST_ROWS:
@@ -93,13 +98,30 @@ def import_csv(
             f" {import_map.name!r} ({needed}): {_counted(damaged)}; wrong map or broken file:"
             f" {cause}.{_first_of_each(damaged)}"
         )
+    stamps = rows.time_s
+    judged = judge_clock(
+        Samples(rows.time_s, rows.position, rows.velocity, rows.torque),
+        robot,
+        columns.coupling,
+        copies=len(read.row) - len(original.row),
+        left_out=len(damaged),
+    )
+    clock, used = judged.report, int(np.count_nonzero(judged.kept))
+    if used < FEWEST_ROWS:
+        raise DataQualityError(
+            f"{file.name}: only {used} of {table.rows_read} rows are fresh by map"
+            f" {import_map.name!r} ({FEWEST_ROWS} are needed): {clock.repeated_rows} repeat the row"
+            " before although the robot moves. Record for longer, or as fast as the source renews",
+            code="RID-IMPORT-REPEATED-ROWS",
+        )
+    rows = replace(rows.keep(judged.kept), time_s=judged.time_s, position=judged.position)
     try:
         findings = find(rows, columns, import_map, robot)
     except DataQualityError as error:
         raise DataQualityError(f"{file.name}: {error}") from None
     position_step = position_steps(rows)
     position = columns.joint_positions(between_steps(rows, position_step))
-    steps = np.diff(rows.time_s)
+    steps = np.diff(stamps)
     of_robot = () if robot is None else robot.kinematics.notes
     report = ImportReport(
         file=file.name,
@@ -107,7 +129,7 @@ def import_csv(
         rows_read=table.rows_read,
         rows_used=used,
         damaged=group_damaged(damaged),
-        duration_s=float(rows.time_s[-1] - rows.time_s[0]),
+        duration_s=float(stamps[-1] - stamps[0]),
         step_min_s=float(steps.min()),
         step_median_s=float(np.median(steps)),
         step_max_s=float(steps.max()),
@@ -118,7 +140,14 @@ def import_csv(
             step if joint.velocity is not None else None
             for step, joint in zip(position_step, import_map.joints, strict=True)
         ),
-        findings=(*table.notes, *notes, *findings.sentences, *of_robot),
+        findings=(
+            *table.notes,
+            *notes,
+            *clock.findings(import_map.joint_names),
+            *findings.sentences,
+            *of_robot,
+        ),
+        clock=clock,
         static=findings.static,
     )
     recording = Recording(

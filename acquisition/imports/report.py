@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
+from acquisition.clock.report import ClockReport
+
 RANGES_IN_WORDS = 20
 
 
@@ -73,6 +75,8 @@ class ImportReport:
         What is odd about the rows used, a sentence each.
     static : bool
         Whether no joint moves.
+    clock : ClockReport or None
+        Repeated rows, jitter, and where the times come from; None if it was not judged.
     """
 
     file: str
@@ -90,6 +94,7 @@ class ImportReport:
     refined_step: tuple[float | None, ...] = ()
     findings: tuple[str, ...] = ()
     static: bool = False
+    clock: ClockReport | None = None
 
     @property
     def left_out(self) -> dict[str, int]:
@@ -106,12 +111,15 @@ class ImportReport:
 
     def lines(self) -> tuple[str, ...]:
         """Return the report in words, a finding a line."""
-        mean_hz = (self.rows_used - 1) / self.duration_s
+        repeated = 0 if self.clock is None else self.clock.repeated_rows
+        mean_hz = (self.rows_used + repeated - 1) / self.duration_s
         found = [
             f"{self.file}: {self.rows_used} of {self.rows_read} rows used, {self.duration_s:.3f} s",
             f"time steps {_ms(self.step_min_s)} to {_ms(self.step_max_s)} ms, median"
             f" {_ms(self.step_median_s)} ms, on average {mean_hz:.4g} Hz; {self.gaps} gaps",
         ]
+        if self.clock is not None:
+            found.append(self.clock.line())
         steps = [step for step in self.refined_step if step is not None]
         if steps:
             found.append(
@@ -125,7 +133,7 @@ class ImportReport:
             found.extend(f"  {some}" for some in self.damaged[:RANGES_IN_WORDS])
             if len(self.damaged) > RANGES_IN_WORDS:
                 found.append(f"  ... and {len(self.damaged) - RANGES_IN_WORDS} more ranges")
-        else:
+        elif self.clock is None or self.clock.is_sound:
             found.append("no damaged rows")
         found.extend(f"finding: {sentence}" for sentence in self.findings)
         return tuple(found)

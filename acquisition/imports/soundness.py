@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from acquisition.clock.repeats import repeated_rows
+from acquisition.clock.samples import Samples
 from acquisition.imports.columns import ImportRows
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow
@@ -17,6 +19,15 @@ SHORT_RUN = 10
 LONG_RUN = 100
 COLDEST_K = 223.15
 HOTTEST_K = 473.15
+
+
+def without_copies(rows: ImportRows) -> ImportRows:
+    """Return rows without those that are the row before once more, its time stamp included."""
+    values = np.hstack([rows.position, rows.velocity, rows.torque, rows.temperature])
+    values = np.column_stack([rows.time_s, np.nan_to_num(values)])
+    fresh = np.ones(len(rows.row), dtype=np.bool_)
+    fresh[1:] = np.any(values[1:] != values[:-1], axis=1)
+    return rows.keep(fresh)
 
 
 def leave_out(
@@ -50,7 +61,12 @@ def leave_out(
             DamagedRow(int(row), reason, f"time stamp is {stamp:.9g} s")
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
-    return _leave_out_jumps(rows.keep(~(doubled | disordered)), import_map, damaged)
+    rows = rows.keep(~(doubled | disordered))
+    # A position that was held jumps where it is renewed: no row is blamed for that.
+    fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
+    reached, notes = _leave_out_jumps(rows.keep(fresh), import_map, damaged)
+    sound = np.isin(rows.row[fresh], reached.row)
+    return rows.keep(sound[np.cumsum(fresh) - 1]), notes
 
 
 def _leave_out_absurd(

@@ -90,6 +90,9 @@ class Comparison:
         show it.
     channel : TorqueChannel or None
         What the recorded torque went through; None where that was not asked.
+    refused_delay_s : tuple of float
+        Delays of each joint's torque that no bus explains and that are not in `channel`, 0 for the
+        other joints [s]; empty where none was found.
     """
 
     joint_names: tuple[str, ...]
@@ -100,6 +103,7 @@ class Comparison:
     stribeck: StribeckChoice | None = None
     warming: Warming | None = None
     channel: TorqueChannel | None = None
+    refused_delay_s: tuple[float, ...] = ()
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction terms."""

@@ -44,8 +44,10 @@ def import_(
 ) -> None:
     """Read someone else's recording into a run folder: CSV files, or a ROS 2 bag or MCAP file.
 
-    Damaged rows are named, counted and left out. Time stamps need not be uniform. A recording of
-    which too much is damaged, or that its robot cannot have made, is refused with exit code 6.
+    Damaged rows are named, counted and left out, and so are rows that repeat the one before while
+    the robot moves. Time stamps need not be uniform; if recorded velocities show that they are
+    wrong, the times are rebuilt. A recording of which too much is damaged, or that its robot cannot
+    have made, is refused with exit code 6.
     """
     from rid_daq.jobs.import_job import ImportRequest, import_files
 
@@ -71,7 +73,7 @@ def import_(
 
 
 def _document(run: ImportedRun) -> dict[str, object]:
-    from rid_daq.report.sections.runs import BadRows
+    from rid_daq.report.sections.runs import BadRows, ClockSection
 
     report = run.report
     return {
@@ -86,6 +88,7 @@ def _document(run: ImportedRun) -> dict[str, object]:
         "findings": report.findings,
         "velocity_ratio": report.velocity_ratio,
         "refined_step": report.refined_step,
+        "clock": None if report.clock is None else ClockSection.of(report.clock),
         "static": report.static,
     }
 

@@ -17,6 +17,7 @@ from identification.accuracy.plate_benefit import Improvement, improvement
 from identification.calibration.drive_gains import DriveGains, drive_gains
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
+from identification.equations.bus_delay import without_implausible
 from identification.equations.deconvolution import without_torque_filter
 from identification.equations.segments import period_signals
 from identification.equations.time_domain import time_runs
@@ -148,8 +149,9 @@ def compare_friction(
     refuse_still(still, "friction cannot be chosen (--choose)")
     if data[0].is_periodic:
         return _compare_periods(robot, data, how, watch)
+    known = all(item.clock is None or item.clock.is_known for item in data)
     alike = len({run.sample_period_s for run in signals}) == 1
-    if alike:
+    if alike and known:
         bandwidth_hz = choose_bandwidth(robot, signals, how.options)
         signals = [replace(run, torque_bandwidth_hz=bandwidth_hz) for run in signals]
     comparison = _compare(robot, signals, how, watch)
@@ -157,9 +159,23 @@ def compare_friction(
         return comparison
     warming = choose_warming(comparison.robot(robot), signals, how.options)
     comparison = replace(comparison, warming=warming)
+    if not known:
+        return comparison
     signals = warmed(signals, robot, warming)
     channel = choose_delays(comparison.robot(robot), signals, how.options)
-    return replace(comparison, channel=channel if channel.changes else None)
+    return _with_channel(comparison, channel, signals[0].sample_period_s)
+
+
+def _with_channel(
+    comparison: Comparison, channel: TorqueChannel, sample_period_s: float
+) -> Comparison:
+    """Return a comparison with what the torque went through, less delays that no bus explains."""
+    channel, refused_s = without_implausible(channel, sample_period_s)
+    return replace(
+        comparison,
+        channel=channel if channel.changes else None,
+        refused_delay_s=tuple(refused_s.tolist()) if refused_s.any() else (),
+    )
 
 
 def _compare_periods(
@@ -171,11 +187,15 @@ def _compare_periods(
     """
     averages = averages_of(data)
     comparison = _compare(robot, signals_of(data, how), how, watch)
+    if not all(item.clock is None or item.clock.is_known for item in data):
+        return comparison
+    period_s = averages[0].sample_period_s
     channel = choose_period_delays(comparison.robot(robot), averages, how.options)
-    if channel.changes:
+    if without_implausible(channel, period_s)[0].changes:
+        channel = without_implausible(channel, period_s)[0]
         comparison = _compare(robot, signals_of(data, how, channel), how, watch)
         channel = choose_period_delays(comparison.robot(robot), averages, how.options)
-    return replace(comparison, channel=channel if channel.changes else None)
+    return _with_channel(comparison, channel, period_s)
 
 
 def _compare(

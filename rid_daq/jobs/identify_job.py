@@ -20,6 +20,7 @@ from identification.choices import LoadMassKg, LoadMassSigmaKg
 from identification.consistency.closest_robot import check_consistency
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.cross_checks.agreement import CrossCheck, Method
+from identification.equations.bus_delay import refused_delay_findings
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.regression.fit_grade import Grade
@@ -42,10 +43,11 @@ from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.plate import PlateSection
+from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.run_data import RunData, note_output, report_lacks, result_of
+from rid_daq.runs.run_data import RunData, clocks_of, note_output, report_lacks, result_of
 from rid_daq.terminal.choices import MODEL
 from rid_daq.terminal.console import Console
 
@@ -111,6 +113,8 @@ class IdentifiedRuns:
         Where they were asked for.
     plate_unused : bool
         Whether the runs have a force plate that the model does not use.
+    clocks : list of ClockSection
+        Repeated, missing and jittered rows of each run, and where its times come from.
     """
 
     model: Path
@@ -119,6 +123,7 @@ class IdentifiedRuns:
     notes: list[str]
     gains: DriveGains | None
     plate_unused: bool
+    clocks: list[ClockSection]
 
     @property
     def bad_joints(self) -> tuple[str, ...]:
@@ -185,6 +190,9 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     note_output(first.folder, output)
     consistency, consistency_words = _consistency(estimate)
     findings = [*_findings(estimate, data, weight), consistency_words]
+    if comparison is not None:
+        names, delays_s = comparison.joint_names, comparison.refused_delay_s
+        findings += refused_delay_findings(names, delays_s)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
     findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
     before = result_of(first, notes)
@@ -208,7 +216,8 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
         )
     report = write_result(first.folder, result)
     has_plate = first.is_periodic and all(item.has_plate for item in data)
-    return IdentifiedRuns(output, result, report, notes, gains, has_plate and plate is None)
+    unused = has_plate and plate is None
+    return IdentifiedRuns(output, result, report, notes, gains, unused, clocks_of(data))
 
 
 def _verdict(before: Verdict, section: EstimateSection) -> Verdict | None:

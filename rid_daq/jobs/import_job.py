@@ -139,6 +139,10 @@ def _keep(
         headline = "Imported without loss"
         if report.rows_damaged:
             headline = f"Imported; {report.rows_damaged} damaged rows left out"
+        if report.clock is not None and report.clock.repeated_rows:
+            if not report.rows_damaged:
+                headline = "Imported"
+            headline += f"; {report.clock.repeated_rows} repeated rows left out"
         if report.findings:
             headline += f"; {len(report.findings)} findings"
         sentences = [*report.lines()[:2], *report.findings]

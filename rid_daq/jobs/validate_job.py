@@ -29,11 +29,12 @@ from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
+from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.run_data import RunData, report_lacks, result_of
+from rid_daq.runs.run_data import RunData, clocks_of, report_lacks, result_of
 from rid_daq.terminal.console import Console, as_command
 
 SHORTEST_S = 5.0
@@ -100,6 +101,8 @@ class Validated:
         The largest reaction on the base, where it is judged.
     notes : list of str, or None
         What the run lacks.
+    clocks : list of ClockSection, or None
+        Repeated, missing and jittered rows of the run, and where its times come from.
     report : Path or None
         The run's report.
     """
@@ -109,6 +112,7 @@ class Validated:
     reaction: ReactionSection | None = None
     base_load: BaseLoadSection | None = None
     notes: list[str] | None = None
+    clocks: list[ClockSection] | None = None
     report: Path | None = None
 
 
@@ -196,7 +200,7 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
         verdict=verdict,
     )
     report = write_result(data.folder, result)
-    return Validated(verdict, section, reaction, load, notes, report)
+    return Validated(verdict, section, reaction, load, notes, clocks_of([data]), report)
 
 
 def predict_motion(request: ValidateRequest) -> Validated:

@@ -40,6 +40,7 @@ def _print(console: Console, identified: IdentifiedRuns) -> None:
             "estimate": estimate,
             **{name: part for name, part in told.items() if part is not None},
             "notes": identified.notes,
+            "clocks": identified.clocks,
             "report": str(identified.report),
         }
     )

@@ -31,6 +31,7 @@ def _print(console: Console, validated: Validated) -> None:
         "base_load": validated.base_load,
         "verdict": validated.verdict,
         "notes": validated.notes,
+        "clocks": validated.clocks,
         "report": None if report is None else str(report),
     }
     console.document({name: part for name, part in told.items() if part is not None})

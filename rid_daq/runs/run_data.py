@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from acquisition.clock.report import ClockReport
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
@@ -37,7 +38,7 @@ from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
-from rid_daq.report.sections.runs import RunSection
+from rid_daq.report.sections.runs import ClockSection, RunSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.terminal.console import Console
 
@@ -94,6 +95,11 @@ class RunData:
     def is_periodic(self) -> bool:
         """Whether the recording holds whole periods to average."""
         return self.tally.head.samples_per_period is not None
+
+    @property
+    def clock(self) -> ClockReport | None:
+        """What was found of the clock; None where it was not judged."""
+        return None if self.import_report is None else self.import_report.clock
 
     @property
     def has_plate(self) -> bool:
@@ -288,6 +294,13 @@ def _require_header(folder: RunFolder, header: JournalHeader, robot: RobotDescri
             f" {', '.join(header.joint_names)}; {ROBOT} beside it describes {robot.name!r}:"
             f" put the {ROBOT} back that it was recorded with"
         )
+
+
+def clocks_of(runs: Sequence[RunData]) -> list[ClockSection]:
+    """Return what is known of the runs' clocks."""
+    return [
+        ClockSection.of(data.clock, data.folder.run_id) for data in runs if data.clock is not None
+    ]
 
 
 def lacks(runs: Sequence[RunData]) -> list[str]:

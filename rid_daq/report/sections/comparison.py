@@ -174,6 +174,9 @@ class ComparisonSection(Section):
         What the recorded torque went through; None where nothing was found.
     warming : WarmingTrial or None
         How joints warm up; None where no friction shows it.
+    refused_delay_s : tuple of float or None
+        Delays of each joint's torque that no bus explains and that are not in the model, 0 for the
+        other joints [s]; None if there is no such delay.
     """
 
     joints: Texts
@@ -183,6 +186,7 @@ class ComparisonSection(Section):
     stribeck: StribeckTrial | None = None
     channel: ChannelTrial | None = None
     warming: WarmingTrial | None = None
+    refused_delay_s: Numbers | None = None
 
     @classmethod
     def of(cls, comparison: Comparison) -> ComparisonSection:
@@ -202,6 +206,7 @@ class ComparisonSection(Section):
             warming=(
                 None if comparison.warming is None else WarmingTrial.taken(comparison.warming)
             ),
+            refused_delay_s=comparison.refused_delay_s or None,
         )
 
     def _has(self, joint: str, terms: Texts) -> bool:

@@ -1,4 +1,4 @@
-"""`CellSection` and `RunSection`: on which cell something was run, and what was recorded of it."""
+"""`CellSection`, `RunSection`, `ClockSection`: the cell, what was recorded, and its clock."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Section, units
+from rid_daq.report.sections.section import Numbers, Section, units
 from rid_daq.report.sections.stop import StopCurve
 
 if TYPE_CHECKING:
+    from acquisition.clock.report import ClockReport
     from acquisition.imports.report import ImportReport
     from acquisition.processing.recording_tally import RecordingTally
 
@@ -103,6 +104,70 @@ class BadRows(Section):
         )
 
 
+class ClockSection(Section):
+    """The clock of a run.
+
+    Attributes
+    ----------
+    clock : str
+        "confirmed" by velocities, "rebuilt" from them, "unverified", or "unknown".
+    rows, repeated_rows, missing_rows : int
+        Rows looked at, those that repeat the one before although the robot moves, and those that
+        the time stamps leave room for.
+    repeated_percent : float
+        Repeated rows in percent of the rows [%].
+    longest_repeat : int
+        Rows in the longest run of equal ones; 1 if none repeat.
+    jitter_rms_ms : float
+        How far steps of the stamps are from whole multiples of the median step, RMS [ms].
+    held_percent : tuple of float
+        Of each joint's positions, those of the row before although the joint moves [%].
+    corrected_rms_ms : float
+        How far rebuilt times are from the stamps, after the best shift and rate, RMS [ms].
+    rate : float
+        Duration of the rebuilt times over that of the stamps; 1 if they are kept.
+    tick_ms : float or None
+        What all rebuilt steps are whole multiples of [ms].
+    doubt : str or None
+        Why the clock is unknown.
+    run : str or None
+        Id of the run.
+    """
+
+    clock: str
+    rows: int
+    repeated_rows: int
+    repeated_percent: float
+    longest_repeat: int
+    missing_rows: int
+    jitter_rms_ms: float
+    held_percent: Numbers
+    corrected_rms_ms: float
+    rate: float
+    tick_ms: float | None = None
+    doubt: str | None = None
+    run: str | None = None
+
+    @classmethod
+    def of(cls, report: ClockReport, run: str | None = None) -> ClockSection:
+        """Return what a result says of a clock."""
+        return cls(
+            clock=report.clock.value,
+            rows=report.rows,
+            repeated_rows=report.repeated_rows,
+            repeated_percent=100.0 * report.repeated_share,
+            longest_repeat=report.longest_repeat,
+            missing_rows=report.missing_rows,
+            jitter_rms_ms=1e3 * report.jitter_rms_s,
+            held_percent=tuple(100.0 * share for share in report.held_share),
+            corrected_rms_ms=1e3 * report.corrected_rms_s,
+            rate=report.rate,
+            tick_ms=None if report.tick_s is None else 1e3 * report.tick_s,
+            doubt=report.doubt or None,
+            run=run,
+        )
+
+
 class RunSection(Section):
     """What was run: extremes of every axis, lost rows, and why it stopped early.
 
@@ -126,6 +191,8 @@ class RunSection(Section):
         How many rows it left out for which reason.
     findings : tuple of str, or None
         What is odd about the rows that it used.
+    clock : ClockSection, or None
+        Its clock, where that was judged.
     stop_curve : StopCurve, or None
         What the joint did that it was stopped for; left out where it was for no joint.
     """
@@ -140,6 +207,7 @@ class RunSection(Section):
     bad_rows: tuple[BadRows, ...]
     left_out: dict[str, int] | None = None
     findings: tuple[str, ...] | None = None
+    clock: ClockSection | None = None
     stop_curve: StopCurve | None = None
 
     @classmethod
@@ -186,6 +254,7 @@ class RunSection(Section):
             "bad_rows": BadRows.of(report),
             "left_out": report.left_out or None,
             "findings": report.findings or None,
+            "clock": None if report.clock is None else ClockSection.of(report.clock),
         }
         return self.model_copy(update=found)
 

@@ -238,7 +238,7 @@ class TestDamagedRows:
         lines[::5] = ["x"] * len(lines[::5])
         _, report = import_csv(write(lines), two_joint_map(left_out_limit=0.2))
         assert len(report.damaged) == report.rows_damaged == 80
-        assert report.lines()[2] == ("80 damaged rows left out: 80 with a wrong number of columns")
+        assert report.lines()[3] == ("80 damaged rows left out: 80 with a wrong number of columns")
         assert report.lines()[-1].strip() == "... and 60 more ranges"
 
     def test_a_pause_between_sound_stretches_is_kept(self, write: Write) -> None:

@@ -161,6 +161,38 @@ def test_two_files_are_kept_and_read_back(
     np.testing.assert_array_equal(recording.torque_nm, table[:, 5:7])
 
 
+def test_repeated_rows_are_numbers_in_what_import_identify_and_validate_say(
+    bring: Callable[..., SimpleNamespace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def tenth_twice(table: np.ndarray) -> None:
+        row = np.repeat(np.arange(800), np.where(np.arange(800) % 10 == 9, 2, 1))[:800]
+        turn = math.pi * 0.011 * row
+        table[:, 0] = 0.011 * np.arange(800)
+        for column, values in enumerate(
+            [
+                *(np.sin(turn), 0.5 * np.cos(0.7 * turn), math.pi * np.cos(turn)),
+                *(-0.35 * math.pi * np.sin(0.7 * turn), 3.0 * np.sin(turn), 4.0 * np.cos(turn)),
+            ],
+            start=1,
+        ):
+            table[:, column] = values
+
+    for label in ("first", "second"):
+        found = bring(tenth_twice, "--label", label)
+        assert found.clock["repeated_rows"] == 72
+        assert found.clock["repeated_percent"] == pytest.approx(9.0)
+        assert found.clock["clock"] == "rebuilt"
+    runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
+    run(["identify", "first", "-o", model, "--json", *runs])
+    identified = json.loads(capsys.readouterr().out)
+    assert [clock["repeated_rows"] for clock in identified["clocks"]] == [72]
+    assert any("72 of 800 rows (9.0 %) repeat" in note for note in identified["notes"])
+    run(["validate", model, "second", "--json", *runs])
+    validated = json.loads(capsys.readouterr().out)
+    assert [clock["repeated_rows"] for clock in validated["clocks"]] == [72]
+    assert any("72 of 800 rows (9.0 %) repeat" in note for note in validated["notes"])
+
+
 @pytest.mark.slow
 def test_a_bag_becomes_a_validated_model_by_three_commands(
     real_robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

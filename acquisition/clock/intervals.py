@@ -1,0 +1,279 @@
+"""Sample times estimated from positions and velocities.
+
+Between two rows a joint goes q1 - q0 = h (v0 + v1)/2 + h^2 (a0 - a1)/12: each interval h follows
+by weighted least squares over all joints. A velocity's own scale beside the other joints',
+lateness and offset are found over a tenth of a second, where the stamps' errors hardly matter.
+An interval that the motion does not show, as at rest, gets the usual length of those with as many
+repeated rows before them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.clock.samples import WIDE_S, Samples, smallest_step
+from acquisition.processing.smoothing import GAP_STEPS
+from config.arrays import BoolArray, FloatArray, IntArray
+
+ROUNDS: Final = 4
+WELL_SEEN: Final = 0.05
+"""Largest standard deviation of an interval that counts as seen, in parts of the usual one."""
+FEWEST_SEEN: Final = 50
+FEWEST_OF_CLASS: Final = 10
+SHORTEST: Final = 0.1
+"""Shortest interval, in parts of the usual one: time goes forward."""
+ON_TICK: Final = 0.95
+"""Share of intervals that must be whole multiples of one tick for all to be."""
+RATE_KEPT: Final = 0.005
+"""If the mean rate agrees with the stamps this well, theirs is kept."""
+RATE_BELIEVED: Final = 0.05
+"""Velocities that contradict the stamps' rate by more tell no times."""
+FAR_OFF: Final = 4.0
+"""Standard deviations beyond which a tenth of a second does not count, as where a motion begins."""
+_MAD: Final = 1.4826
+
+
+@dataclass(frozen=True, eq=False)
+class Times:
+    """Estimated times.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (rows,)
+        The times; the first is the first stamp [s].
+    tick_s : float or None
+        What all intervals are whole multiples of [s]; None for no such tick.
+    rate : float
+        Duration by the velocities over that of the stamps; the times keep that of the stamps.
+    """
+
+    time_s: FloatArray
+    tick_s: float | None
+    rate: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """What does not change from round to round: differences of neighbouring rows."""
+
+    moved: FloatArray
+    velocity: FloatArray
+    position: FloatArray
+    resolution: FloatArray
+
+
+def estimate_times(
+    samples: Samples, repeats: IntArray, joints: tuple[int, ...], rounds: int = ROUNDS
+) -> Times | None:
+    """Return times by some joints' velocities; None if they do not show them.
+
+    Parameters
+    ----------
+    samples : Samples
+        Rows without repeats.
+    repeats : ndarray of int64, shape (rows - 1,)
+        How many repeated rows were left out in each interval.
+    joints : tuple of int
+        The joints that tell; each has a velocity.
+    rounds : int
+        How often the times are improved.
+    """
+    stamps = samples.time_s
+    given, usual = np.diff(stamps), samples.period_s
+    rows = given > GAP_STEPS * usual * (1 + repeats)
+    chosen = list(joints)
+    steps = [max(smallest_step(q), 1e-9) for q in samples.position[:, chosen].T]
+    position = samples.position[:, chosen]
+    motion = _Motion(
+        np.diff(position, axis=0), samples.velocity[:, chosen], position, np.array(steps)
+    )
+    noise = motion.resolution * np.sqrt(2.0 / 12.0)
+    now = stamps
+    for _ in range(rounds):
+        mean, moved = _calibrated(motion, now)
+        length, sigma = _lengths(mean, moved, noise)
+        seen = (sigma < WELL_SEEN * usual) & ~rows
+        if np.count_nonzero(seen) < FEWEST_SEEN:
+            return None
+        left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
+        noise = np.maximum(_MAD * np.median(left, axis=0), motion.resolution * np.sqrt(2.0 / 12.0))
+        length = _with_usual(length, sigma, seen, repeats, usual)
+        length = np.where(rows, given, np.maximum(length, SHORTEST * usual))
+        now = _running(stamps[0], length)
+    length, sigma = _lengths(*_calibrated(motion, now), noise)
+    tick_s = _tick(length[~rows], sigma[~rows], usual)
+    rate, kept = _rate(given, np.diff(now), repeats, seen)
+    now = _running(stamps[0], np.diff(now) / np.where(rows, 1.0, rate))
+    if kept:
+        now = _anchored(stamps, now, sigma, seen | rows)
+    if tick_s is not None:
+        tick_s = usual if abs(tick_s / usual - 1.0) < RATE_BELIEVED else tick_s / rate
+        whole = _whole_ticks(np.diff(now) / tick_s, seen | rows, kept) * tick_s
+        now = _running(stamps[0], np.where(rows, given, whole))
+    return Times(now, tick_s, rate)
+
+
+def misfit(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
+    """Return by how much a joint misses the way that its velocity says, an interval each."""
+    chosen = slice(joint, joint + 1)
+    position = samples.position[:, chosen]
+    motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position, np.zeros(1))
+    mean, moved = _calibrated(motion, time_s, relative=False)
+    return np.asarray((moved - np.diff(time_s)[:, np.newaxis] * mean)[:, 0])
+
+
+def _calibrated(
+    motion: _Motion, time_s: FloatArray, *, relative: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Return each interval's mean velocity, and the way that is to be explained by it.
+
+    Over a tenth of a second, the position changes by r times the integral of the velocity, by the
+    lateness of the velocity times its change, and by its offset times the time.
+    """
+    h = np.diff(time_s)[:, np.newaxis]
+    velocity = motion.velocity
+    rate = np.gradient(velocity, time_s, axis=0)
+    mean = (velocity[1:] + velocity[:-1]) / 2.0 + h * (rate[:-1] - rate[1:]) / 12.0
+    change = np.diff(velocity, axis=0)
+    stride = min(max(1, round(WIDE_S / float(np.median(h)))), len(h))
+    path = np.vstack([np.zeros(velocity.shape[1]), np.cumsum(mean * h, axis=0)])
+    span = time_s[stride:] - time_s[:-stride]
+    near = span < GAP_STEPS * WIDE_S + GAP_STEPS * stride * float(np.median(h))
+    found = []
+    for j in range(velocity.shape[1]):
+        x = np.column_stack(
+            [values[stride:] - values[:-stride] for values in (path[:, j], velocity[:, j], time_s)]
+        )[near]
+        y = (motion.position[stride:, j] - motion.position[:-stride, j])[near]
+        found.append(_robust(x, y))
+    scale, late, offset = np.array(found).T
+    common = float(np.median(scale)) if relative else 1.0
+    scale = scale / common if common > 0.0 else np.ones_like(scale)
+    sound = (scale > 0.5) & (scale < 2.0) & (np.abs(late) < WIDE_S) | (not relative)
+    scale, late, offset = (
+        np.where(sound, x, y) for x, y in ((scale, 1.0), (late, 0.0), (offset, 0.0))
+    )
+    if relative:
+        late, offset = late / max(common, 1e-3), offset / max(common, 1e-3)
+    return scale * mean + offset, motion.moved - late * change
+
+
+def _robust(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return a least-squares solution without the rows that miss the first one by far."""
+    solution = np.linalg.lstsq(x, y, rcond=None)[0]
+    left = np.abs(y - x @ solution)
+    near = left <= FAR_OFF * _MAD * float(np.median(left))
+    if np.count_nonzero(near) < len(y) / 2:
+        return np.asarray(solution)
+    return np.asarray(np.linalg.lstsq(x[near], y[near], rcond=None)[0])
+
+
+def _lengths(
+    mean: FloatArray, moved: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return each interval's length and its standard deviation."""
+    weight = noise**-2.0
+    information = np.maximum((weight * mean**2).sum(axis=1), 1e-12)
+    return (weight * mean * moved).sum(axis=1) / information, information**-0.5
+
+
+def _with_usual(
+    length: FloatArray, sigma: FloatArray, seen: BoolArray, repeats: IntArray, usual: float
+) -> FloatArray:
+    """Return lengths, drawn to the usual one of their class if the motion does not show them."""
+    drawn = np.empty_like(length)
+    for number in np.unique(repeats):
+        own = repeats == number
+        told = own & seen
+        if np.count_nonzero(told) < FEWEST_OF_CLASS:
+            told = seen
+        centre = float(np.mean(length[told]))  # rows that were skipped count: the sum must be right
+        spread = float(np.mean((length[told] - centre) ** 2)) - float(np.median(sigma[told] ** 2))
+        spread = max(spread, (1e-4 * usual) ** 2)
+        drawn[own] = centre + spread / (spread + sigma[own] ** 2) * (length[own] - centre)
+    return drawn
+
+
+def _tick(length: FloatArray, sigma: FloatArray, usual: float) -> float | None:
+    """Return what the well-seen intervals are multiples of; None for nothing."""
+    seen = sigma < 0.4 * WELL_SEEN * usual
+    if np.count_nonzero(seen) < FEWEST_SEEN:
+        return None
+    length, sigma = length[seen], sigma[seen]
+    tick = float(np.median(length))
+    if tick < SHORTEST * usual:
+        return None
+    for _ in range(3):
+        whole = np.round(length / tick)
+        near = (whole >= 1.0) & (np.abs(length / tick - whole) < 0.25)
+        if np.count_nonzero(near) < FEWEST_SEEN:
+            return None
+        tick = float(length[near] @ whole[near] / (whole[near] @ whole[near]))
+    whole = np.round(length / tick)
+    on = np.abs(length / tick - whole) < np.maximum(4.0 * sigma / tick, 0.03)
+    if np.mean(on & (whole >= 1.0)) < ON_TICK:
+        return None
+    return tick
+
+
+def _rate(
+    given: FloatArray, found: FloatArray, repeats: IntArray, seen: BoolArray
+) -> tuple[float, bool]:
+    """Return the found intervals over the true ones, and whether the stamps are right on average.
+
+    Velocities may be off by a common factor, so that the stamps' mean rate is kept. Inserted
+    repeats make their duration too long: then intervals without repeats tell.
+    """
+    total = float(found[seen].sum() / given[seen].sum())
+    plain = seen & (repeats == 0)
+    if not repeats.any() or abs(total - 1.0) < RATE_KEPT or np.count_nonzero(plain) < FEWEST_SEEN:
+        return total, True
+    rate = float(np.median(found[plain] / given[plain]))
+    return rate, abs(total / rate - 1.0) < RATE_KEPT
+
+
+def _anchored(
+    stamps: FloatArray, now: FloatArray, sigma: FloatArray, seen: BoolArray
+) -> FloatArray:
+    """Return times that stay near the stamps where the motion does not show them.
+
+    Stamps that are right on the average stop the errors of intervals at rest from adding up.
+    """
+    from scipy.linalg import solveh_banded  # large, and few recordings need it
+
+    length, given = np.diff(now), np.diff(stamps)
+    usual = float(np.median(length))
+    jitter = max(float(np.std((length - given)[seen])) / np.sqrt(2.0), 1e-3 * usual)
+    known = np.where(seen, np.maximum(sigma, 1e-3 * usual), np.maximum(jitter, 0.1 * usual)) ** -2.0
+    anchor = np.full(len(now), jitter**-2.0)
+    bands = np.zeros((2, len(now)))
+    bands[0, 1:] = -known
+    bands[1] = anchor
+    bands[1, 1:] += known
+    bands[1, :-1] += known
+    pull = anchor * (stamps + float(np.mean(now - stamps)))
+    pull[1:] += known * length
+    pull[:-1] -= known * length
+    fused = solveh_banded(bands, pull)
+    return _running(float(stamps[0]), np.maximum(np.diff(fused), SHORTEST * usual))
+
+
+def _whole_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> FloatArray:
+    """Return whole ticks an interval; a stretch that is not seen keeps their sum."""
+    whole = np.maximum(np.round(ticks), 1.0)
+    if not anchored:
+        return whole
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], seen, [True]])))
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        count = np.arange(1, stop - first + 1)
+        beyond = np.maximum(np.round(np.cumsum(ticks[first:stop])) - count, 0.0)
+        whole[first:stop] = 1.0 + np.diff(np.maximum.accumulate(beyond), prepend=0.0)
+    return whole
+
+
+def _running(start: float, length: FloatArray) -> FloatArray:
+    """Return times that begin at `start`, by the intervals between them."""
+    return start + np.concatenate([[0.0], np.cumsum(length)])

@@ -1,0 +1,117 @@
+"""Rows and positions that repeat the ones before although the robot moves.
+
+A logger that polls reads a value again if the source has not renewed it. At rest equal rows are
+right. A run of equal rows is a repeat if a joint goes on in one direction before, across and after
+it, hardly slower across it than beside it, and by more than three of its smallest steps a row: then
+its position cannot have stayed the same.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from acquisition.clock.samples import WIDE_S, Samples, smallest_step
+from config.arrays import BoolArray, FloatArray, IntArray
+
+FEWEST_ROWS: Final = 100
+MOST_STEPS: Final = 3.0
+SHARE_OF_SPEED: Final = 0.3
+MOST_AT_REST: Final = 2.0
+"""How much more often than in motion rows at rest may be equal and still count as repeats."""
+FEW: Final = 0.1
+"""So few more, in parts of those in motion, are repeats where a joint is slow or turns round."""
+
+
+def repeated_rows(samples: Samples) -> BoolArray:
+    """Return which rows hold the position and the torque of the row before, shape (rows,).
+
+    Velocities do not count: one that is computed from positions differs in such rows. At rest equal
+    rows count if they come about as often as in motion, and in runs that are no longer: the torque
+    is noisy there, and says the same.
+    """
+    if len(samples) < FEWEST_ROWS:
+        return np.zeros(len(samples), dtype=np.bool_)
+    values = np.hstack([samples.position, samples.torque])
+    same = np.all(values[1:] == values[:-1], axis=1)
+    repeated = np.zeros(len(samples), dtype=np.bool_)
+    for joint in samples.position.T:
+        repeated |= _held(joint, same, samples.period_s)
+    if not repeated.any():
+        return repeated
+    stands = np.concatenate([[False], np.all(np.diff(samples.position, axis=0) == 0.0, axis=1)])
+    stands &= ~repeated
+    equal = np.concatenate([[False], same]) & ~repeated
+    firsts, lasts = _runs(~equal[1:])
+    short = lasts - firsts < longest_run(repeated)
+    short &= lasts > firsts
+    at_rest = np.zeros_like(repeated)
+    for first, last in zip(firsts[short], lasts[short], strict=True):
+        at_rest[first + 1 : last + 1] = equal[first + 1 : last + 1]
+    found = float(repeated.sum())
+    as_often = MOST_AT_REST * found / max(float((~stands).sum()), 1.0) * float(stands.sum())
+    if float(at_rest.sum()) <= max(as_often, FEW * found):
+        repeated |= at_rest
+    return repeated
+
+
+def held_positions(samples: Samples) -> BoolArray:
+    """Return which positions are those of the row before, shape (rows, joints).
+
+    Parameters
+    ----------
+    samples : Samples
+        Rows without repeats.
+    """
+    held = [_held(q, q[1:] == q[:-1], samples.period_s) for q in samples.position.T]
+    return np.stack(held, axis=1)
+
+
+def between(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatArray:
+    """Return positions with those that were held replaced by a spline through the others."""
+    from scipy.interpolate import CubicSpline  # large, and few recordings need it
+
+    filled = position.copy()
+    for j in np.flatnonzero(held.any(axis=0)):
+        fresh = ~held[:, j]
+        spline = CubicSpline(time_s[fresh], position[fresh, j])
+        inner = held[:, j] & (time_s <= time_s[fresh][-1])
+        filled[inner, j] = spline(time_s[inner])
+    return filled
+
+
+def longest_run(repeated: BoolArray) -> int:
+    """Return how many rows stand in the longest run of equal ones, its first row included."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0)) + 1
+
+
+def _held(position: FloatArray, same: BoolArray, period_s: float) -> BoolArray:
+    """Return which of the rows that equal the one before contradict a joint's motion, (rows,)."""
+    n = len(position)
+    held = np.zeros(n, dtype=np.bool_)
+    firsts, lasts = _runs(~same)
+    runs = np.flatnonzero((lasts > firsts) & (lasts < n - 1))
+    first, tail = firsts[runs], lasts[runs] + 1
+    step = smallest_step(position)
+    reach = np.maximum(tail - first, max(3, round(0.5 * WIDE_S / period_s)))
+    start, stop = np.maximum(first - reach, 0), np.minimum(tail + reach, n - 1)
+    across = (position[tail] - position[first]) / (tail - first)
+    before = (position[first] - position[start]) / np.maximum(first - start, 1)
+    after = (position[stop] - position[tail]) / np.maximum(stop - tail, 1)
+    # At an end of the recording one side says nothing.
+    before, after = np.where(first == start, after, before), np.where(tail == stop, before, after)
+    slower = np.minimum(np.abs(before), np.abs(after))
+    found = (across * before > 0.0) & (across * after > 0.0)
+    found &= np.minimum(np.abs(across), slower) > MOST_STEPS * step
+    found &= np.abs(across) > SHARE_OF_SPEED * slower
+    for a, b in zip(first[found], tail[found], strict=True):
+        held[a + 1 : b] = True
+    return held
+
+
+def _runs(changed: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the first and the last row of each run; `changed` is of the rows after the first."""
+    firsts = np.flatnonzero(np.concatenate([[True], changed]))
+    return firsts, np.concatenate([firsts[1:], [len(changed) + 1]]) - 1

@@ -1,0 +1,61 @@
+"""`Samples`: what a clock is judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray
+
+STANDSTILL_SPEED: Final = 0.02
+"""Slower joints say nothing of the clock [rad/s or m/s]."""
+WIDE_S: Final = 0.1
+"""Over this time jitter and rounding hardly change how far a joint goes [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Rows of a recording.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (rows,)
+        Stamps, increasing [s].
+    position, velocity, torque : ndarray, shape (rows, joints)
+        rad or m, per second, N m or N. The velocity is NaN for a joint without.
+    """
+
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    torque: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def part(self, rows: slice | BoolArray) -> Samples:
+        """Return some of the rows."""
+        return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @property
+    def period_s(self) -> float:
+        """The median step of the stamps [s]."""
+        return float(np.median(np.diff(self.time_s)))
+
+    def moving(self) -> tuple[int, ...]:
+        """Return the joints that move and have a velocity, by number."""
+        span_s = float(self.time_s[-1] - self.time_s[0])
+        way = np.abs(np.diff(self.position, axis=0)).sum(axis=0)
+        told = np.isfinite(self.velocity).all(axis=0)
+        return tuple(np.flatnonzero(told & (way > STANDSTILL_SPEED * span_s)).tolist())
+
+
+def smallest_step(values: FloatArray) -> float:
+    """Return the smallest difference between two values of a column; 0 if all are alike."""
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    floor = 1e-12 * max(abs(float(levels[0])), abs(float(levels[-1])), 1e-3)
+    steps = steps[steps > floor]
+    return float(steps.min()) if len(steps) else 0.0

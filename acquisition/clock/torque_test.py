@@ -1,0 +1,121 @@
+"""Whether torques that were left out are predicted better with rebuilt times than with the stamps.
+
+One half of the recording identifies the plain rigid robot with Coulomb and viscous friction, the
+other half judges, both ways. A wrong clock makes accelerations wrong, and the torques with them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from acquisition.clock.samples import STANDSTILL_SPEED, Samples
+from acquisition.motion.samples import Phase
+from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
+from config.errors import RidDaqError
+from config.robot.robot import RobotDescription
+
+BAND_HZ: Final = 8.0
+MOST_ROWS: Final = 4000
+PARTS: Final = 8
+CONDITION: Final = 1e-6
+
+
+def torque_gain(
+    robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
+) -> tuple[float, float] | None:
+    """Return by how much the error of held-out torques falls, and its standard error.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    samples : Samples
+        Rows without repeats, with the stamps.
+    time_s : ndarray, shape (rows,)
+        The other times.
+    coupling : ndarray, shape (n, n), or None
+        C of q = C alpha, if the positions are the actuators' alpha.
+
+    Returns
+    -------
+    tuple of float, or None
+        Mean logarithm of the error by the stamps over the error by the other times; None if the
+        recording is too short or too seldom to say.
+    """
+    try:
+        by_stamps = _errors(robot, samples, samples.time_s, coupling)
+        by_times = _errors(robot, samples, time_s, coupling)
+    except (RidDaqError, np.linalg.LinAlgError):
+        return None
+    gains = 0.5 * np.log(by_stamps / by_times)
+    gain = np.array([float(part[np.isfinite(part)].mean()) for part in gains if _has_number(part)])
+    if len(gain) < PARTS:
+        return None
+    return float(gain.mean()), float(gain.std(ddof=1)) / math.sqrt(len(gain))
+
+
+def _errors(
+    robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
+) -> FloatArray:
+    """Return the mean square of each joint's held-out error in each part, (2 parts, joints)."""
+    from dynamics.model.robot_model import RobotModel, regressor  # they load the compiler
+
+    plain = [
+        joint.model_copy(update={"friction": ("coulomb", "viscous", "offset")})
+        for joint in robot.joints
+    ]
+    model = RobotModel.from_description(robot.model_copy(update={"joints": tuple(plain)}))
+    period_s = float(np.median(np.diff(time_s)))
+    signals = smooth_nonperiodic(
+        _recording(robot, samples, time_s, coupling), min(BAND_HZ, 0.4 / period_s)
+    )
+    rows = np.arange(0, len(signals), max(1, math.ceil(len(signals) / MOST_ROWS)))
+    velocity = signals.velocity[rows]
+    columns = regressor(model, signals.position[rows], velocity, signals.acceleration[rows])
+    torque = signals.torque_nm[rows]
+    size = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-9)
+    columns, torque = columns / size[:, np.newaxis], torque / size
+    use = np.abs(velocity) > STANDSTILL_SPEED
+    halves = np.array_split(np.arange(len(rows)), 2)
+    errors = []
+    for fitted, judged in (halves, halves[::-1]):
+        own = use[fitted]
+        matrix = columns[fitted][own]
+        scale = np.maximum(np.sqrt(np.mean(matrix**2, axis=0)), 1e-12)
+        found = np.linalg.lstsq(matrix / scale, torque[fitted][own], rcond=CONDITION)[0] / scale
+        left = np.where(use[judged], torque[judged] - columns[judged] @ found, np.nan)
+        errors += [_mean_square(part) for part in np.array_split(left, PARTS)]
+    return np.array(errors)
+
+
+def _has_number(values: FloatArray) -> bool:
+    return bool(np.isfinite(values).any())
+
+
+def _mean_square(values: FloatArray) -> FloatArray:
+    """Return each column's mean square; NaN for a column without a number."""
+    count = np.isfinite(values).sum(axis=0)
+    return np.asarray(
+        np.where(count > 0, np.nansum(values**2, axis=0), np.nan) / np.maximum(count, 1)
+    )
+
+
+def _recording(
+    robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
+) -> Recording:
+    rows = len(time_s)
+    return Recording(
+        joint_names=robot.joint_names,
+        time_s=time_s,
+        position=samples.position if coupling is None else samples.position @ coupling.T,
+        torque_nm=samples.torque,
+        valid=np.ones(rows, dtype=np.bool_),
+        phase=np.full(rows, Phase.MAIN, dtype=np.uint8),
+        sample_index=np.full(rows, -1, dtype=np.int64),
+        source="import",
+    )

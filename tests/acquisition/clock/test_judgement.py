@@ -1,0 +1,208 @@
+"""The clock: repeats are counted and left out, times rebuilt if that helps, sound stamps kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.clock.judgement import judge_clock
+from acquisition.clock.report import Clock
+from acquisition.clock.samples import Samples
+from config.arrays import FloatArray
+from tests.builders.logged_arm import PERIOD_S, LoggedArm, inserted, row_times, time_error
+
+SEEDS = st.integers(0, 10_000)
+FEW = settings(max_examples=12, deadline=None, derandomize=True)
+
+
+def without_velocities(samples: Samples) -> Samples:
+    return replace(samples, velocity=np.full_like(samples.velocity, np.nan))
+
+
+def jittered(true_s: FloatArray, seed: int, by_s: float) -> FloatArray:
+    return true_s + np.random.default_rng(seed).uniform(-by_s, by_s, len(true_s))
+
+
+class TestSoundClock:
+    @FEW
+    @given(SEEDS)
+    def test_keeps_its_stamps_to_the_last_bit(self, seed: int) -> None:
+        stamps = row_times() + 1.7e9
+        judged = judge_clock(LoggedArm.of(seed).at(row_times(), stamps, seed))
+        assert judged.report.clock is Clock.CONFIRMED
+        assert judged.kept.all()
+        np.testing.assert_array_equal(judged.time_s, stamps)
+
+    @FEW
+    @given(SEEDS)
+    def test_may_be_uneven_if_its_stamps_are_true(self, seed: int) -> None:
+        stamps = jittered(row_times(), seed, 0.3 * PERIOD_S)
+        judged = judge_clock(LoggedArm.of(seed).at(stamps, stamps, seed))
+        assert judged.report.clock is Clock.CONFIRMED
+        np.testing.assert_array_equal(judged.time_s, stamps)
+
+    def test_of_a_robot_that_rests_for_long_has_no_repeats(self) -> None:
+        late = np.clip(row_times() - 5.0, 0.0, 2.0)  # it slows down for 2 s, then rests for 13 s
+        samples = LoggedArm.of(3).at(
+            np.minimum(row_times(), 5.0) + late - late**2 / 4.0, row_times()
+        )
+        velocity = samples.velocity * (1.0 - late / 2.0)[:, np.newaxis]
+        judged = judge_clock(replace(samples, velocity=velocity))
+        assert judged.report.repeated_rows == 0
+        assert judged.report.clock is Clock.CONFIRMED
+
+    def test_of_a_robot_that_stands_still_is_not_accused(self) -> None:
+        judged = judge_clock(LoggedArm.of(3).at(np.zeros(500), row_times(500)))
+        assert judged.report.clock is Clock.UNVERIFIED
+        assert judged.report.findings(("a", "b", "c", "d")) == ()
+
+    def test_that_misses_rows_keeps_its_stamps_and_counts_them(self) -> None:
+        stamps = np.delete(row_times(), np.arange(100, 2400, 25))
+        judged = judge_clock(LoggedArm.of(4).at(stamps, stamps))
+        assert judged.report.missing_rows == 92
+        assert judged.report.clock is Clock.CONFIRMED
+        assert "92 rows are missing" in " ".join(judged.report.findings(()))
+
+
+class TestRepeatedRows:
+    @FEW
+    @given(SEEDS, st.floats(0.02, 0.3))
+    def test_are_all_found_and_the_true_times_come_back(self, seed: int, share: float) -> None:
+        repeat = np.random.default_rng(seed).random(2500) < share
+        true_s = inserted(row_times(), repeat)
+        samples = LoggedArm.of(seed).at(true_s, row_times(len(true_s)), seed)
+        judged = judge_clock(samples)
+        made = np.concatenate([[False], np.diff(true_s) == 0.0])
+        assert np.count_nonzero(judged.kept == made) <= 2  # at an end one side says nothing
+        assert judged.report.clock is Clock.REBUILT
+        assert judged.report.repeated_share == pytest.approx(made.mean(), abs=1e-3)
+        before = time_error(samples.time_s[judged.kept], true_s[judged.kept])
+        assert time_error(judged.time_s, true_s[judged.kept]) < 0.1 * before
+
+    def test_are_nine_of_ten_if_a_source_of_50_hz_is_read_at_500_hz(self) -> None:
+        source = np.arange(0.0, 20.0, 0.02)
+        seen = source + np.random.default_rng(4).uniform(0.0, 0.012, len(source))
+        seen[0] = -1.0
+        stamps = np.arange(0.0, 19.9, 0.002)
+        true_s = source[np.searchsorted(seen, stamps, side="right") - 1]
+        judged = judge_clock(LoggedArm.of(5).at(true_s, stamps))
+        assert judged.report.repeated_share == pytest.approx(0.9, abs=1e-3)
+        assert judged.report.tick_s == pytest.approx(0.02)
+        assert time_error(judged.time_s, true_s[judged.kept]) < 1e-6
+
+    def test_that_took_the_place_of_fresh_ones_leave_the_others_in_time(self) -> None:
+        true_s = row_times()
+        stale = np.arange(5, 2500, 9)
+        true_s[stale] = true_s[stale - 1]
+        judged = judge_clock(LoggedArm.of(6).at(true_s, row_times()))
+        assert judged.report.repeated_rows == len(stale)
+        np.testing.assert_allclose(judged.time_s, true_s[judged.kept], atol=1e-6)
+
+    def test_are_left_out_without_velocities_and_the_clock_is_unknown(self) -> None:
+        true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
+        samples = without_velocities(LoggedArm.of(7).at(true_s, row_times(len(true_s))))
+        judged = judge_clock(samples)
+        assert judged.report.repeated_rows == 250
+        assert judged.report.clock is Clock.UNKNOWN
+        assert not judged.report.is_known
+        np.testing.assert_array_equal(judged.time_s, samples.time_s[judged.kept])
+
+    def test_of_copied_lines_count(self) -> None:
+        judged = judge_clock(LoggedArm.of(8).at(row_times(), row_times()), copies=7)
+        assert judged.report.repeated_rows == 7
+        assert judged.report.rows == 2507
+
+    def test_of_which_only_one_joint_moves_leave_the_clock_unknown_without_a_robot(self) -> None:
+        true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
+        samples = LoggedArm.of(9, joints=1).at(true_s, row_times(len(true_s)))
+        judged = judge_clock(samples)
+        assert judged.report.repeated_rows >= 245
+        assert judged.report.clock is Clock.UNKNOWN
+
+
+class TestJitteredStamps:
+    @FEW
+    @given(SEEDS, st.floats(0.15, 0.35))
+    def test_are_replaced_by_times_ten_times_better(self, seed: int, part: float) -> None:
+        true_s = row_times()
+        stamps = jittered(true_s, seed, part * PERIOD_S)
+        judged = judge_clock(LoggedArm.of(seed).at(true_s, stamps, seed))
+        assert judged.report.clock is Clock.REBUILT
+        assert time_error(judged.time_s, true_s) < 0.1 * time_error(stamps, true_s)
+
+    def test_of_a_coarse_tick_are_replaced(self) -> None:
+        stamps = np.floor(row_times() / 0.005 + 1e-9) * 0.005
+        judged = judge_clock(LoggedArm.of(11).at(row_times(), stamps))
+        assert judged.report.tick_s == pytest.approx(PERIOD_S, rel=1e-3)
+        assert time_error(judged.time_s, row_times()) < 1e-6
+
+    def test_are_unknown_without_velocities(self) -> None:
+        stamps = jittered(row_times(), 12, 0.35 * PERIOD_S)
+        judged = judge_clock(without_velocities(LoggedArm.of(12).at(row_times(), stamps)))
+        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.jitter_rms_s == pytest.approx(
+            0.35 * PERIOD_S * (2 / 3) ** 0.5, rel=0.1
+        )
+        np.testing.assert_array_equal(judged.time_s, stamps)
+
+    @pytest.mark.parametrize("scale", [0.97, 1.03])
+    def test_keep_their_mean_rate_if_the_velocities_are_off_by_a_factor(self, scale: float) -> None:
+        stamps = jittered(row_times(), 13, 0.3 * PERIOD_S)
+        samples = LoggedArm.of(13).at(row_times(), stamps)
+        judged = judge_clock(replace(samples, velocity=scale * samples.velocity))
+        assert judged.report.clock is Clock.REBUILT
+        assert np.ptp(judged.time_s) == pytest.approx(np.ptp(row_times()), rel=1e-3)
+
+    def test_are_not_replaced_if_velocities_are_in_another_unit(self) -> None:
+        stamps = jittered(row_times(), 14, 0.3 * PERIOD_S)
+        samples = LoggedArm.of(14).at(row_times(), stamps)
+        judged = judge_clock(replace(samples, velocity=57.3 * samples.velocity))
+        assert judged.report.clock is Clock.UNKNOWN
+        np.testing.assert_array_equal(judged.time_s, stamps)
+
+
+class TestVelocitiesFromPositions:
+    @pytest.mark.parametrize("formula", ["backward", "centred", "filtered"])
+    def test_over_jittered_stamps_rebuild_nothing(self, formula: str) -> None:
+        stamps = jittered(row_times(), 15, 0.3 * PERIOD_S)
+        samples = LoggedArm.of(15).at(row_times(), stamps)
+        steps = np.diff(samples.position, axis=0) / np.diff(stamps)[:, np.newaxis]
+        velocity = np.vstack([steps[:1], steps])
+        if formula == "centred":
+            velocity = np.gradient(samples.position, stamps, axis=0)
+        if formula == "filtered":
+            for row in range(1, len(velocity)):
+                velocity[row] = 0.7 * velocity[row - 1] + 0.3 * velocity[row]
+        judged = judge_clock(replace(samples, velocity=velocity))
+        assert judged.report.clock is Clock.UNKNOWN
+        assert "differences of the positions" in judged.report.doubt
+        np.testing.assert_array_equal(judged.time_s, stamps)
+
+    def test_over_repeated_rows_rebuild_nothing(self) -> None:
+        true_s = inserted(row_times(), np.arange(2500) % 10 == 9)
+        samples = LoggedArm.of(16).at(true_s, row_times(len(true_s)))
+        velocity = np.gradient(samples.position, samples.time_s, axis=0)
+        judged = judge_clock(replace(samples, velocity=velocity))
+        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.repeated_rows == 250
+
+
+class TestPositionsThatAreHeld:
+    def test_are_named_by_joint_and_interpolated(self) -> None:
+        samples = LoggedArm.of(17).at(row_times(), row_times())
+        position = samples.position.copy()
+        position[:, 1] = position[np.arange(2500) // 4 * 4, 1]
+        judged = judge_clock(replace(samples, position=position))
+        assert judged.report.clock is Clock.UNKNOWN
+        assert judged.report.held_share[1] > 0.5
+        assert judged.report.held_share[0] == 0.0
+        assert "b 69 %" in " ".join(judged.report.findings(("a", "b", "c", "d")))
+        inner = slice(8, 2400)
+        left = np.abs(judged.position - samples.position)[inner]
+        assert np.quantile(left, 0.9) < 0.1 * np.quantile(
+            np.abs(position[:, 1] - samples.position[:, 1]), 0.9
+        )
