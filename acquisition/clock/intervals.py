@@ -91,7 +91,7 @@ def estimate_times(
         np.diff(position, axis=0), samples.velocity[:, chosen], position, np.array(steps)
     )
     noise = motion.resolution * np.sqrt(2.0 / 12.0)
-    now = stamps
+    now, seen = stamps, ~rows
     for _ in range(rounds):
         mean, moved = _calibrated(motion, now)
         length, sigma = _lengths(mean, moved, noise)
@@ -167,8 +167,8 @@ def _robust(x: FloatArray, y: FloatArray) -> FloatArray:
     left = np.abs(y - x @ solution)
     near = left <= FAR_OFF * _MAD * float(np.median(left))
     if np.count_nonzero(near) < len(y) / 2:
-        return np.asarray(solution)
-    return np.asarray(np.linalg.lstsq(x[near], y[near], rcond=None)[0])
+        return np.asarray(solution, dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(x[near], y[near], rcond=None)[0], dtype=np.float64)
 
 
 def _lengths(

@@ -55,12 +55,12 @@ class LoggedArm:
 
 def row_times(rows: int = 2500) -> FloatArray:
     """Return the times of rows at 125 Hz [s]."""
-    return np.arange(rows) * PERIOD_S
+    return np.asarray(np.arange(rows) * PERIOD_S, dtype=np.float64)
 
 
 def inserted(true_s: FloatArray, repeat: BoolArray) -> FloatArray:
     """Return the true times of rows some of which were written twice."""
-    return np.repeat(true_s, np.where(repeat, 2, 1))
+    return np.asarray(np.repeat(true_s, np.where(repeat, 2, 1)))
 
 
 def time_error(time_s: FloatArray, true_s: FloatArray) -> float:
