@@ -10,7 +10,11 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from identification.wiring.mistakes import OFFSET_STEPS, Kind, Mistake, common_mistakes, offset
+from identification.wiring.common_mistakes import OFFSET_STEPS, common_mistakes
+from identification.wiring.gravity import GravitySearch
+from identification.wiring.mistakes import Kind, Mistake, offset
+from identification.wiring.possible import keeps_limits
+from identification.wiring.scale import UNDONE_ELSEWHERE, wrong_scale
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, Trial
 
@@ -45,8 +49,21 @@ class Found:
         return np.asarray(self.before.residual_share / self.after.residual_share)
 
 
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A mistake undone: its fit, and the fit to parts that were left out."""
+
+    mistake: Mistake
+    after: Trial
+    held_out: Trial
+
+
 def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
     """Try the common mistakes on recordings, and those left on what one undone leaves.
+
+    A mistake counts if undone it explains far better both what was fitted and parts of the
+    recordings that were left out of a fit, if motion and torques keep the robot file's limits
+    then, and if the torques hold the arm up.
 
     Parameters
     ----------
@@ -56,53 +73,85 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
     Returns
     -------
     tuple of Found
-        One after the other; empty where none explains the data far better.
+        One after the other; empty if none explains the data far better.
     """
     found: list[Found] = []
     while len(found) < MOST_MISTAKES:
-        better = _best(signals)
+        stated = Condensed.of(signals)
+        gravity = GravitySearch.of(signals, stated)
+        better = _best(signals, stated, gravity) or _of_scale(signals, stated, gravity)
         if better is None:
             break
         found.append(better)
-        if better.after.good:
+        if better.mistake.kind in UNDONE_ELSEWHERE:
             break
         signals = better.mistake.undone(signals)
     return tuple(found)
 
 
-def _best(signals: WiredSignals) -> Found | None:
-    stated = Condensed.of(signals)
-    before = stated.trial(np.eye(len(signals.robot.joints)))
-    tried: list[tuple[float, Mistake, Trial]] = []
-    for mistake in common_mistakes(signals.robot):
-        if mistake.moves:
-            condensed = Condensed.of(mistake.undone(signals))
-            after = condensed.trial(np.eye(len(signals.robot.joints)))
-        else:
-            after = stated.trial(mistake.torque)
-        tried.append((after.cost, mistake, after))
-    tried.sort(key=lambda each: each[0])
-    cost, best, after = tried[0]
-    if best.kind is Kind.POSITION_OFFSET:
-        best, after = _exact(signals, best)
-    if not after.far_better_than(before):
+def driving_joints(signals: WiredSignals) -> tuple[int, ...]:
+    """Return the joints, from 0, whose friction would drive them by what the files say."""
+    driving = Condensed.of(signals).held_out(np.eye(len(signals.robot.joints))).driving
+    return tuple(np.flatnonzero(driving).tolist())
+
+
+def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
+    still = np.eye(len(signals.robot.joints))
+    before, before_out = stated.trial(still), stated.held_out(still)
+    mistakes = [*common_mistakes(signals.robot), *gravity.mistakes()]
+    tried: list[_Tried] = []
+    for mistake in _with_exact_zeros(signals, mistakes):
+        undone = mistake.undone(signals)
+        if not keeps_limits(mistake, signals, undone):
+            continue
+        condensed = Condensed.of(undone) if mistake.moves else stated
+        torque = still if mistake.moves else mistake.torque
+        after = condensed.trial(torque)
+        if not after.far_better_than(before):
+            continue
+        held_out = condensed.held_out(torque)
+        if held_out.far_better_than(before_out) and condensed.holds_up(torque, mistake.changed):
+            tried.append(_Tried(mistake, after, held_out))
+    if not tried:
         return None
-    near = [mistake for other, mistake, _ in tried[1:] if other - cost < AS_GOOD]
-    return Found(best, _distinct(best, near), before, after)
+    tried.sort(key=lambda each: each.held_out.cost)
+    best = tried[0]
+    near = [
+        each.mistake for each in tried[1:] if each.held_out.cost - best.held_out.cost < AS_GOOD
+    ]
+    return Found(best.mistake, _distinct(best.mistake, near), before, best.after)
 
 
-def _exact(signals: WiredSignals, near: Mistake) -> tuple[Mistake, Trial]:
-    """Return the best zero position near one that was tried."""
-    (joint,), still = near.joints, np.eye(len(signals.robot.joints))
+def _of_scale(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
+    """Return a mistake that no residual shows: of all torques' unit, or of what they are."""
+    wrong = wrong_scale(signals, stated, gravity)
+    if not wrong:
+        return None
+    before = stated.trial(np.eye(len(signals.robot.joints)))
+    return Found(wrong[0], _distinct(wrong[0], list(wrong[1:])), before, before)
 
-    def cost(angle: float) -> float:
-        moved = offset(signals.robot, joint, angle).undone(signals)
-        return Condensed.of(moved).trial(still).cost
 
-    half = math.pi / OFFSET_STEPS
-    angle = _lowest(cost, near.factor - 2.0 * half, near.factor + 2.0 * half)
-    best = offset(signals.robot, joint, angle)
-    return best, Condensed.of(best.undone(signals)).trial(still)
+def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
+    """Return mistakes with the best zero position of each joint in place of a grid of them."""
+    still = np.eye(len(signals.robot.joints))
+
+    def cost(mistake: Mistake) -> float:
+        return Condensed.of(mistake.undone(signals)).trial(still).cost
+
+    grids: dict[int, list[Mistake]] = {}
+    for mistake in mistakes:
+        if mistake.kind is Kind.POSITION_OFFSET:
+            grids.setdefault(mistake.joints[0], []).append(mistake)
+    exact = []
+    for joint, grid in grids.items():
+        near, half = min(grid, key=cost).factor, math.pi / OFFSET_STEPS
+        angle = _lowest(
+            lambda angle, joint=joint: cost(offset(signals.robot, joint, angle)),  # type: ignore[misc]
+            near - 2.0 * half,
+            near + 2.0 * half,
+        )
+        exact.append(offset(signals.robot, joint, angle))
+    return [each for each in mistakes if each.kind is not Kind.POSITION_OFFSET] + exact
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,15 +15,19 @@ from dynamics.model.transmission import Transmission
 from identification.model.options import ModelOptions
 from identification.regression.fit_grade import GOOD_SHARE
 from identification.wiring.signals import WiredSignals
+from identification.wiring.weight import ArmWeight, Weighing
 
 SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
 RIDGE: Final = 1e-9
+PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0
 SMALLEST_SHARE: Final = 0.01
 DRIVING_SHARE: Final = 0.03
-DRIVING_COST: Final = 1.0
+IMPOSSIBLE_COST: Final = 1.0
+EXPLAINED_SHARE: Final = 0.7
+HOLDS_TIMES: Final = 3.0
 BRAKES: Final = ("fc_", "fv_")
 
 
@@ -35,33 +40,42 @@ class Trial:
     residual_share : ndarray, shape (n,)
         RMS residual over RMS torque, at least `SMALLEST_SHARE`; NaN for a joint that stands still.
     driving : ndarray of bool, shape (n,)
-        Whether the joint's friction would drive it, which friction does not.
+        True for a joint with negative friction power, which no friction has.
+    weight : float
+        The weight of the arm as a share of what its drawings say; NaN if it is not known.
     """
 
     residual_share: FloatArray
     driving: BoolArray
+    weight: float = math.nan
 
     @property
     def good(self) -> bool:
-        """Whether no joint leaves more than a good fit does."""
+        """True if no joint leaves more than a good fit does."""
         return not (np.any(self.residual_share > GOOD_SHARE) or np.any(self.driving))
 
     def far_better_than(self, other: Trial) -> bool:
-        """Whether another fit is far worse: friction drives a joint, or a residual is twice it.
+        """Return True if the other fit has more driving joints, or twice the residual somewhere.
 
         All joints together must gain as well. Less than that a model gains by any freedom that
         happens to follow what friction it lacks.
         """
-        if other.cost - self.cost < LEAST_GAIN:
+        if not other.cost - self.cost >= LEAST_GAIN:
             return False
-        halved = np.nanmax(other.residual_share / self.residual_share) >= FAR_BETTER_TIMES
-        return bool(halved or np.sum(self.driving) < np.sum(other.driving))
+        times = other.residual_share / self.residual_share
+        halved = bool(np.any(times >= FAR_BETTER_TIMES))  # no NaN compares as larger
+        return halved or self.impossible < other.impossible
+
+    @property
+    def impossible(self) -> int:
+        """Number of joints with driving friction, and one for an arm that weighs less than none."""
+        return int(np.sum(self.driving)) + int(self.weight < 0.0)
 
     @property
     def cost(self) -> float:
-        """Sum of the logarithms of the shares, and one for each joint that friction would drive."""
+        """Sum of the logarithms of the shares, and one for each of what is impossible."""
         shares = np.log(self.residual_share)
-        return float(np.nansum(shares) + DRIVING_COST * np.sum(self.driving))
+        return float(np.nansum(shares) + IMPOSSIBLE_COST * self.impossible)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,64 +84,131 @@ class Condensed:
 
     Attributes
     ----------
-    products : ndarray, shape (n, p + n, p + n)
-        For each joint [Phi T]^T [Phi T], with its regressor Phi and the torques T of all joints.
+    products : ndarray, shape (parts, n, p + n, p + n)
+        For each part of the recordings and each joint [Phi T]^T [Phi T], with its regressor Phi
+        and the torques T of all joints.
     rows : ndarray, shape (n,)
         Rows used of each joint.
     brakes : ndarray, shape (n, p)
         Power of each friction parameter of a joint, at one of its unit [W].
     power : ndarray, shape (n, n)
         For each joint the mean of |speed x torque| with every joint's torque [W].
+    weighing : Weighing or None
+        What tells how heavy a fit makes the arm; None if nobody asks.
     """
 
     products: FloatArray
     rows: FloatArray
     brakes: FloatArray
     power: FloatArray
+    weighing: Weighing | None = None
 
     @classmethod
     def of(cls, signals: WiredSignals) -> Condensed:
         """Evaluate a robot's regressor, with Coulomb and viscous friction and an offset."""
         model = plain_model(signals)
-        q, v, a = signals.joints()
-        phi, speed = regressor(model, q, v, a), signals.velocity
-        n, p = len(signals.robot.joints), phi.shape[2]
-        use = rows_used(signals)
-        products, brakes = np.zeros((n, p + n, p + n)), np.zeros((n, p))
-        power = np.zeros((n, n))
-        braking = np.array([name.startswith(BRAKES) for name in model.parameter_names])
-        for j in range(n):
-            columns = np.column_stack([phi[use[:, j], j], signals.torque_nm[use[:, j]]])
-            products[j] = columns.T @ columns
-            brakes[j] = np.where(braking, speed[use[:, j], j] @ columns[:, :p], 0.0)
-            power[j] = np.abs(speed[use[:, j], j]) @ np.abs(columns[:, p:])
-        return cls(products, use.sum(axis=0).astype(np.float64), brakes, power)
+        phi = regressor(model, *signals.joints())
+        use, parts = rows_used(signals), parts_of(len(signals.position))
+        columns = [
+            np.column_stack([phi[:, j], signals.torque_nm]) * use[:, j : j + 1]
+            for j in range(phi.shape[1])
+        ]
+        products = np.array([[each[part].T @ each[part] for each in columns] for part in parts])
+        brakes, power = friction_power(signals, model, phi, use)
+        weighing = Weighing.of(signals, model)
+        return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, weighing)
 
     def trial(self, torque: FloatArray) -> Trial:
         """Fit the robot to torques, (n, n) times the stated ones, each joint's of one size."""
-        n, p = len(self.products), self.brakes.shape[1]
-        gram, rhs = np.zeros((p, p)), np.zeros(p)
-        sizes = np.zeros(n)
-        for j, product in enumerate(self.products):
-            pick = torque[j]
-            sizes[j] = pick @ product[p:, p:] @ pick
-            if self.rows[j] >= FEWEST_ROWS and sizes[j] > 0.0:
-                gram += product[:p, :p] / sizes[j]
-                rhs += product[:p, p:] @ pick / sizes[j]
+        whole = self.products.sum(axis=0)
+        values, sizes = self._fit(whole, torque)
+        left = self._left(whole, values, torque)
+        shares = _as_shares(left, sizes, self.rows)
+        return Trial(shares, self._driving(values, torque), self._weight(values))
+
+    def held_out(self, torque: FloatArray) -> Trial:
+        """Return how well each part is predicted by a fit to the others.
+
+        A joint has driving friction, and an arm less weight than none, if it has in every one of
+        these fits; a joint only if the model explains its torque at all.
+        """
+        whole = self.products.sum(axis=0)
+        values, sizes = self._fit(whole, torque)
+        left, driving = np.zeros(len(whole)), self._driving(values, torque)
+        weights = [self._weight(values)]
+        for part in self.products:
+            values, _ = self._fit(whole - part, torque)
+            left += self._left(part, values, torque)
+            driving &= self._driving(values, torque)
+            weights.append(self._weight(values))
+        shares = np.minimum(_as_shares(left, sizes, self.rows), 1.0)
+        return Trial(shares, driving & (shares < EXPLAINED_SHARE), max(weights))
+
+    def weight(self, torque: FloatArray) -> ArmWeight | None:
+        """Return how heavy the arm is by these torques, (n, n) times the stated ones."""
+        if self.weighing is None or not self.weighing.is_visible:
+            return None
+        whole = self.products.sum(axis=0)
+        parts = [self._fit(whole - part, torque)[0] for part in self.products]
+        spread = np.array([self.weighing.share(values) for values in parts])
+        return ArmWeight(
+            share=self.weighing.share(self._fit(whole, torque)[0]),
+            sigma=math.sqrt((len(parts) - 1.0) * float(np.var(spread))),
+            plausible=self.weighing.plausible,
+            is_drawn=self.weighing.is_drawn,
+        )
+
+    def holds_up(self, torque: FloatArray, joints: tuple[int, ...]) -> bool:
+        """Return whether the torques of these joints hold up the arm that the drawings know."""
+        if self.weighing is None:
+            return True
+        values, _ = self._fit(self.products.sum(axis=0), torque)
+        shares = self.weighing.shares(values)[list(joints)]
+        low, high = self.weighing.plausible
+        return not bool(np.any((shares < low / HOLDS_TIMES) | (shares > HOLDS_TIMES * high)))
+
+    def _weight(self, values: FloatArray) -> float:
+        return math.nan if self.weighing is None else self.weighing.share(values)
+
+    def _fit(self, products: FloatArray, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters of least squares, and the joints' squared torques."""
+        p = self.brakes.shape[1]
+        sizes = np.einsum("ji,jik,jk->j", torque, products[:, p:, p:], torque)
+        weight = np.zeros(len(sizes))
+        np.divide(1.0, sizes, out=weight, where=(self.rows >= FEWEST_ROWS) & (sizes > 0.0))
+        gram = np.tensordot(weight, products[:, :p, :p], axes=1)
+        rhs = np.einsum("j,jpk,jk->p", weight, products[:, :p, p:], torque)
         scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         scaled = gram / scale / scale[:, np.newaxis]
         factor = cho_factor(scaled + RIDGE * np.eye(p), check_finite=False)
-        values = cho_solve(factor, rhs / scale, check_finite=False) / scale
-        shares, driving = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
-        for j, product in enumerate(self.products):
-            if self.rows[j] < FEWEST_ROWS or sizes[j] <= 0.0:
-                continue
-            whole = np.concatenate([values, -torque[j]])
-            left = max(float(whole @ product @ whole), 0.0) / sizes[j]
-            shares[j] = max(np.sqrt(left), SMALLEST_SHARE)
-            most = float(np.abs(torque[j]) @ self.power[j])
-            driving[j] = self.brakes[j] @ values < -DRIVING_SHARE * most
-        return Trial(shares, driving)
+        return np.asarray(cho_solve(factor, rhs / scale, check_finite=False) / scale), sizes
+
+    def _left(self, products: FloatArray, values: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return each joint's squared residual, shape (n,)."""
+        whole = np.column_stack([np.tile(values, (len(torque), 1)), -torque])
+        left = np.einsum("jp,jpq,jq->j", whole, products, whole, optimize=True)
+        return np.asarray(np.maximum(left, 0.0))
+
+    def _driving(self, values: FloatArray, torque: FloatArray) -> BoolArray:
+        most = np.sum(np.abs(torque) * self.power, axis=1)
+        driving = self.brakes @ values < -DRIVING_SHARE * most
+        return np.asarray(driving & (self.rows >= FEWEST_ROWS))
+
+
+def friction_power(
+    signals: WiredSignals, model: RobotModel, phi: FloatArray, use: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return `Condensed.brakes` and `Condensed.power` of the rows that are used."""
+    braking = np.array([name.startswith(BRAKES) for name in model.parameter_names])
+    speed = signals.velocity * use
+    brakes = np.einsum("rj,rjp->jp", speed, phi) * braking
+    return brakes, np.abs(speed).T @ np.abs(signals.torque_nm)
+
+
+def parts_of(rows: int) -> list[slice]:
+    """Return fifths of all rows, one after the other."""
+    ends = np.linspace(0, rows, PARTS + 1).astype(int).tolist()
+    return [slice(*pair) for pair in zip(ends, ends[1:], strict=False)]
 
 
 def rows_used(signals: WiredSignals) -> BoolArray:
@@ -141,3 +222,10 @@ def plain_model(signals: WiredSignals) -> RobotModel:
     """Return the model that hypotheses are tried with."""
     options = ModelOptions(friction_terms=("coulomb", "viscous", "offset"))
     return replace(options.build(signals.robot), transmission=Transmission())
+
+
+def _as_shares(left: FloatArray, sizes: FloatArray, rows: FloatArray) -> FloatArray:
+    shares = np.full(len(left), np.nan)
+    counted = (rows >= FEWEST_ROWS) & (sizes > 0.0)
+    shares[counted] = np.maximum(np.sqrt(left[counted] / sizes[counted]), SMALLEST_SHARE)
+    return shares

@@ -1,0 +1,180 @@
+"""`common_mistakes`: the mistakes of wiring, units and files that people make."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain, combinations
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from identification.wiring.mistakes import (
+    DEGREES,
+    ORDERS,
+    Kind,
+    Mistake,
+    of_robot,
+    offset,
+    reordered,
+    scaled,
+)
+
+OFFSET_STEPS: Final = 12
+FACTORS: Final = (2.0, 0.5, 10.0, 0.1)
+TORQUE_FACTORS: Final = (*FACTORS, 1000.0, 0.001)
+CLOCKS: Final = (0.9, 1.1, 2.0, 0.5, 10.0, 0.1, 1000.0, 0.001)
+MOST_SIGN_SETS: Final = 7
+"""Joints up to which torques of every set of them are tried reversed."""
+
+
+def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
+    """Yield the mistakes that people make, one after the other.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot as its file says it is.
+    """
+    n = len(robot.joints)
+    for j in range(n):
+        yield from _of_joint(robot, j)
+    yield from _signs(n)
+    yield from _orders(n)
+    for factor in (DEGREES, 1.0 / DEGREES):
+        yield scaled(Kind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
+    for factor in CLOCKS:
+        yield replace(scaled(Kind.CLOCK, (), factor, n=n), clock=factor)
+    for other in _conventions(robot):
+        yield of_robot(Kind.CONVENTION, (), other)
+    for joints, other in _couplings(robot):
+        mistake = of_robot(Kind.COUPLING, joints, other)
+        yield mistake  # the motors' positions are right, and the joints' follow from them
+        yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
+    yield from torque_units(robot)
+
+
+def torque_units(robot: RobotDescription) -> Iterator[Mistake]:
+    """Yield the units that all torques together may be in, other than N m at the joint.
+
+    Rated torques are not in a robot file: the joints' torque limits stand for them.
+    """
+    n = len(robot.joints)
+    limits = np.array([joint.limits.torque for joint in robot.joints])
+    gears = np.array([abs(joint.gear_ratio) for joint in robot.joints])
+    constants = [joint.torque_constant_nm_per_a for joint in robot.joints]
+    units = [
+        ("per mille of each joint's rated torque", limits / 1000.0),
+        ("percent of each joint's rated torque", limits / 100.0),
+        ("N m at the motor, before the gear", gears),
+        ("mN m", np.full(n, 1e-3)),
+    ]
+    known = [value for value in constants if value is not None]
+    if len(known) == n:
+        units.append(("amperes, not N m", np.array(known)))
+    for what, factors in units:
+        if np.any(factors != 1.0):
+            typical = float(np.exp(np.mean(np.log(factors))))
+            yield replace(scaled(Kind.TORQUE_UNIT, (), typical, n=n, torque=factors), what=what)
+
+
+def _of_joint(robot: RobotDescription, j: int) -> Iterator[Mistake]:
+    n, gear = len(robot.joints), robot.joints[j].gear_ratio
+
+    def alone(factor: float) -> FloatArray:
+        values = np.ones(n)
+        values[j] = factor
+        return values
+
+    reversed_ = alone(-1.0)
+    yield scaled(Kind.POSITION_SIGN, (j,), -1.0, n=n, position=reversed_)
+    yield scaled(Kind.DIRECTION, (j,), -1.0, n=n, position=reversed_, torque=reversed_)
+    own = {abs(gear), 1.0 / abs(gear)} - {1.0}
+    for factor in (*FACTORS, DEGREES, 1.0 / DEGREES, *sorted(own)):
+        yield scaled(Kind.POSITION_FACTOR, (j,), factor, n=n, position=alone(factor))
+    for factor in (*TORQUE_FACTORS, *sorted(own)):
+        yield scaled(Kind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone(factor))
+    if robot.joints[j].type == "revolute":
+        for step in range(1, OFFSET_STEPS):
+            angle = math.remainder(2.0 * math.pi * step / OFFSET_STEPS, 2.0 * math.pi)
+            yield offset(robot, j, angle)
+
+
+def _signs(n: int) -> Iterator[Mistake]:
+    """Yield reversed torques of every set of joints, and every joint's position reversed."""
+    everyone = -np.ones(n)
+    sizes = range(1, n + 1) if n <= MOST_SIGN_SETS else (1, n)
+    for joints in chain.from_iterable(combinations(range(n), size) for size in sizes):
+        yield reversed_torques(joints, n)
+    yield scaled(Kind.POSITION_SIGN, (), -1.0, n=n, position=everyone)
+    yield scaled(Kind.DIRECTION, (), -1.0, n=n, position=everyone, torque=everyone)
+
+
+def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
+    """Return the mistake of torques of some of n joints that count the other way."""
+    factors = np.ones(n)
+    factors[list(joints)] = -1.0
+    named = () if 1 < len(joints) == n else joints
+    return scaled(Kind.TORQUE_SIGN, named, -1.0, n=n, torque=factors)
+
+
+def _orders(n: int) -> Iterator[Mistake]:
+    """Yield two joints swapped, three in a cycle, all shifted by one, all in reverse order."""
+    for kind in ORDERS:
+        for first, second in combinations(range(n), 2):
+            order = list(range(n))
+            order[first], order[second] = second, first
+            yield reordered(kind, (first, second), order)
+        for three in combinations(range(n), 3):
+            for turned in ((1, 2, 0), (2, 0, 1)):
+                order = list(range(n))
+                for place, other in zip(three, turned, strict=True):
+                    order[place] = three[other]
+                yield reordered(kind, tuple(order), order)
+        if n > 3:
+            for order in ([*range(1, n), 0], [n - 1, *range(n - 1)], [*reversed(range(n))]):
+                yield reordered(kind, tuple(order), order)
+
+
+def _conventions(robot: RobotDescription) -> Iterator[RobotDescription]:
+    """Yield the robot with its table read by the other convention."""
+    table = robot.kinematics
+    other = "standard_dh" if table.convention == "modified_dh" else "modified_dh"
+    if any(row.beta_rad for row in table.calibrated_rows):
+        return  # Hayati's angle exists in one convention only
+    yield robot.model_copy(update={"kinematics": table.model_copy(update={"convention": other})})
+
+
+def _couplings(
+    robot: RobotDescription,
+) -> Iterator[tuple[tuple[int, ...], RobotDescription]]:
+    """Yield robots with another coupling: none, reversed, or one of neighbours where none is."""
+    n, stated = len(robot.joints), robot.coupling
+    if stated is not None:
+        matrix = np.array(stated)
+        joints = tuple(np.flatnonzero((matrix != np.eye(n)).any(axis=1)).tolist())
+        yield joints, robot.model_copy(update={"coupling": None})
+        reversed_ = np.where(np.eye(n, dtype=bool), matrix, -matrix)
+        for other in (reversed_, np.linalg.inv(matrix), matrix.T):
+            if not np.allclose(other, matrix):
+                yield joints, _coupled(robot, other)
+        return
+    for moved in range(max(1, n - 2), n):
+        for sign in (1.0, -1.0):
+            matrix = np.eye(n)
+            matrix[moved, moved - 1] = sign
+            yield (moved - 1, moved), _coupled(robot, matrix)
+
+
+def _matrix(robot: RobotDescription) -> FloatArray:
+    """Return C of q = C alpha."""
+    n = len(robot.joints)
+    return np.eye(n) if robot.coupling is None else np.array(robot.coupling, dtype=np.float64)
+
+
+def _coupled(robot: RobotDescription, matrix: FloatArray) -> RobotDescription:
+    rows = tuple(tuple(row) for row in matrix.tolist())
+    return robot.model_copy(update={"coupling": rows})

@@ -1,0 +1,135 @@
+"""`GravitySearch`: the direction of gravity, in the base's frame, that explains torques best.
+
+A regressor is linear in gravity's vector. Its part that gravity has none of, and one for each axis
+of the base, are condensed once; any direction is then a sum of their products.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import regressor
+from identification.wiring.mistakes import Kind, Mistake, of_robot
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed, parts_of, plain_model, rows_used
+
+DIRECTIONS: Final = 80
+FINEST_RAD: Final = 1e-3
+LEAST_TILT_RAD: Final = math.radians(5.0)
+
+
+@dataclass(frozen=True, eq=False)
+class GravitySearch:
+    """Products of the four parts of the regressor, and of the torques.
+
+    Attributes
+    ----------
+    signals : WiredSignals
+        What the files say.
+    stated : Condensed
+        Of the gravity that the robot file states.
+    products : ndarray, shape (parts, n, 4 p + n, 4 p + n)
+        As `Condensed` has them: columns without gravity, then those of 1 m/s^2 along x, y, and z.
+    """
+
+    signals: WiredSignals
+    stated: Condensed
+    products: FloatArray
+
+    @classmethod
+    def of(cls, signals: WiredSignals, stated: Condensed) -> GravitySearch:
+        """Evaluate the regressor for gravity along each axis."""
+        use = rows_used(signals)
+        phis = []
+        for gravity in (np.zeros(3), *np.eye(3)):
+            turned = replace(signals, robot=_with_gravity(signals.robot, gravity))
+            phis.append(regressor(plain_model(turned), *turned.joints()))
+        parts = [phis[0], *(phi - phis[0] for phi in phis[1:])]
+        rows = parts_of(len(signals.position))
+        products = []
+        for j in range(use.shape[1]):
+            columns = np.hstack([*(part[:, j] for part in parts), signals.torque_nm])
+            columns *= use[:, j : j + 1]
+            products.append([columns[part].T @ columns[part] for part in rows])
+        return cls(signals, stated, np.array(products).swapaxes(0, 1))
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield gravity along every axis, along the best direction, and none at all."""
+        stated = np.array(self.signals.robot.gravity_m_s2)
+        size = float(np.linalg.norm(stated))
+        for axis in (*np.eye(3), *-np.eye(3)):
+            if stated @ axis < 0.99 * size:
+                yield self._mistake(size * axis)
+        best = self._best(size)
+        if math.acos(min(1.0, float(best @ stated) / size**2)) >= LEAST_TILT_RAD:
+            yield self._mistake(best)
+
+    def without(self) -> Condensed:
+        """Return the equations of a robot without gravity."""
+        return self._condensed(np.zeros(3))
+
+    def _best(self, size: float) -> FloatArray:
+        """Return the gravity vector of the lowest cost: the best of a grid, refined."""
+        still = np.eye(len(self.signals.robot.joints))
+
+        def cost(direction: FloatArray) -> float:
+            return self._condensed(size * direction).trial(still).cost
+
+        best = min(_directions(), key=cost)
+        lowest, step = cost(best), math.pi / math.sqrt(DIRECTIONS)
+        while step > FINEST_RAD:
+            along = np.linalg.svd(best[np.newaxis])[2][1:]  # two axes normal to it
+            turned = [
+                math.cos(step) * best + sign * math.sin(step) * axis
+                for axis in along
+                for sign in (1.0, -1.0)
+            ]
+            costs = [cost(each) for each in turned]
+            least = int(np.argmin(costs))
+            if costs[least] < lowest:
+                best, lowest = turned[least], costs[least]
+            else:
+                step *= 0.5
+        return size * best
+
+    def _mistake(self, gravity: FloatArray) -> Mistake:
+        return of_robot(Kind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
+
+    def _condensed(self, gravity: FloatArray) -> Condensed:
+        """Return the equations with another gravity."""
+        p = self.stated.brakes.shape[1]
+        weights = (1.0, *gravity.tolist())
+        n = len(self.stated.rows)
+        products = np.zeros((len(self.products), n, p + n, p + n))
+        products[..., p:, p:] = self.products[..., 4 * p :, 4 * p :]
+        for a, first in enumerate(weights):
+            rows = slice(a * p, (a + 1) * p)
+            if first == 0.0:
+                continue
+            cross = first * self.products[..., rows, 4 * p :]
+            products[..., :p, p:] += cross
+            products[..., p:, :p] += np.swapaxes(cross, -1, -2)
+            for b, second in enumerate(weights):
+                if second != 0.0:
+                    columns = slice(b * p, (b + 1) * p)
+                    products[..., :p, :p] += first * second * self.products[..., rows, columns]
+        return replace(self.stated, products=products, weighing=None)
+
+
+def _with_gravity(robot: RobotDescription, gravity: FloatArray) -> RobotDescription:
+    return robot.model_copy(update={"gravity_m_s2": tuple(gravity.tolist())})
+
+
+def _directions() -> list[FloatArray]:
+    """Return directions all over the sphere, on a spiral."""
+    height = 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
+    turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(DIRECTIONS)
+    flat = np.sqrt(1.0 - height**2)
+    return list(np.column_stack([flat * np.cos(turn), flat * np.sin(turn), height]))

@@ -1,0 +1,103 @@
+"""`wrong_scale`: torques in another unit or of another kind, which fit a robot all the same.
+
+All torques by one factor fit an arm that is heavier by it; torques without gravity fit an arm
+without weight, and accelerations fit one of inertia 1. What they should be, the drawings and the
+motion tell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from identification.wiring.common_mistakes import torque_units
+from identification.wiring.gravity import GravitySearch
+from identification.wiring.mistakes import Kind, Mistake, of_robot, scaled
+from identification.wiring.possible import keeps_limits
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import EXPLAINED_SHARE, Condensed, rows_used
+
+AS_GOOD: Final = 0.1
+COPY_SHARE: Final = 0.15
+COPY_FACTOR: Final = 0.05
+UNDONE_ELSEWHERE: Final = (Kind.TORQUE_QUANTITY, Kind.GRAVITY_REMOVED)
+"""What cannot be undone by arithmetic on the recordings."""
+
+
+def wrong_scale(
+    signals: WiredSignals, stated: Condensed, gravity: GravitySearch
+) -> tuple[Mistake, ...]:
+    """Return what is wrong with the torques as a whole, the best explanation first.
+
+    Parameters
+    ----------
+    signals : WiredSignals
+        What the files say.
+    stated : Condensed
+        Their equations.
+    gravity : GravitySearch
+        The same with any gravity.
+
+    Returns
+    -------
+    tuple of Mistake
+        Empty if the torques are such as the robot can have.
+    """
+    copied = _copied(signals)
+    if copied is not None:
+        return (copied,)
+    n = len(signals.robot.joints)
+    still = np.eye(n)
+    weight, fit = stated.weight(still), stated.held_out(still)
+    if weight is None or weight.is_plausible or stated.weighing is None:
+        return ()
+    carries = stated.weighing.drawn > 0.0
+    if not np.all(fit.residual_share[carries] < EXPLAINED_SHARE):
+        return ()
+    low, high = weight.plausible
+    if weight.share < low and gravity.without().held_out(still).cost <= fit.cost + AS_GOOD:
+        nothing = signals.robot.model_copy(update={"gravity_m_s2": (0.0, 0.0, 0.0)})
+        return (of_robot(Kind.GRAVITY_REMOVED, (), nothing),)
+    units: list[tuple[float, Mistake]] = []
+    for unit in torque_units(signals.robot):
+        right, after = stated.weight(unit.torque), stated.held_out(unit.torque)
+        possible = keeps_limits(unit, signals, unit.undone(signals))
+        if right is None or not possible or after.cost > fit.cost + AS_GOOD:
+            continue
+        if low <= right.share <= high:
+            units.append((abs(math.log(right.share)), unit))
+    if units:
+        return tuple(unit for _, unit in sorted(units, key=lambda each: each[0]))
+    factor = 1.0 / weight.share
+    return (scaled(Kind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor)),)
+
+
+def _copied(signals: WiredSignals) -> Mistake | None:
+    """Return the mistake of torque columns that hold a position, a velocity or an acceleration."""
+    use = rows_used(signals)
+    joints = np.flatnonzero(use.any(axis=0))
+    for what, motion in (
+        ("acceleration", signals.acceleration),
+        ("velocity", signals.velocity),
+        ("position", signals.position),
+    ):
+        factors, shares = np.full(use.shape[1], np.nan), np.full(use.shape[1], np.nan)
+        for j in joints:
+            torque, column = signals.torque_nm[use[:, j], j], motion[use[:, j], j]
+            factors[j] = torque @ column / max(float(column @ column), 1e-300)
+            rest = np.linalg.norm(torque - factors[j] * column)
+            shares[j] = rest / max(float(np.linalg.norm(torque)), 1e-300)
+        alike = shares < COPY_SHARE
+        one = alike & (np.abs(factors - 1.0) < COPY_FACTOR)
+        common = np.ptp(factors[joints]) < COPY_FACTOR * np.abs(factors[joints]).max()
+        every = len(joints) > 1 and bool(np.all(alike[joints])) and bool(common)
+        if every or one.any():
+            named = joints if every else np.flatnonzero(one)
+            n = use.shape[1]
+            everyone = len(named) == n
+            mistake = scaled(Kind.TORQUE_QUANTITY, tuple(() if everyone else named), 1.0, n=n)
+            return replace(mistake, what=what)
+    return None

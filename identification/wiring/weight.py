@@ -1,0 +1,121 @@
+"""`Weighing`: how heavy a fit makes the arm, as a share of what its drawings or its size say.
+
+Torques in another unit, or without gravity, fit a robot that is too light or too heavy by the same
+factor just as well: the drawings decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.robot.nominal_links import nominal_links
+from dynamics.geometry.kinematics import Chain
+from dynamics.model.cad import cad_parameters
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.wiring.signals import WiredSignals
+
+LEAST_LOAD: Final = 0.05
+NOMINAL_RANGE: Final = (0.02, 50.0)
+LIGHTEST_DRAWN: Final = 0.3
+HEAVIEST_DRAWN: Final = 3.0
+UNCERTAINTIES: Final = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class ArmWeight:
+    """The torque of gravity that was found, over that of the drawn arm in the same poses.
+
+    Attributes
+    ----------
+    share : float
+        Over all joints that carry weight; NaN if none does.
+    sigma : float
+        Standard deviation, by leaving out one part of the recordings after the other.
+    plausible : tuple of float
+        Smallest and largest share that a real arm has.
+    is_drawn : bool
+        True if `cad` says what the arm weighs, False if only its size does.
+    """
+
+    share: float
+    sigma: float
+    plausible: tuple[float, float]
+    is_drawn: bool
+
+    @property
+    def is_plausible(self) -> bool:
+        """True unless the share lies outside its range by more than chance."""
+        low, high = self.plausible
+        return not (self.share + 2.0 * self.sigma < low or self.share - 2.0 * self.sigma > high)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """Gravity's torque by a fit and by the drawings, projected on the latter.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n, p)
+        For each joint the products of its drawn torque with gravity's part of each column.
+    drawn : ndarray, shape (n,)
+        The drawn torque's square; zero for joints that carry little weight, or have a spring.
+    plausible : tuple of float
+        As `ArmWeight` has it.
+    is_drawn : bool
+        As `ArmWeight` has it.
+    """
+
+    columns: FloatArray
+    drawn: FloatArray
+    plausible: tuple[float, float]
+    is_drawn: bool
+
+    @classmethod
+    def of(cls, signals: WiredSignals, model: RobotModel) -> Weighing:
+        """Compute the drawn arm's gravity torques along the recordings."""
+        robot = signals.robot
+        chain = Chain.from_description(robot)
+        guessed = robot.model_copy(update={"cad": nominal_links(chain.rows, chain.tool_m)})
+        values, _ = cad_parameters(model, robot if robot.is_drawn else guessed)
+        q, _, _ = signals.joints()
+        phi = regressor(model, q, np.zeros_like(q), np.zeros_like(q))
+        own = model.parameter_groups["rigid_body"]
+        rigid = phi[:, :, own]
+        torque_nm = rigid @ values[own]
+        drawn = np.einsum("rj,rj->j", torque_nm, torque_nm)
+        light = drawn < LEAST_LOAD**2 * drawn.max()
+        light |= [robot.spring is not None and robot.spring.joint == j for j in robot.joint_names]
+        drawn[light] = 0.0
+        columns = np.zeros((len(drawn), phi.shape[2]))
+        columns[:, own] = np.einsum("rj,rjp->jp", torque_nm, rigid)
+        columns[light] = 0.0
+        return cls(columns, drawn, _plausible(robot.is_drawn, signals), robot.is_drawn)
+
+    @property
+    def is_visible(self) -> bool:
+        """True if gravity loads a joint at all."""
+        return bool(np.any(self.drawn > 0.0))
+
+    def share(self, values: FloatArray) -> float:
+        """Return `ArmWeight.share` of some parameters (p,)."""
+        if not self.is_visible:
+            return float("nan")
+        return float(np.sum(self.columns @ values) / np.sum(self.drawn))
+
+    def shares(self, values: FloatArray) -> FloatArray:
+        """Return the share of each joint, (n,); NaN for joints that carry no weight."""
+        found = np.full(len(self.drawn), np.nan)
+        np.divide(self.columns @ values, self.drawn, out=found, where=self.drawn > 0.0)
+        return found
+
+
+def _plausible(is_drawn: bool, signals: WiredSignals) -> tuple[float, float]:
+    robot = signals.robot
+    if not is_drawn or robot.cad is None:
+        return NOMINAL_RANGE
+    unsure = UNCERTAINTIES * max(link.uncertainty or 0.0 for link in robot.cad)
+    return min(LIGHTEST_DRAWN, 1.0 / (1.0 + unsure)), max(HEAVIEST_DRAWN, 1.0 + unsure)
