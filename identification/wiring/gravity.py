@@ -18,7 +18,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import regressor
 from identification.wiring.mistakes import Kind, Mistake, of_robot
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, parts_of, plain_model, rows_used
+from identification.wiring.trial import Condensed, plain_model, rows_used
 
 DIRECTIONS: Final = 80
 FINEST_RAD: Final = 1e-3
@@ -35,8 +35,9 @@ class GravitySearch:
         What the files say.
     stated : Condensed
         Of the gravity that the robot file states.
-    products : ndarray, shape (parts, n, 4 p + n, 4 p + n)
-        As `Condensed` has them: columns without gravity, then those of 1 m/s^2 along x, y, and z.
+    products : ndarray, shape (n, 4 p + n, 4 p + n)
+        As `Condensed` has them, all parts together: columns without gravity, then those of 1 m/s^2
+        along x, y, and z.
     """
 
     signals: WiredSignals
@@ -52,13 +53,12 @@ class GravitySearch:
             turned = replace(signals, robot=_with_gravity(signals.robot, gravity))
             phis.append(regressor(plain_model(turned), *turned.joints()))
         parts = [phis[0], *(phi - phis[0] for phi in phis[1:])]
-        rows = parts_of(len(signals.position))
         products = []
         for j in range(use.shape[1]):
             columns = np.hstack([*(part[:, j] for part in parts), signals.torque_nm])
             columns *= use[:, j : j + 1]
-            products.append([columns[part].T @ columns[part] for part in rows])
-        return cls(signals, stated, np.array(products).swapaxes(0, 1))
+            products.append(columns.T @ columns)
+        return cls(signals, stated, np.array(products))
 
     def mistakes(self) -> Iterator[Mistake]:
         """Yield gravity along every axis, along the best direction, and none at all."""
@@ -67,13 +67,18 @@ class GravitySearch:
         for axis in (*np.eye(3), *-np.eye(3)):
             if stated @ axis < 0.99 * size:
                 yield self._mistake(size * axis)
+        if size == 0.0:
+            return
         best = self._best(size)
-        if math.acos(min(1.0, float(best @ stated) / size**2)) >= LEAST_TILT_RAD:
+        known = np.vstack([np.eye(3), -np.eye(3), stated / size])
+        if (known @ best).max() < math.cos(LEAST_TILT_RAD) * size:
             yield self._mistake(best)
 
     def without(self) -> Condensed:
         """Return the equations of a robot without gravity."""
-        return self._condensed(np.zeros(3))
+        return Condensed.of(
+            replace(self.signals, robot=_with_gravity(self.signals.robot, np.zeros(3)))
+        )
 
     def _best(self, size: float) -> FloatArray:
         """Return the gravity vector of the lowest cost: the best of a grid, refined."""
@@ -104,22 +109,16 @@ class GravitySearch:
 
     def _condensed(self, gravity: FloatArray) -> Condensed:
         """Return the equations with another gravity."""
-        p = self.stated.brakes.shape[1]
-        weights = (1.0, *gravity.tolist())
-        n = len(self.stated.rows)
-        products = np.zeros((len(self.products), n, p + n, p + n))
-        products[..., p:, p:] = self.products[..., 4 * p :, 4 * p :]
-        for a, first in enumerate(weights):
-            rows = slice(a * p, (a + 1) * p)
-            if first == 0.0:
-                continue
-            cross = first * self.products[..., rows, 4 * p :]
-            products[..., :p, p:] += cross
-            products[..., p:, :p] += np.swapaxes(cross, -1, -2)
-            for b, second in enumerate(weights):
-                if second != 0.0:
-                    columns = slice(b * p, (b + 1) * p)
-                    products[..., :p, :p] += first * second * self.products[..., rows, columns]
+        p, n = self.stated.brakes.shape[1], len(self.stated.rows)
+        weights = np.array([1.0, *gravity])
+        columns = self.products[:, : 4 * p, : 4 * p].reshape(n, 4, p, 4, p)
+        cross = self.products[:, : 4 * p, 4 * p :].reshape(n, 4, p, n)
+        products = np.empty((1, n, p + n, p + n))
+        products[0, :, p:, p:] = self.products[:, 4 * p :, 4 * p :]
+        products[0, :, :p, p:] = np.einsum("a,japk->jpk", weights, cross)
+        products[0, :, p:, :p] = products[0, :, :p, p:].swapaxes(1, 2)
+        of_one = np.einsum("a,japbq->jpbq", weights, columns)
+        products[0, :, :p, :p] = np.einsum("b,jpbq->jpq", weights, of_one)
         return replace(self.stated, products=products, weighing=None)
 
 

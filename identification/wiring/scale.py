@@ -1,4 +1,4 @@
-"""`wrong_scale`: torques in another unit or of another kind, which fit a robot all the same.
+"""`wrong_scale`, `copied_motion`: torques in another unit, or of another kind, fit a robot as well.
 
 All torques by one factor fit an arm that is heavier by it; torques without gravity fit an arm
 without weight, and accelerations fit one of inertia 1. What they should be, the drawings and the
@@ -18,13 +18,11 @@ from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Kind, Mistake, of_robot, scaled
 from identification.wiring.possible import keeps_limits
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import EXPLAINED_SHARE, Condensed, rows_used
+from identification.wiring.trial import Condensed, rows_used
 
 AS_GOOD: Final = 0.1
 COPY_SHARE: Final = 0.15
 COPY_FACTOR: Final = 0.05
-UNDONE_ELSEWHERE: Final = (Kind.TORQUE_QUANTITY, Kind.GRAVITY_REMOVED)
-"""What cannot be undone by arithmetic on the recordings."""
 
 
 def wrong_scale(
@@ -46,16 +44,10 @@ def wrong_scale(
     tuple of Mistake
         Empty if the torques are such as the robot can have.
     """
-    copied = _copied(signals)
-    if copied is not None:
-        return (copied,)
     n = len(signals.robot.joints)
     still = np.eye(n)
     weight, fit = stated.weight(still), stated.held_out(still)
-    if weight is None or weight.is_plausible or stated.weighing is None:
-        return ()
-    carries = stated.weighing.drawn > 0.0
-    if not np.all(fit.residual_share[carries] < EXPLAINED_SHARE):
+    if weight is None or weight.is_plausible or not stated.explains_weight(fit):
         return ()
     low, high = weight.plausible
     if weight.share < low and gravity.without().held_out(still).cost <= fit.cost + AS_GOOD:
@@ -75,7 +67,7 @@ def wrong_scale(
     return (scaled(Kind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor)),)
 
 
-def _copied(signals: WiredSignals) -> Mistake | None:
+def copied_motion(signals: WiredSignals) -> Mistake | None:
     """Return the mistake of torque columns that hold a position, a velocity or an acceleration."""
     use = rows_used(signals)
     joints = np.flatnonzero(use.any(axis=0))
@@ -98,6 +90,8 @@ def _copied(signals: WiredSignals) -> Mistake | None:
             named = joints if every else np.flatnonzero(one)
             n = use.shape[1]
             everyone = len(named) == n
-            mistake = scaled(Kind.TORQUE_QUANTITY, tuple(() if everyone else named), 1.0, n=n)
+            mistake = scaled(
+                Kind.TORQUE_QUANTITY, () if everyone else tuple(named.tolist()), 1.0, n=n
+            )
             return replace(mistake, what=what)
     return None

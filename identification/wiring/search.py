@@ -14,9 +14,10 @@ from identification.wiring.common_mistakes import OFFSET_STEPS, common_mistakes
 from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Kind, Mistake, offset
 from identification.wiring.possible import keeps_limits
-from identification.wiring.scale import UNDONE_ELSEWHERE, wrong_scale
+from identification.wiring.scale import copied_motion, wrong_scale
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, Trial
+from identification.wiring.weight import ArmWeight
 
 AS_GOOD: Final = 0.1
 MOST_MISTAKES: Final = 3
@@ -36,12 +37,15 @@ class Found:
         Others that are as good.
     before, after : Trial
         The fit with the mistake, and with it undone.
+    weight : ArmWeight or None
+        What the arm weighs as stated, if that tells the mistake and no residual does.
     """
 
     mistake: Mistake
     alternatives: tuple[Mistake, ...]
     before: Trial
     after: Trial
+    weight: ArmWeight | None = None
 
     @property
     def times_better(self) -> FloatArray:
@@ -76,28 +80,51 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
         One after the other; empty if none explains the data far better.
     """
     found: list[Found] = []
+    fits = False
     while len(found) < MOST_MISTAKES:
         stated = Condensed.of(signals)
+        copied = copied_motion(signals)
+        if copied is not None:
+            before = stated.trial(np.eye(len(signals.robot.joints)))
+            return (*found, Found(copied, (), before, before))
         gravity = GravitySearch.of(signals, stated)
-        better = _best(signals, stated, gravity) or _of_scale(signals, stated, gravity)
+        better = None if fits else _best(signals, stated, gravity)
+        better = better or _of_scale(signals, stated, gravity)
         if better is None:
             break
         found.append(better)
-        if better.mistake.kind in UNDONE_ELSEWHERE:
+        if better.mistake.kind is Kind.GRAVITY_REMOVED:
             break
-        signals = better.mistake.undone(signals)
+        signals, fits = better.mistake.undone(signals), better.after.good
     return tuple(found)
 
 
-def driving_joints(signals: WiredSignals) -> tuple[int, ...]:
-    """Return the joints, from 0, whose friction would drive them by what the files say."""
-    driving = Condensed.of(signals).held_out(np.eye(len(signals.robot.joints))).driving
-    return tuple(np.flatnonzero(driving).tolist())
+def impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:
+    """Return the joints whose friction would drive them, and the arm's weight.
+
+    Parameters
+    ----------
+    signals : WiredSignals
+        What the files say.
+
+    Returns
+    -------
+    driving : tuple of str
+        Joints with negative friction power, whichever part of the recordings is left out.
+    weight : ArmWeight or None
+        None if gravity loads no joint, or the torques of those that it loads are not explained.
+    """
+    still = np.eye(len(signals.robot.joints))
+    stated = Condensed.of(signals)
+    fit, weight = stated.held_out(still), stated.weight(still)
+    driving = tuple(signals.robot.joint_names[j] for j in np.flatnonzero(fit.driving))
+    return driving, weight if stated.explains_weight(fit) else None
 
 
 def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
     still = np.eye(len(signals.robot.joints))
     before, before_out = stated.trial(still), stated.held_out(still)
+    few = before.overfits(before_out)
     mistakes = [*common_mistakes(signals.robot), *gravity.mistakes()]
     tried: list[_Tried] = []
     for mistake in _with_exact_zeros(signals, mistakes):
@@ -107,28 +134,29 @@ def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> F
         condensed = Condensed.of(undone) if mistake.moves else stated
         torque = still if mistake.moves else mistake.torque
         after = condensed.trial(torque)
-        if not after.far_better_than(before):
+        if not after.far_better_than(before, few_data=few):
             continue
         held_out = condensed.held_out(torque)
-        if held_out.far_better_than(before_out) and condensed.holds_up(torque, mistake.changed):
+        if held_out.far_better_than(before_out, few_data=few) and condensed.holds_up(
+            mistake, torque
+        ):
             tried.append(_Tried(mistake, after, held_out))
     if not tried:
         return None
     tried.sort(key=lambda each: each.held_out.cost)
     best = tried[0]
-    near = [
-        each.mistake for each in tried[1:] if each.held_out.cost - best.held_out.cost < AS_GOOD
-    ]
+    near = [each.mistake for each in tried[1:] if each.held_out.cost - best.held_out.cost < AS_GOOD]
     return Found(best.mistake, _distinct(best.mistake, near), before, best.after)
 
 
 def _of_scale(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> Found | None:
-    """Return a mistake that no residual shows: of all torques' unit, or of what they are."""
+    """Return a mistake that no residual shows, of all torques together."""
     wrong = wrong_scale(signals, stated, gravity)
     if not wrong:
         return None
-    before = stated.trial(np.eye(len(signals.robot.joints)))
-    return Found(wrong[0], _distinct(wrong[0], list(wrong[1:])), before, before)
+    still = np.eye(len(signals.robot.joints))
+    before, weight = stated.trial(still), stated.weight(still)
+    return Found(wrong[0], _distinct(wrong[0], list(wrong[1:])), before, before, weight)
 
 
 def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
@@ -176,9 +204,9 @@ def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
 
 def _distinct(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
     """Return alternatives of other kinds or joints: of a zero position only the best angle."""
-    seen, kept = {(best.kind, best.joints)}, []
+    seen, kept = {(best.kind, best.joints, best.what)}, []
     for mistake in near:
-        own = (mistake.kind, mistake.joints)
+        own = (mistake.kind, mistake.joints, mistake.what)
         if own not in seen and mistake.kind is not Kind.POSITION_OFFSET:
             kept.append(mistake)
         seen.add(own)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.model.transmission import Transmission
 from identification.model.options import ModelOptions
 from identification.regression.fit_grade import GOOD_SHARE
+from identification.wiring.mistakes import Kind, Mistake
 from identification.wiring.signals import WiredSignals
 from identification.wiring.weight import ArmWeight, Weighing
 
@@ -23,6 +25,8 @@ RIDGE: Final = 1e-9
 PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0
+FEW_DATA_TIMES: Final = 2.5
+FEW_DATA_GAIN: Final = 2.0
 SMALLEST_SHARE: Final = 0.01
 DRIVING_SHARE: Final = 0.03
 IMPOSSIBLE_COST: Final = 1.0
@@ -42,7 +46,7 @@ class Trial:
     driving : ndarray of bool, shape (n,)
         True for a joint with negative friction power, which no friction has.
     weight : float
-        The weight of the arm as a share of what its drawings say; NaN if it is not known.
+        The weight of the arm as a share of what its drawings say, at most; NaN if it is not known.
     """
 
     residual_share: FloatArray
@@ -54,17 +58,23 @@ class Trial:
         """True if no joint leaves more than a good fit does."""
         return not (np.any(self.residual_share > GOOD_SHARE) or np.any(self.driving))
 
-    def far_better_than(self, other: Trial) -> bool:
-        """Return True if the other fit has more driving joints, or twice the residual somewhere.
+    def far_better_than(self, other: Trial, *, few_data: bool = False) -> bool:
+        """Return True if the other fit is impossible, or has twice the residual somewhere.
 
         All joints together must gain as well. Less than that a model gains by any freedom that
-        happens to follow what friction it lacks.
+        happens to follow what friction it lacks, and with few data many times more: then a
+        residual that is good already says nothing.
         """
-        if not other.cost - self.cost >= LEAST_GAIN:
+        least, floor = (FEW_DATA_GAIN, GOOD_SHARE) if few_data else (LEAST_GAIN, 0.0)
+        if not other.cost - self.cost >= least:
             return False
-        times = other.residual_share / self.residual_share
-        halved = bool(np.any(times >= FAR_BETTER_TIMES))  # no NaN compares as larger
+        times = other.residual_share / self.residual_share  # no NaN compares as larger
+        halved = bool(np.any((times >= FAR_BETTER_TIMES) & (other.residual_share > floor)))
         return halved or self.impossible < other.impossible
+
+    def overfits(self, held_out: Trial) -> bool:
+        """Return whether left-out parts tell that the data are too few to tell a good fit."""
+        return bool(np.nanmedian(held_out.residual_share / self.residual_share) > FEW_DATA_TIMES)
 
     @property
     def impossible(self) -> int:
@@ -129,20 +139,20 @@ class Condensed:
     def held_out(self, torque: FloatArray) -> Trial:
         """Return how well each part is predicted by a fit to the others.
 
-        A joint has driving friction, and an arm less weight than none, if it has in every one of
-        these fits; a joint only if the model explains its torque at all.
+        A joint has driving friction if it has in every one of these fits, and if the model
+        explains its torque at all; an arm weighs less than none if it does by two sigma.
         """
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
         left, driving = np.zeros(len(whole)), self._driving(values, torque)
-        weights = [self._weight(values)]
         for part in self.products:
             values, _ = self._fit(whole - part, torque)
             left += self._left(part, values, torque)
             driving &= self._driving(values, torque)
-            weights.append(self._weight(values))
         shares = np.minimum(_as_shares(left, sizes, self.rows), 1.0)
-        return Trial(shares, driving & (shares < EXPLAINED_SHARE), max(weights))
+        weight = self.weight(torque)
+        surest = math.nan if weight is None else weight.share + 2.0 * weight.sigma
+        return Trial(shares, driving & (shares < EXPLAINED_SHARE), surest)
 
     def weight(self, torque: FloatArray) -> ArmWeight | None:
         """Return how heavy the arm is by these torques, (n, n) times the stated ones."""
@@ -158,13 +168,25 @@ class Condensed:
             is_drawn=self.weighing.is_drawn,
         )
 
-    def holds_up(self, torque: FloatArray, joints: tuple[int, ...]) -> bool:
-        """Return whether the torques of these joints hold up the arm that the drawings know."""
-        if self.weighing is None:
+    def explains_weight(self, held_out: Trial) -> bool:
+        """Return whether a fit explains the torques of all joints that carry weight."""
+        if self.weighing is None or not self.weighing.is_visible:
+            return False
+        return bool(np.all(held_out.residual_share[self.weighing.drawn > 0.0] < EXPLAINED_SHARE))
+
+    def holds_up(self, mistake: Mistake, torque: FloatArray) -> bool:
+        """Return whether torques hold up the arm that the drawings know, a mistake undone.
+
+        Of one unit of all torques the weight of the whole arm must be plausible, of other mistakes
+        roughly what each of their joints carries.
+        """
+        if self.weighing is None or not self.weighing.is_visible:
             return True
         values, _ = self._fit(self.products.sum(axis=0), torque)
-        shares = self.weighing.shares(values)[list(joints)]
         low, high = self.weighing.plausible
+        if mistake.kind is Kind.TORQUE_UNIT:
+            return low <= self.weighing.share(values) <= high
+        shares = self.weighing.shares(values)[list(mistake.changed)]
         return not bool(np.any((shares < low / HOLDS_TIMES) | (shares > HOLDS_TIMES * high)))
 
     def _weight(self, values: FloatArray) -> float:
@@ -208,7 +230,7 @@ def friction_power(
 def parts_of(rows: int) -> list[slice]:
     """Return fifths of all rows, one after the other."""
     ends = np.linspace(0, rows, PARTS + 1).astype(int).tolist()
-    return [slice(*pair) for pair in zip(ends, ends[1:], strict=False)]
+    return [slice(*pair) for pair in pairwise(ends)]
 
 
 def rows_used(signals: WiredSignals) -> BoolArray:

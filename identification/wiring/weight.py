@@ -13,10 +13,14 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.nominal_links import nominal_links
+from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import RobotModel, regressor
 from identification.wiring.signals import WiredSignals
+
+EVERY: Final = 4
+"""Of the rows only every fourth: poses change slowly."""
 
 LEAST_LOAD: Final = 0.05
 NOMINAL_RANGE: Final = (0.02, 50.0)
@@ -52,6 +56,15 @@ class ArmWeight:
         low, high = self.plausible
         return not (self.share + 2.0 * self.sigma < low or self.share - 2.0 * self.sigma > high)
 
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        drawn = "`cad` in the robot file says" if self.is_drawn else "an arm of its size has"
+        return (
+            f"by the torques as stated the arm has {self.share:.2g} ± {2.0 * self.sigma:.2g} times"
+            f" the weight that {drawn}"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Weighing:
@@ -78,22 +91,24 @@ class Weighing:
     def of(cls, signals: WiredSignals, model: RobotModel) -> Weighing:
         """Compute the drawn arm's gravity torques along the recordings."""
         robot = signals.robot
-        chain = Chain.from_description(robot)
-        guessed = robot.model_copy(update={"cad": nominal_links(chain.rows, chain.tool_m)})
-        values, _ = cad_parameters(model, robot if robot.is_drawn else guessed)
-        q, _, _ = signals.joints()
+        if not robot.is_drawn:
+            chain = Chain.from_description(robot)
+            robot = robot.model_copy(update={"cad": nominal_links(chain.rows, chain.tool_m)})
+        values, _ = cad_parameters(model, robot)
+        q = signals.joints()[0][::EVERY]
         phi = regressor(model, q, np.zeros_like(q), np.zeros_like(q))
         own = model.parameter_groups["rigid_body"]
         rigid = phi[:, :, own]
         torque_nm = rigid @ values[own]
         drawn = np.einsum("rj,rj->j", torque_nm, torque_nm)
         light = drawn < LEAST_LOAD**2 * drawn.max()
+        light |= ~signals.moving  # has no equations
         light |= [robot.spring is not None and robot.spring.joint == j for j in robot.joint_names]
         drawn[light] = 0.0
         columns = np.zeros((len(drawn), phi.shape[2]))
         columns[:, own] = np.einsum("rj,rjp->jp", torque_nm, rigid)
         columns[light] = 0.0
-        return cls(columns, drawn, _plausible(robot.is_drawn, signals), robot.is_drawn)
+        return cls(columns, drawn, _plausible(signals.robot), signals.robot.is_drawn)
 
     @property
     def is_visible(self) -> bool:
@@ -113,9 +128,8 @@ class Weighing:
         return found
 
 
-def _plausible(is_drawn: bool, signals: WiredSignals) -> tuple[float, float]:
-    robot = signals.robot
-    if not is_drawn or robot.cad is None:
+def _plausible(robot: RobotDescription) -> tuple[float, float]:
+    if not robot.is_drawn or robot.cad is None:
         return NOMINAL_RANGE
     unsure = UNCERTAINTIES * max(link.uncertainty or 0.0 for link in robot.cad)
     return min(LIGHTEST_DRAWN, 1.0 / (1.0 + unsure)), max(HEAVIEST_DRAWN, 1.0 + unsure)

@@ -35,7 +35,7 @@ from rid_daq.jobs.identification_job import (
     estimate_runs,
     gains_of_drives,
 )
-from rid_daq.jobs.wiring_job import diagnose_wiring, wired_signals
+from rid_daq.jobs.wiring_job import WiringDiagnosis, diagnose_wiring, wired_signals
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result import NOTHING_JUDGED, Result
 from rid_daq.report.sections.average import AverageSection
@@ -134,8 +134,11 @@ class IdentifiedRuns:
 
     @property
     def has_mistakes(self) -> bool:
-        """Whether a mistake of wiring, units or files explains the runs far better."""
-        return bool(self.result.estimate and self.result.estimate.mistakes)
+        """True if a mistake explains the runs far better, or they show what no robot does."""
+        estimate = self.result.estimate
+        assert estimate is not None
+        heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
+        return bool(estimate.mistakes or estimate.driving or heavy)
 
 
 def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
@@ -171,11 +174,12 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     comparison = _chosen(data, how, console) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot, chosen=comparison)
-    estimate, mistakes = identified.estimate, None
-    if request.diagnose and how.options.model.kind != "external":
+    estimate, wiring = identified.estimate, WiringDiagnosis()
+    if how.options.model.kind != "external":
         signals = wired_signals(data, how, first.robot)
-        mistakes = diagnose_wiring(signals, first)
-        estimate = replace(estimate, held_out_share=held_out_share(signals))
+        wiring = diagnose_wiring(signals, first, search=request.diagnose)
+        if request.diagnose:
+            estimate = replace(estimate, held_out_share=held_out_share(signals))
     gains = None
     if request.load_mass_kg is not None:
         gains = gains_of_drives(estimate, data, how, *request.load_mass_kg)
@@ -189,7 +193,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     write_estimate(output, estimate)
     note_output(first.folder, output)
     consistency, consistency_words = _consistency(estimate)
-    findings = [*_findings(estimate, data, weight), consistency_words]
+    findings = [*wiring.sentences, *_findings(estimate, data, weight), consistency_words]
     if comparison is not None:
         names, delays_s = comparison.joint_names, comparison.refused_delay_s
         findings += refused_delay_findings(names, delays_s)
@@ -197,7 +201,12 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
     before = result_of(first, notes)
     section = EstimateSection.of(
-        estimate, findings=findings, mistakes=mistakes, consistency=consistency
+        estimate,
+        findings=findings,
+        mistakes=wiring.mistakes,
+        consistency=consistency,
+        driving=wiring.driving,
+        arm_weight=wiring.weight_entry,
     )
     result = before.by_model(
         ModelFile.of(output),
@@ -205,7 +214,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
         plate=plate,
         comparison=None if comparison is None else ComparisonSection.of(comparison),
     )
-    verdict = _verdict(before.verdict, section)
+    verdict = _verdict(before.verdict, section, wiring)
     result = result if verdict is None else result.updated(verdict=verdict)
     if first.is_periodic:
         average = identified.averages[0]
@@ -220,15 +229,16 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     return IdentifiedRuns(output, result, report, notes, gains, unused, clocks_of(data))
 
 
-def _verdict(before: Verdict, section: EstimateSection) -> Verdict | None:
+def _verdict(before: Verdict, section: EstimateSection, wiring: WiringDiagnosis) -> Verdict | None:
     """Return the verdict of a bad fit or a mistake, what takes its place, or None to leave it."""
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
-    if not bad and not section.mistakes:
+    mistaken = bool(section.mistakes or wiring.sentences)
+    if not bad and not mistaken:
         return NOTHING_JUDGED if before.headline in (BAD_FIT, MISTAKEN) else None
-    why = [mistake.sentence for mistake in section.mistakes or ()]
+    why = [mistake.sentence for mistake in section.mistakes or ()] + list(wiring.sentences)
     if bad:
         why.append(f"The model does not explain the torque of {', '.join(bad)}.")
-    return Verdict.failed(MISTAKEN if section.mistakes else BAD_FIT, " ".join(why))
+    return Verdict.failed(MISTAKEN if mistaken else BAD_FIT, " ".join(why))
 
 
 def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:

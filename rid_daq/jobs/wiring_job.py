@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
+
+import numpy as np
 
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import DEGREES, Kind, Mistake
-from identification.wiring.search import Found, find_mistakes
+from identification.wiring.search import Found, find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
+from identification.wiring.weight import ArmWeight
 from rid_daq.jobs.identification_job import EstimationRequest, signals_of
 from rid_daq.report.formats import number
-from rid_daq.report.sections.estimate import Explanation, MistakeEntry, PlaceToChange
+from rid_daq.report.sections.estimate import (
+    ArmWeightEntry,
+    Explanation,
+    MistakeEntry,
+    PlaceToChange,
+)
 from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
 
@@ -31,6 +40,10 @@ _IN_MAP: Final[dict[Kind, str]] = {
     Kind.CONVENTION: "robot file: `kinematics.convention`",
     Kind.COUPLING: "robot file: `coupling`",
     Kind.MOUNTING: "robot file: `gravity_m_s2`",
+    Kind.TORQUE_UNIT: "map: `units`, or `torque_constant_nm_per_a` of {each}; robot file: `cad`",
+    Kind.TORQUE_QUANTITY: "map: `torque` or `current` of {each}",
+    Kind.GRAVITY_REMOVED: "map: `torque` or `current` of {each}; the controller: record the torques"
+    " of the motors, before gravity is compensated",
 }
 _LINES_OF_MAP: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.POSITION_SIGN: ("map.yaml joints.*.position_sign",),
@@ -43,6 +56,9 @@ _LINES_OF_MAP: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.TORQUE_ORDER: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
     Kind.AXIS_ORDER: ("map.yaml joints.*.position",),
     Kind.CLOCK: ("map.yaml time.unit", "map.yaml rate_hz"),
+    Kind.TORQUE_UNIT: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
+    Kind.TORQUE_QUANTITY: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
+    Kind.GRAVITY_REMOVED: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
 }
 _LINES_OF_ROBOT: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.CONVENTION: ("robot.yaml kinematics.convention",),
@@ -63,7 +79,11 @@ _LINES_OF_CELL: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.TORQUE_ORDER: ("cell.yaml axes.*.node_id",),
     Kind.AXIS_ORDER: ("cell.yaml axes.*.node_id",),
     Kind.CLOCK: ("cell.yaml cycle_time_ms",),
+    Kind.TORQUE_UNIT: ("robot.yaml joints.*.gear_ratio",),
+    Kind.TORQUE_QUANTITY: (),
+    Kind.GRAVITY_REMOVED: (),
 }
+ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
 """Keys of a map of which it states this or another: where they are not stated, none is to add."""
 
@@ -84,6 +104,9 @@ _IN_CELL: Final[dict[Kind, str]] = {
     Kind.CONVENTION: "robot file: `kinematics.convention`",
     Kind.COUPLING: "robot file: `coupling`",
     Kind.MOUNTING: "robot file: `gravity_m_s2`",
+    Kind.TORQUE_UNIT: "cell file: the rated torque of {axes}; the drive: its rated torque (6076h)",
+    Kind.TORQUE_QUANTITY: "the drive: what it maps as its torque (6077h)",
+    Kind.GRAVITY_REMOVED: "the drive: what it maps as its torque (6077h)",
 }
 
 
@@ -106,8 +129,54 @@ def wired_signals(
     return WiredSignals.of(robot, signals_of(empty, how))
 
 
-def diagnose_wiring(signals: WiredSignals, run: RunData) -> tuple[MistakeEntry, ...]:
-    """Try the common mistakes of wiring, units and files.
+@dataclass(frozen=True)
+class WiringDiagnosis:
+    """What runs show of mistakes in wiring, units and files.
+
+    Attributes
+    ----------
+    mistakes : tuple of MistakeEntry, or None
+        What explains them far better; None if nobody looked.
+    driving : tuple of str, or None
+        Joints with negative friction power; None if nobody looked.
+    weight : ArmWeight or None
+        How heavy the torques make the arm, if they tell.
+    """
+
+    mistakes: tuple[MistakeEntry, ...] | None = None
+    driving: tuple[str, ...] | None = None
+    weight: ArmWeight | None = None
+
+    @property
+    def weight_entry(self) -> ArmWeightEntry | None:
+        """The weight as a section of a report."""
+        return (
+            None
+            if self.weight is None
+            else ArmWeightEntry.taken(self.weight, std=self.weight.sigma)
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What no robot does, in words."""
+        said = []
+        if self.driving:
+            said.append(
+                f"The friction of {_listed(list(self.driving))} has negative power, which no"
+                " friction has: look for a wrong sign of torque or position, or for axes that are"
+                " swapped."
+            )
+        if self.weight is not None and not self.weight.is_plausible:
+            words = self.weight.sentence
+            said.append(
+                f"{words[0].upper()}{words[1:]}: look for a wrong unit of the torques, for torques"
+                " without gravity, or for wrong masses in `cad`."
+            )
+        return tuple(said)
+
+
+def diagnose_wiring(signals: WiredSignals, run: RunData, *, search: bool = True) -> WiringDiagnosis:
+    """Look for what no robot does, and for the common mistakes that explain it.
 
     Parameters
     ----------
@@ -115,17 +184,18 @@ def diagnose_wiring(signals: WiredSignals, run: RunData) -> tuple[MistakeEntry, 
         What runs of one robot say.
     run : RunData
         One of them, which knows the files.
-
-    Returns
-    -------
-    tuple of MistakeEntry
-        Empty where none explains the data far better.
+    search : bool
+        True to try the common mistakes of wiring, units and files.
     """
+    driving, weight = impossibilities(signals)
+    if not search:
+        return WiringDiagnosis(None, driving, weight)
     imported, folder = run.import_report is not None, run.folder
-    return tuple(
+    mistakes = tuple(
         mistake_entry(each, signals.robot, imported=imported, folder=folder)
         for each in find_mistakes(signals)
     )
+    return WiringDiagnosis(mistakes, driving, weight)
 
 
 def mistake_entry(
@@ -157,21 +227,32 @@ def mistake_entry(
     )
     gains = found.times_better
     worst = max(range(len(gains)), key=lambda j: _finite(float(gains[j])))
-    before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
-    sentence = f"{best.words[0].upper()}{best.words[1:]}: that explains the data far better."
-    if before >= 1.2 * after:
-        sentence += (
-            f" Undone, the residual of {robot.joint_names[worst]} falls from {before:.0f} to"
-            f" {after:.0f} % of the torque."
-        )
-    if found.before.driving.any() and not found.after.driving.any():
-        sentence += " As stated, friction would drive the joint."
     return MistakeEntry.taken(
         best,
         times_better=_finite(float(gains[worst])),
-        sentence=sentence,
+        sentence=_sentence(found, best.words, robot.joint_names, worst),
         alternatives=tuple(others),
     )
+
+
+def _sentence(found: Found, words: str, joints: Sequence[str], worst: int) -> str:
+    """Return a mistake as a sentence, with what tells it."""
+    says = f"{words[0].upper()}{words[1:]}"
+    if found.weight is not None:
+        return f"{says}: {found.weight.sentence}."
+    if found.mistake.kind is Kind.TORQUE_QUANTITY:
+        return f"{says}: the numbers agree row by row."
+    sentence = f"{says}: that explains the data far better."
+    before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
+    if before >= 1.2 * after:
+        sentence += (
+            f" Undone, the residual of {joints[worst]} falls from {before:.0f} to"
+            f" {after:.0f} % of the torque."
+        )
+    if found.before.driving.any() and not found.after.driving.any():
+        driven = _listed([joints[j] for j in np.flatnonzero(found.before.driving).tolist()])
+        sentence += f" As stated, friction would drive {driven}."
+    return sentence
 
 
 def _finite(value: float) -> float:
@@ -184,7 +265,7 @@ def _places(
     """Return the lines of a run's files that a mistake is in."""
     told = {**(_LINES_OF_MAP if imported else _LINES_OF_CELL), **_LINES_OF_ROBOT}
     patterns = told[mistake.kind]
-    joints = mistake.joints or range(len(robot.joints))
+    joints = mistake.changed
     wanted = [
         pattern.replace("*", str(j))
         for pattern in patterns
@@ -200,7 +281,7 @@ def _places(
 
 def _changes(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple[str, ...]:
     text = (_IN_MAP if imported else _IN_CELL)[mistake.kind]
-    joints = mistake.joints or range(len(robot.joints))
+    joints = mistake.changed
 
     def listed(of: str) -> str:
         return ", ".join(f"{of}[{j}]" for j in joints)
@@ -215,8 +296,9 @@ def _changes(mistake: Mistake, robot: RobotDescription, imported: bool) -> tuple
 def _words(mistake: Mistake, robot: RobotDescription) -> str:
     """Return what is wrong, as a sentence without its full stop."""
     names = [robot.joint_names[j] for j in mistake.joints]
-    joint, swapped = (names or ["every joint"])[0], " and ".join(names)
-    order = f"{swapped} are swapped" if len(names) == 2 else f"come in the order {swapped}"
+    joint = _listed(names) if names else "every joint"
+    each = joint if len(names) == 1 else f"{joint} each"
+    order = f"{joint} are swapped" if len(names) == 2 else f"come in the order {', '.join(names)}"
     says: dict[Kind, Callable[[], str]] = {
         Kind.POSITION_SIGN: lambda: f"the position of {joint} has the wrong sign",
         Kind.TORQUE_SIGN: lambda: f"the torque of {joint} has the wrong sign",
@@ -229,6 +311,8 @@ def _words(mistake: Mistake, robot: RobotDescription) -> str:
         Kind.POSITION_ORDER: lambda: f"the positions of {order}",
         Kind.TORQUE_FACTOR: lambda: _factor(f"the torque of {joint}", mistake, robot),
         Kind.TORQUE_ORDER: lambda: f"the torques of {order}",
+        Kind.TORQUE_UNIT: lambda: f"the torques are in {mistake.what}",
+        Kind.TORQUE_QUANTITY: lambda: f"the torque column of {each} holds its {mistake.what}",
         Kind.AXIS_ORDER: lambda: f"the axes {order}",
         Kind.CLOCK: lambda: f"a second of the time stamps is {number(mistake.factor, 3)} s",
         Kind.CONVENTION: lambda: (
@@ -236,20 +320,31 @@ def _words(mistake: Mistake, robot: RobotDescription) -> str:
             f" {robot.kinematics.convention}"
         ),
         Kind.COUPLING: lambda: (
-            f"the wrist's coupling at {swapped} is another"
+            f"the wrist's coupling at {joint} is another"
             if robot.coupling is not None
-            else f"the wrist is coupled at {swapped}"
+            else f"the wrist is coupled at {joint}"
         ),
-        Kind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot)}",
+        Kind.MOUNTING: lambda: f"gravity points along {_direction(mistake.robot, robot)}",
+        Kind.GRAVITY_REMOVED: lambda: "gravity is missing in the torques",
     }
     return says[mistake.kind]()
 
 
-def _direction(robot: RobotDescription | None) -> str:
-    """Return the axis of the base along which gravity points."""
-    gravity = (0.0, 0.0, -1.0) if robot is None else robot.gravity_m_s2
-    axis = max(range(3), key=lambda i: abs(gravity[i]))
-    return f"{'-' if gravity[axis] < 0.0 else '+'}{'xyz'[axis]} of the base"
+def _listed(names: list[str]) -> str:
+    return " and ".join([*([", ".join(names[:-1])] if names[:-1] else []), names[-1]])
+
+
+def _direction(right: RobotDescription | None, stated: RobotDescription) -> str:
+    """Return where gravity points in the base's frame, and how far that is from the file's."""
+    gravity = np.array(stated.gravity_m_s2 if right is None else right.gravity_m_s2)
+    unit = gravity / np.linalg.norm(gravity)
+    axis = int(np.argmax(np.abs(unit)))
+    if abs(unit[axis]) > ALONG_AXIS:
+        return f"{'-' if unit[axis] < 0.0 else '+'}{'xyz'[axis]} of the base"
+    before = np.array(stated.gravity_m_s2)
+    tilt = math.degrees(math.acos(float(unit @ before / np.linalg.norm(before))))
+    along = ", ".join(f"{value:.2f}" for value in gravity)
+    return f"[{along}] m/s² of the base, {tilt:.0f}° from what the robot file says"
 
 
 def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:

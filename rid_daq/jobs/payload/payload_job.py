@@ -11,13 +11,24 @@ from config.errors import ConfigError, EstimationError
 from config.formats.number import parse_number
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import without_torque_filter
+from identification.estimation.options import EstimationOptions
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
 from identification.payload.smoothed_runs import SmoothedRuns
-from identification.payload.verdict import PayloadResult, Repeats, checks, repeated
-from rid_daq.jobs.identification_job import one_robot
+from identification.payload.verdict import (
+    BAD_FIT,
+    HEAVY,
+    Check,
+    PayloadResult,
+    Repeats,
+    checks,
+    repeated,
+)
+from identification.wiring.search import impossibilities
+from rid_daq.jobs.identification_job import EstimationRequest, one_robot
+from rid_daq.jobs.wiring_job import wired_signals
 from rid_daq.runs.run_data import RunData
 
 
@@ -132,9 +143,29 @@ def payload_from_runs(
     if how.procedure != "difference" and estimate.rank == len(estimate.values):
         repeats = repeated(robot, runs, how)
     left_on = left_on_flange(robot, runs.part(_compared(data, loaded, how)), how)
-    return PayloadResult(
-        estimate, checks(estimate, payload_request.limits, repeats, left_on)
-    ), repeats
+    held = checks(estimate, payload_request.limits, repeats, left_on)
+    empty = [run for run, carried in zip(data, loaded, strict=True) if not carried]
+    return PayloadResult(estimate, (*held, *_arm_checks(empty, payload_request))), repeats
+
+
+def _arm_checks(empty: Sequence[RunData], payload_request: PayloadRequest) -> tuple[Check, ...]:
+    """Hold the arm of the runs without payload against what a robot can be.
+
+    A wrong unit or sign of all torques is the payload's as well, and shows in no residual.
+    """
+    if not empty:
+        return ()
+    how = EstimationRequest(EstimationOptions(band_hz=payload_request.band_hz))
+    driving, weight = impossibilities(wired_signals(empty, how, empty[0].robot))
+    said = f"joints with driving friction ({', '.join(driving)})"
+    found = [Check(said, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
+    if weight is not None and weight.is_drawn:
+        (low, high), sure = weight.plausible, 2.0 * weight.sigma
+        said = "weight of the arm by its torques without payload, over that of its drawings"
+        light = weight.share < 1.0
+        value, limit = (weight.share + sure, low) if light else (weight.share - sure, high)
+        found.append(Check(said, value, "≥" if light else "≤", limit, "", HEAVY))
+    return tuple(found)
 
 
 def _compared(data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptions) -> list[int]:

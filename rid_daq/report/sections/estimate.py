@@ -165,6 +165,26 @@ class MistakeEntry(Explanation):
     alternatives: tuple[Explanation, ...]
 
 
+class ArmWeightEntry(Section):
+    """Gravity's torque by the fit, over that of the arm as drawn.
+
+    Attributes
+    ----------
+    share, std : float
+        The ratio, and its standard deviation.
+    plausible : tuple of float
+        Its smallest and largest value that a real arm has.
+    is_drawn, is_plausible : bool
+        True if `cad` says the weight and not the arm's size alone; true if the ratio is possible.
+    """
+
+    share: float
+    std: float
+    plausible: Numbers
+    is_drawn: bool
+    is_plausible: bool
+
+
 class EstimateSection(Section):
     """The parameters with their intervals, and how they were found.
 
@@ -197,6 +217,10 @@ class EstimateSection(Section):
     mistakes : tuple of MistakeEntry
         Mistakes of wiring, units and files that explain the data far better; left out where nobody
         looked.
+    driving : tuple of str
+        Joints with negative friction power, which no friction has; left out if nobody looked.
+    arm_weight : ArmWeightEntry or None
+        How heavy the torques make the arm; left out if they do not tell.
     still : dict of str to numbers
         Joints that no run moved, and where they stood [rad or m]; left out if there are none.
     consistency : ConsistencyEntry or None
@@ -216,6 +240,8 @@ class EstimateSection(Section):
     axes: tuple[AxisResidual, ...]
     findings: Texts | None = None
     mistakes: tuple[MistakeEntry, ...] | None = None
+    driving: Texts | None = None
+    arm_weight: ArmWeightEntry | None = None
     still: dict[str, Numbers] | None = None
     consistency: ConsistencyEntry | None = None
 
@@ -227,6 +253,8 @@ class EstimateSection(Section):
         findings: Sequence[str] | None = None,
         mistakes: tuple[MistakeEntry, ...] | None = None,
         consistency: ConsistencyTest | None = None,
+        driving: tuple[str, ...] | None = None,
+        arm_weight: ArmWeightEntry | None = None,
     ) -> EstimateSection:
         """Return what is said of an estimate.
 
@@ -242,6 +270,10 @@ class EstimateSection(Section):
             Mistakes that explain the data far better.
         consistency : ConsistencyTest, optional
             Its test of physical consistency.
+        driving : tuple of str, optional
+            Joints with negative friction power.
+        arm_weight : ArmWeightEntry, optional
+            How heavy the torques make the arm.
         """
         return cls.taken(
             estimate,
@@ -276,6 +308,8 @@ class EstimateSection(Section):
             ),
             findings=None if findings is None else tuple(findings),
             mistakes=mistakes,
+            driving=driving,
+            arm_weight=arm_weight,
             still={each.joint: each.positions for each in estimate.still} or None,
             consistency=None if consistency is None else ConsistencyEntry.of(consistency),
         )

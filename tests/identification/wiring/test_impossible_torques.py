@@ -1,0 +1,158 @@
+"""Torques that no robot has: they are named, and what is proposed instead is possible."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.sound_robots import sound_run
+from config.arrays import FloatArray
+from config.load import load_robot
+from config.robot.nominal_links import nominal_links
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain
+from dynamics.model.robot_model import regressor
+from identification.wiring.common_mistakes import common_mistakes, torque_units
+from identification.wiring.mistakes import DEGREES, Kind
+from identification.wiring.possible import keeps_limits
+from identification.wiring.search import find_mistakes, impossibilities
+from identification.wiring.signals import WiredSignals
+from identification.wiring.trial import Condensed, plain_model
+from tests.identification.wiring.test_search import wired
+
+
+@pytest.fixture(scope="module")
+def arm() -> WiredSignals:
+    """Six axes whose drawings say what they weigh, within a factor of two."""
+    signals = wired(sound_run(load_robot("ur10e"), np.random.default_rng(4)))
+    weight = Condensed.of(replace(signals, robot=_drawn(signals, 1.0))).weight(np.eye(6))
+    assert weight is not None
+    return replace(signals, robot=_drawn(signals, weight.share))
+
+
+def _drawn(signals: WiredSignals, share: float) -> RobotDescription:
+    chain = Chain.from_description(signals.robot)
+    links = tuple(
+        link.model_copy(update={"mass_kg": share * link.mass_kg, "uncertainty": 0.3})
+        for link in nominal_links(chain.rows, chain.tool_m)
+    )
+    return signals.robot.model_copy(update={"cad": links})
+
+
+def test_a_sound_arm_weighs_what_its_drawings_say(arm: WiredSignals) -> None:
+    driving, weight = impossibilities(arm)
+    assert driving == ()
+    assert weight is not None
+    assert weight.is_drawn
+    assert weight.is_plausible
+    assert weight.share == pytest.approx(1.0, abs=0.3)
+
+
+def test_all_torques_reversed_have_driving_friction_and_less_weight_than_none(
+    arm: WiredSignals,
+) -> None:
+    driving, weight = impossibilities(replace(arm, torque_nm=-arm.torque_nm))
+    assert driving == arm.robot.joint_names
+    assert weight is not None
+    assert not weight.is_plausible
+    assert weight.share < 0.0
+
+
+@pytest.mark.parametrize("joints", [(), (1, 2), (0, 1, 2, 3, 4)])
+def test_a_set_of_torques_reversed_is_found_at_once(
+    arm: WiredSignals, joints: tuple[int, ...]
+) -> None:
+    torque_nm = arm.torque_nm.copy()
+    torque_nm[:, list(joints) or slice(None)] *= -1.0
+    (found,) = find_mistakes(replace(arm, torque_nm=torque_nm))
+    assert (found.mistake.kind, found.mistake.joints) == (Kind.TORQUE_SIGN, joints)
+
+
+def test_three_axes_in_a_cycle_are_found(arm: WiredSignals) -> None:
+    order = [1, 2, 0, 3, 4, 5]
+    moved = (arm.position, arm.velocity, arm.acceleration, arm.torque_nm)
+    q, v, a, torque_nm = (each[:, order] for each in moved)
+    wrong = replace(arm, position=q, velocity=v, acceleration=a, torque_nm=torque_nm)
+    (found,) = find_mistakes(wrong)
+    assert (found.mistake.kind, found.mistake.joints) == (Kind.AXIS_ORDER, (2, 0, 1, 3, 4, 5))
+    assert found.mistake.changed == (0, 1, 2)
+
+
+@pytest.mark.parametrize("degrees", [10.0, 30.0])
+def test_a_base_that_is_tilted_is_found_with_its_direction(
+    arm: WiredSignals, degrees: float
+) -> None:
+    tilt = math.radians(degrees)
+    gravity = (0.0, 9.81 * math.sin(tilt), -9.81 * math.cos(tilt))
+    tilted = arm.robot.model_copy(update={"gravity_m_s2": gravity})
+    rigid = plain_model(arm)
+    own = rigid.parameter_groups["rigid_body"]
+    values = _fitted(arm)
+    moved = regressor(plain_model(replace(arm, robot=tilted)), *arm.joints())
+    more = (moved - regressor(rigid, *arm.joints()))[:, :, own] @ values[own]
+    (found,) = find_mistakes(replace(arm, torque_nm=arm.torque_nm + more))
+    assert found.mistake.kind is Kind.MOUNTING
+    assert found.mistake.robot is not None
+    right = np.array(found.mistake.robot.gravity_m_s2)
+    assert math.degrees(math.acos(right @ gravity / 9.81**2)) < 2.0
+
+
+def test_torques_without_gravity_are_found(arm: WiredSignals) -> None:
+    model = plain_model(arm)
+    own = model.parameter_groups["rigid_body"]
+    q, still = arm.position, np.zeros_like(arm.position)
+    gravity_nm = regressor(model, q, still, still)[:, :, own] @ _fitted(arm)[own]
+    found = find_mistakes(replace(arm, torque_nm=arm.torque_nm - gravity_nm))
+    assert [each.mistake.kind for each in found] == [Kind.GRAVITY_REMOVED]
+
+
+def _fitted(signals: WiredSignals) -> FloatArray:
+    phi = regressor(plain_model(signals), *signals.joints())
+    columns, torque_nm = phi.reshape(-1, phi.shape[2]), signals.torque_nm.reshape(-1)
+    return np.asarray(np.linalg.lstsq(columns, torque_nm, rcond=1e-8)[0])
+
+
+@pytest.mark.parametrize("unit", range(5))
+def test_every_unit_of_the_torques_is_named(arm: WiredSignals, unit: int) -> None:
+    mistake = list(torque_units(arm.robot))[unit]
+    stated = arm.torque_nm @ np.linalg.inv(mistake.torque).T
+    found = find_mistakes(replace(arm, torque_nm=stated))
+    assert [each.mistake.kind for each in found] == [Kind.TORQUE_UNIT]
+    named = (found[0].mistake, *found[0].alternatives)
+    assert mistake.what in {each.what for each in named}
+
+
+@pytest.mark.parametrize("what", ["acceleration", "velocity", "position"])
+def test_torques_that_are_a_copy_of_the_motion_are_named(arm: WiredSignals, what: str) -> None:
+    copied = replace(arm, torque_nm=getattr(arm, what))
+    (found,) = find_mistakes(copied)
+    assert (found.mistake.kind, found.mistake.what) == (Kind.TORQUE_QUANTITY, what)
+    one = arm.torque_nm.copy()
+    one[:, 3] = getattr(arm, what)[:, 3]
+    (found,) = find_mistakes(replace(arm, torque_nm=one))
+    assert (found.mistake.what, found.mistake.joints) == (what, (3,))
+
+
+def test_nothing_is_proposed_on_noise(arm: WiredSignals) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 20.0, arm.torque_nm.shape)
+    assert find_mistakes(replace(arm, torque_nm=noise)) == ()
+
+
+def test_what_is_proposed_keeps_the_limits_of_the_robot_file(arm: WiredSignals) -> None:
+    refused = [
+        (mistake.kind, mistake.factor)
+        for mistake in common_mistakes(arm.robot)
+        if not keeps_limits(mistake, arm, mistake.undone(arm))
+    ]
+    assert (Kind.TORQUE_FACTOR, 1000.0) in refused
+    assert (Kind.TORQUE_FACTOR, 0.001) in refused
+    assert (Kind.POSITION_FACTOR, DEGREES) in refused
+    assert (Kind.POSITION_FACTOR, 1.0 / DEGREES) in refused
+    assert {(Kind.CLOCK, 0.001), (Kind.CLOCK, 1000.0)} <= set(refused)
+    assert {kind for kind, _ in refused} <= {
+        *(Kind.TORQUE_FACTOR, Kind.TORQUE_UNIT, Kind.TORQUE_ORDER, Kind.CLOCK, Kind.AXIS_ORDER),
+        *(Kind.POSITION_FACTOR, Kind.POSITION_OFFSET, Kind.POSITION_ORDER),
+    }
