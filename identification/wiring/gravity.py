@@ -119,7 +119,7 @@ class GravitySearch:
         products[0, :, p:, :p] = products[0, :, :p, p:].swapaxes(1, 2)
         of_one = np.einsum("a,japbq->jpbq", weights, columns)
         products[0, :, :p, :p] = np.einsum("b,jpbq->jpq", weights, of_one)
-        return replace(self.stated, products=products, weighing=None)
+        return replace(self.stated, products=products, drawn_weight=None)
 
 
 def _with_gravity(robot: RobotDescription, gravity: FloatArray) -> RobotDescription:

@@ -17,7 +17,7 @@ from identification.model.options import ModelOptions
 from identification.regression.fit_grade import GOOD_SHARE
 from identification.wiring.mistakes import Kind, Mistake
 from identification.wiring.signals import WiredSignals
-from identification.wiring.weight import ArmWeight, Weighing
+from identification.wiring.weight import ArmWeight, DrawnWeight
 
 SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
@@ -103,7 +103,7 @@ class Condensed:
         Power of each friction parameter of a joint, at one of its unit [W].
     power : ndarray, shape (n, n)
         For each joint the mean of |speed x torque| with every joint's torque [W].
-    weighing : Weighing or None
+    drawn_weight : DrawnWeight or None
         What tells how heavy a fit makes the arm; None if nobody asks.
     """
 
@@ -111,7 +111,7 @@ class Condensed:
     rows: FloatArray
     brakes: FloatArray
     power: FloatArray
-    weighing: Weighing | None = None
+    drawn_weight: DrawnWeight | None = None
 
     @classmethod
     def of(cls, signals: WiredSignals) -> Condensed:
@@ -125,8 +125,8 @@ class Condensed:
         ]
         products = np.array([[each[part].T @ each[part] for each in columns] for part in parts])
         brakes, power = friction_power(signals, model, phi, use)
-        weighing = Weighing.of(signals, model)
-        return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, weighing)
+        drawn_weight = DrawnWeight.of(signals, model)
+        return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, drawn_weight)
 
     def trial(self, torque: FloatArray) -> Trial:
         """Fit the robot to torques, (n, n) times the stated ones, each joint's of one size."""
@@ -156,23 +156,25 @@ class Condensed:
 
     def weight(self, torque: FloatArray) -> ArmWeight | None:
         """Return how heavy the arm is by these torques, (n, n) times the stated ones."""
-        if self.weighing is None or not self.weighing.is_visible:
+        if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)
         parts = [self._fit(whole - part, torque)[0] for part in self.products]
-        spread = np.array([self.weighing.share(values) for values in parts])
+        spread = np.array([self.drawn_weight.share(values) for values in parts])
         return ArmWeight(
-            share=self.weighing.share(self._fit(whole, torque)[0]),
+            share=self.drawn_weight.share(self._fit(whole, torque)[0]),
             sigma=math.sqrt((len(parts) - 1.0) * float(np.var(spread))),
-            plausible=self.weighing.plausible,
-            is_drawn=self.weighing.is_drawn,
+            plausible=self.drawn_weight.plausible,
+            is_drawn=self.drawn_weight.is_drawn,
         )
 
     def explains_weight(self, held_out: Trial) -> bool:
         """Return whether a fit explains the torques of all joints that carry weight."""
-        if self.weighing is None or not self.weighing.is_visible:
+        if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return False
-        return bool(np.all(held_out.residual_share[self.weighing.drawn > 0.0] < EXPLAINED_SHARE))
+        return bool(
+            np.all(held_out.residual_share[self.drawn_weight.drawn > 0.0] < EXPLAINED_SHARE)
+        )
 
     def holds_up(self, mistake: Mistake, torque: FloatArray) -> bool:
         """Return whether torques hold up the arm that the drawings know, a mistake undone.
@@ -180,17 +182,17 @@ class Condensed:
         Of one unit of all torques the weight of the whole arm must be plausible, of other mistakes
         roughly what each of their joints carries.
         """
-        if self.weighing is None or not self.weighing.is_visible:
+        if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return True
         values, _ = self._fit(self.products.sum(axis=0), torque)
-        low, high = self.weighing.plausible
+        low, high = self.drawn_weight.plausible
         if mistake.kind is Kind.TORQUE_UNIT:
-            return low <= self.weighing.share(values) <= high
-        shares = self.weighing.shares(values)[list(mistake.changed)]
+            return low <= self.drawn_weight.share(values) <= high
+        shares = self.drawn_weight.shares(values)[list(mistake.changed)]
         return not bool(np.any((shares < low / HOLDS_TIMES) | (shares > HOLDS_TIMES * high)))
 
     def _weight(self, values: FloatArray) -> float:
-        return math.nan if self.weighing is None else self.weighing.share(values)
+        return math.nan if self.drawn_weight is None else self.drawn_weight.share(values)
 
     def _fit(self, products: FloatArray, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parameters of least squares, and the joints' squared torques."""

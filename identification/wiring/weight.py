@@ -1,4 +1,4 @@
-"""`Weighing`: how heavy a fit makes the arm, as a share of what its drawings or its size say.
+"""`DrawnWeight`: how heavy a fit makes the arm, as a share of what its drawings or its size say.
 
 Torques in another unit, or without gravity, fit a robot that is too light or too heavy by the same
 factor just as well: the drawings decide.
@@ -67,7 +67,7 @@ class ArmWeight:
 
 
 @dataclass(frozen=True, eq=False)
-class Weighing:
+class DrawnWeight:
     """Gravity's torque by a fit and by the drawings, projected on the latter.
 
     Attributes
@@ -88,7 +88,7 @@ class Weighing:
     is_drawn: bool
 
     @classmethod
-    def of(cls, signals: WiredSignals, model: RobotModel) -> Weighing:
+    def of(cls, signals: WiredSignals, model: RobotModel) -> DrawnWeight:
         """Compute the drawn arm's gravity torques along the recordings."""
         robot = signals.robot
         if not robot.is_drawn:

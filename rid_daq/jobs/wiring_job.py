@@ -17,7 +17,7 @@ from identification.wiring.signals import WiredSignals
 from identification.wiring.weight import ArmWeight
 from rid_daq.jobs.identification_job import EstimationRequest, signals_of
 from rid_daq.report.formats import number
-from rid_daq.report.sections.estimate import (
+from rid_daq.report.mistake_entry import (
     ArmWeightEntry,
     Explanation,
     MistakeEntry,

@@ -112,7 +112,7 @@ def test_torques_without_gravity_are_found(arm: WiredSignals) -> None:
 def _fitted(signals: WiredSignals) -> FloatArray:
     phi = regressor(plain_model(signals), *signals.joints())
     columns, torque_nm = phi.reshape(-1, phi.shape[2]), signals.torque_nm.reshape(-1)
-    return np.asarray(np.linalg.lstsq(columns, torque_nm, rcond=1e-8)[0])
+    return np.asarray(np.linalg.lstsq(columns, torque_nm, rcond=1e-8)[0], dtype=np.float64)
 
 
 @pytest.mark.parametrize("unit", range(5))

@@ -189,3 +189,24 @@ def test_a_mistake_is_refused_or_named(name: str, sound: Sound, tmp_path: Path) 
     refused, named = tell(made.stated, tmp_path)
     joints = tuple(sound.robot.joint_names[j] for j in made.joints)
     assert refused or any((kind, joints) in named for kind in made.kinds)
+
+
+def test_what_no_robot_does_ends_with_exit_code_6_though_it_fits(
+    tmp_path: Path, sound: Sound, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All torques reversed fit an arm of negative mass, driven by its friction."""
+    table = np.column_stack([sound.time_s, sound.position, -sound.torque_nm])
+    np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
+    (tmp_path / "map.yaml").write_text(MAP.format(*RIGHT))
+    runs = ["--runs", str(tmp_path / "runs"), "--json"]
+    files = [str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
+    assert run(["import", *files, *runs]) == 0
+    folder = json.loads(capsys.readouterr().out)["folder"]
+    for options, kinds in (([], ["torque sign"]), (["--no-diagnose"], None)):
+        assert run(["identify", folder, *runs, *options]) == 6
+        estimate = json.loads(capsys.readouterr().out)["estimate"]
+        assert [axis["grade"] for axis in estimate["axes"]] == ["good"] * 3
+        assert estimate["driving"] == ["axis1", "axis2", "axis3"]
+        assert estimate["arm_weight"]["share"] < 0.0
+        told = estimate.get("mistakes")
+        assert (told and [each["kind"] for each in told]) == kinds

@@ -1,0 +1,100 @@
+"""`MistakeEntry`: a mistake of wiring, units or files, and the lines to change."""
+
+from __future__ import annotations
+
+from identification.wiring.mistakes import Kind
+from rid_daq.report.sections.section import Numbers, Section, Texts
+
+
+class PlaceToChange(Section):
+    """A line of a file that says what does not hold.
+
+    Attributes
+    ----------
+    file, line : str, int
+        Where the key stands, or where what it belongs to begins.
+    key : str
+        The key.
+    stated : bool
+        Whether it stands there; else it is to be added.
+    text : str or None
+        What the line says; left out where it is to be added, or the file has changed since the run.
+    remark : str
+        What a person should know of the file, such as that it has changed since the run.
+    words : str
+        All that as one line.
+    """
+
+    file: str
+    line: int
+    key: str
+    stated: bool
+    remark: str
+    words: str
+    text: str | None = None
+
+
+class Explanation(Section):
+    """What may be wrong, and what to change then.
+
+    Attributes
+    ----------
+    kind : Kind
+        What is wrong.
+    joints : tuple of str
+        Of which joints; none where all are meant.
+    factor : float
+        What the stated numbers must be multiplied with, or have added [rad] where a zero position
+        is wrong.
+    words : str
+        What is wrong, in words.
+    change : tuple of str
+        The keys to change, file by file.
+    places : tuple of PlaceToChange
+        The lines that they stand in; left out by versions that did not look for them.
+    """
+
+    kind: Kind
+    joints: Texts
+    factor: float
+    words: str
+    change: Texts
+    places: tuple[PlaceToChange, ...] | None = None
+
+
+class MistakeEntry(Explanation):
+    """The best explanation, and what explains the data as well.
+
+    Attributes
+    ----------
+    times_better : float
+        By which factor the residual falls where it falls most.
+    sentence : str
+        The finding in words.
+    alternatives : tuple of Explanation
+        What else would explain the data as well.
+    """
+
+    times_better: float
+    sentence: str
+    alternatives: tuple[Explanation, ...]
+
+
+class ArmWeightEntry(Section):
+    """Gravity's torque by the fit, over that of the arm as drawn.
+
+    Attributes
+    ----------
+    share, std : float
+        The ratio, and its standard deviation.
+    plausible : tuple of float
+        Its smallest and largest value that a real arm has.
+    is_drawn, is_plausible : bool
+        True if `cad` says the weight and not the arm's size alone; true if the ratio is possible.
+    """
+
+    share: float
+    std: float
+    plausible: Numbers
+    is_drawn: bool
+    is_plausible: bool
