@@ -27,11 +27,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.catalogue import find_runs
 from benchmarks.judge_split import JudgeSplit, Piece, find_splits
 from dynamics.geometry.kinematics import Chain
-from identification.equations.deconvolution import without_torque_filter
+from identification.equations.deconvolution import smoothed_recording
 from rid_daq.runs.run_data import RunData
 
 PEER: Final = Path(__file__).with_name("judges_peer.py")
@@ -145,9 +145,7 @@ def inside(first: Way, second: Way) -> tuple[int, int]:
 def arrays(runs: Sequence[str], to: Path) -> Path:
     """Write the low-passed arrays of some runs for the peer; return the file."""
     data = [RunData.load(folder) for folder in find_runs(Path("runs"), runs)]
-    signals: list[SmoothedSignals] = [
-        smooth_nonperiodic(without_torque_filter(each.recording), BAND_HZ) for each in data
-    ]
+    signals: list[SmoothedSignals] = [smoothed_recording(each.recording, BAND_HZ) for each in data]
     robot = data[0].robot
     np.savez(
         to,

@@ -7,12 +7,19 @@ recording is cut in segments; nothing is invented inside a gap.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from acquisition.processing.unfiltered import (
+    UnfilteredSignals,
+    derived,
+    smoothed,
+    smoothing_width,
+)
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray, IntArray, freeze
 from config.errors import ConfigError, DataQualityError
@@ -47,6 +54,11 @@ class SmoothedSignals:
     torque_bandwidth_hz : float or None
         Where the torque was low-passed before it was recorded, where that is known: it holds less
         than the position then.
+    unfiltered : UnfilteredSignals or None
+        The same recording at its full rate before the low-pass; None of a mean period, which is
+        known below the cut-off only.
+    unfiltered_row : ndarray of int64, shape (samples,), or None
+        Each row's place in it.
     """
 
     joint_names: tuple[str, ...]
@@ -60,6 +72,8 @@ class SmoothedSignals:
     cutoff_hz: float
     temperature_k: FloatArray | None = None
     torque_bandwidth_hz: float | None = None
+    unfiltered: UnfilteredSignals | None = None
+    unfiltered_row: IntArray | None = None
 
     def __post_init__(self) -> None:
         freeze(self, DataQualityError, (None,), "time_s")
@@ -67,6 +81,7 @@ class SmoothedSignals:
         freeze(self, DataQualityError, table, "position", "velocity", "acceleration", "torque_nm")
         freeze(self, DataQualityError, table, "temperature_k")
         freeze(self, DataQualityError, (len(self),), "segment", dtype=np.int64)
+        freeze(self, DataQualityError, (len(self),), "unfiltered_row", dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -78,7 +93,6 @@ class _Segment(NamedTuple):
     velocity: FloatArray
     acceleration: FloatArray
     torque_nm: FloatArray
-    temperature_k: FloatArray
 
 
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
@@ -128,13 +142,16 @@ def _sections(cutoff: float) -> tuple[FloatArray, FloatArray]:
     return np.ascontiguousarray(sections), start
 
 
-def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignals:
+def smooth_nonperiodic(
+    recording: Recording, cutoff_hz: float, torque_limit_hz: float | None = None
+) -> SmoothedSignals:
     """Return a recording resampled from its time stamps, low-passed and differentiated.
 
     Rows that are not valid are left out. A gap of more than 5 median steps cuts the recording; of
     each segment 2 / `cutoff_hz` is left out at both ends, where the filter has no past or future,
     and a segment shorter than 6 / `cutoff_hz` is left out as a whole. Temperatures, which change
-    slowly and in the steps of their sensor, are interpolated by straight lines.
+    slowly and in the steps of their sensor, are interpolated by straight lines. The signals before
+    the low-pass are kept beside; see `UnfilteredSignals`.
 
     Parameters
     ----------
@@ -142,6 +159,8 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
         What was measured.
     cutoff_hz : float
         -3 dB frequency of the zero-phase low-pass, for position and torque alike [Hz].
+    torque_limit_hz : float, optional
+        Where the unfiltered torque is low-passed all the same: nothing above it is known.
 
     Raises
     ------
@@ -159,46 +178,63 @@ def smooth_nonperiodic(recording: Recording, cutoff_hz: float) -> SmoothedSignal
     torque = recording.torque_nm[recording.valid]
     step_s = float(np.median(np.diff(time_s)))
     cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
+    width_s = smoothing_width(position, step_s)
     segments: list[_Segment] = []
+    rough: list[_Segment] = []
+    inner: list[IntArray] = []
     for rows in np.split(np.arange(len(time_s)), cuts):
         stamps = time_s[rows]
         if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
             continue
         grid = np.arange(stamps[0], stamps[-1], step_s)
-        inner = slice(edge := int(np.ceil(2.0 / (cutoff_hz * step_s))), len(grid) - edge)
-        smooth_position, smooth_torque = (
-            low_pass(interpolate.CubicSpline(stamps, values[rows])(grid), step_s, cutoff_hz)
-            for values in (position, torque)
+        edge = int(np.ceil(2.0 / (cutoff_hz * step_s)))
+        kept = np.arange(edge, len(grid) - edge)
+        raw_position, raw_torque = (
+            interpolate.CubicSpline(stamps, values[rows])(grid) for values in (position, torque)
         )
-        path = interpolate.make_interp_spline(grid, smooth_position, k=5)
-        segments.append(
-            _Segment(
-                grid[inner],
-                smooth_position[inner],
-                np.asarray(path.derivative(1)(grid[inner])),
-                np.asarray(path.derivative(2)(grid[inner])),
-                smooth_torque[inner],
-                _temperature_at(recording, grid[inner]),
-            )
-        )
+        inner.append(kept + sum(len(piece.time_s) for piece in rough))
+        motion = (raw_position, *derived(raw_position, step_s))
+        if torque_limit_hz is not None:
+            raw_torque = low_pass(raw_torque, step_s, torque_limit_hz)
+        signals = (smoothed(values, step_s, width_s) for values in (*motion, raw_torque))
+        rough.append(_Segment(grid, *signals))
+        smooth_position = low_pass(raw_position, step_s, cutoff_hz)
+        motion = (smooth_position, *derived(smooth_position, step_s))
+        signals = (values[kept] for values in (*motion, low_pass(raw_torque, step_s, cutoff_hz)))
+        segments.append(_Segment(grid[kept], *signals))
     if not segments:
         raise DataQualityError(
             f"no stretch of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
             f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording"
         )
-    joined = _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))
+    joined = _joined(segments)
     return SmoothedSignals(
         joint_names=recording.joint_names,
-        time_s=joined.time_s,
-        position=joined.position,
-        velocity=joined.velocity,
-        acceleration=joined.acceleration,
-        torque_nm=joined.torque_nm,
-        segment=np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments]),
+        **joined._asdict(),
+        segment=_numbers(segments),
         sample_period_s=step_s,
         cutoff_hz=cutoff_hz,
-        temperature_k=None if recording.temperature_k is None else joined.temperature_k,
+        temperature_k=(
+            None if recording.temperature_k is None else _temperature_at(recording, joined.time_s)
+        ),
+        unfiltered=UnfilteredSignals(
+            **_joined(rough)._asdict(),
+            segment=_numbers(rough),
+            sample_period_s=step_s,
+            smoothing_s=width_s,
+            torque_limit_hz=torque_limit_hz,
+        ),
+        unfiltered_row=np.concatenate(inner),
     )
+
+
+def _joined(segments: Sequence[_Segment]) -> _Segment:
+    return _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))
+
+
+def _numbers(segments: Sequence[_Segment]) -> IntArray:
+    """Return each row's segment."""
+    return np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments])
 
 
 def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
 from config.arrays import FloatArray
@@ -19,6 +20,27 @@ from config.errors import EstimationError
 
 MARGIN_PERIODS = 40.0
 SMALLEST_GAIN = 1e-3
+HIGHEST_SHARE = 0.44
+"""Of the sampling frequency: the highest cut-off of a low-pass."""
+
+
+def smoothed_recording(recording: Recording, cutoff_hz: float) -> SmoothedSignals:
+    """Return a recording as `smooth_nonperiodic` does, an anti-alias filter divided out first.
+
+    Raises
+    ------
+    ConfigError
+        The cut-off does not fit the sampling.
+    DataQualityError
+        No segment is long enough.
+    EstimationError
+        The torques passed a filter and the stamps are not uniform.
+    """
+    limit_hz = None
+    if recording.torque_filter is not None and recording.sample_period_s is not None:
+        highest_hz = HIGHEST_SHARE / recording.sample_period_s
+        limit_hz = min(max(recording.torque_filter.cutoff_hz, cutoff_hz), highest_hz)
+    return smooth_nonperiodic(without_torque_filter(recording), cutoff_hz, limit_hz)
 
 
 def without_torque_filter(recording: Recording) -> Recording:

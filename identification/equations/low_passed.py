@@ -7,17 +7,17 @@ remembers, and the slopes. All others are computed and low-passed the first time
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals, low_pass
-from config.arrays import BoolArray, FloatArray
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import BoolArray, FloatArray, IntArray
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
+from identification.equations.parallel_filter import ParallelFilter
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import (
     changing_columns,
@@ -25,8 +25,6 @@ from identification.model.torque_columns import (
     torque_columns,
 )
 
-FILTER_REACH: Final = 3.0
-"""Periods of the cut-off after which the low-pass has forgotten where a block began."""
 MOST_BYTES: Final = 2**27
 """Of a recording's columns that are kept; those of later blocks are computed every time."""
 
@@ -72,7 +70,7 @@ class LowPassedColumns:
     signals : SmoothedSignals
         The recording.
     conditions : Conditions
-        Its circumstances, memory included.
+        Its circumstances, memory included; of the unfiltered rows if there are any.
     kept : KeptColumns
         Of this recording under these circumstances, memory aside.
     """
@@ -86,13 +84,8 @@ class LowPassedColumns:
 
     def of(self, rows: slice, stride: int) -> FloatArray:
         """Return every `stride`-th of some rows of one segment, as `torque_columns` has them."""
-        signals = self.signals
-        segment = signals.segment[rows.start] + np.array([0, 1])
-        first, end = np.searchsorted(signals.segment, segment)
-        cutoff_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
-        reach = math.ceil(FILTER_REACH / (cutoff_hz * signals.sample_period_s))
-        wide = slice(max(int(first), rows.start - reach), min(int(end), rows.stop + reach))
-        inner = slice(rows.start - wide.start, rows.stop - wide.start, stride)
+        shared = ParallelFilter(self.signals)
+        wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
         changing = changing_columns(self.model, self.base)
         if changing is None:
             return _put_together(*self._filtered(self.unfiltered(wide), inner))
@@ -106,7 +99,7 @@ class LowPassedColumns:
         else:
             block = self.kept.blocks[place]
         moving = changing_torque_columns(
-            self.model, self.base, self._motion(wide), self.conditions.part(wide), self.standard
+            self.model, self.base, shared.motion(wide), self.conditions.part(wide), self.standard
         )
         count = int(np.count_nonzero(changing))
         slopes = moving.shape[2] - count
@@ -117,22 +110,17 @@ class LowPassedColumns:
         out[:, :, len(self.base) :] = rest[:, :, count:]
         return out
 
-    def _motion(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-        signals = self.signals
-        return signals.position[rows], signals.velocity[rows], signals.acceleration[rows]
-
     def unfiltered(self, rows: slice, *, linear: bool = False) -> FloatArray:
-        """Return `torque_columns` of some rows as they are, without slopes if `linear`."""
+        """Return `torque_columns` of rows of the source as they are, without slopes if `linear`."""
         conditions = self.conditions.part(rows)
         standard = None if linear else self.standard
-        return torque_columns(self.model, self.base, self._motion(rows), conditions, standard)
+        motion = ParallelFilter(self.signals).motion(rows)
+        return torque_columns(self.model, self.base, motion, conditions, standard)
 
-    def _filtered(self, columns: FloatArray, inner: slice) -> tuple[BoolArray, FloatArray]:
+    def _filtered(self, columns: FloatArray, inner: IntArray) -> tuple[BoolArray, FloatArray]:
         """Return which columns are not zero, (n, any), and some rows of those, low-passed."""
-        signals = self.signals
-        cutoff_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
         seen: BoolArray = np.any(columns, axis=0)
-        return seen, low_pass(columns[:, seen], signals.sample_period_s, cutoff_hz)[inner].copy()
+        return seen, ParallelFilter(self.signals).columns(columns[:, seen], inner)
 
 
 def _put_together(seen: BoolArray, values: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -12,11 +11,11 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.model.memory import counted, presliding, sliding, with_memory
+from dynamics.model.memory import presliding, with_memory
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
 from identification.equations.low_passed import KeptColumns, LowPassedColumns
+from identification.equations.parallel_filter import ParallelFilter
 from identification.equations.segments import thinning
 from identification.model.base_parameters import BaseParameters
 
@@ -58,6 +57,8 @@ class TimeBlock:
         Where it moves fast enough.
     event : ndarray of int64, shape (rows,)
         Which stretch of time a row belongs to, counted over all recordings from 0.
+    time_s : ndarray, shape (rows,)
+        When it was measured [s].
     """
 
     columns: FloatArray
@@ -65,6 +66,7 @@ class TimeBlock:
     use: BoolArray
     moving: BoolArray
     event: IntArray
+    time_s: FloatArray
 
 
 def time_runs(
@@ -106,12 +108,13 @@ def time_blocks(
 ) -> Iterator[TimeBlock]:
     """Yield the equations of some recordings; `standard` as in `torque_columns`.
 
-    Where friction has memory the rows at rest and at reversal count, at which the model's torque
-    changes faster than the low-passed measurement can: then the columns are low-passed alike, as
-    they are with `low_passed`, and where the torque's own bandwidth is known. Of a pause only the
-    rows within a period of the cut-off from motion count: what follows is the same value again,
-    for as long as the pause lasts. Rows that say nothing more are left out of low-passed
-    equations: 8 in a period of the cut-off hold all of it.
+    Columns and torque of a recording pass the same filter (`UnfilteredSignals`), and 8 rows in a
+    period of the cut-off hold all of it. A mean period has its columns low-passed with
+    `low_passed`, if its torque's own bandwidth is known, and if friction has memory.
+
+    A joint's rows within the filter's reach of standstill or reversal are left out, at which
+    nobody knows its friction. If friction has memory they count, but of a pause only those within
+    a period of the cut-off from motion: what follows is the same value again.
 
     With `sliding_alone` only those rows count that a period of the lowest cut-off parts from any at
     which not all of the joint slides: what friction does there, low-passed, rings no further.
@@ -120,52 +123,42 @@ def time_blocks(
     for run in runs:
         signals, event = run.signals, run.event + first_event
         first_event = int(event[-1]) + 1
-        whole = with_memory(model, signals.position, run.conditions, signals.segment)
+        shared = ParallelFilter(signals)
+        source = shared.source
+        own = shared.conditions(run.conditions)
+        whole = with_memory(model, source.position, own, source.segment)
         narrowed = LowPassedColumns(model, base, signals, whole, standard, run.kept)
-        moves = moving(model, signals.velocity, standstill_rad_s)
-        if sliding_alone:
-            lowest_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
-            use = ~_near(~sliding(whole, moves), signals, lowest_hz)
-        else:
-            use = counted(whole, moves) & _near(moves, signals, signals.cutoff_hz)
+        use, moves = shared.usable(model, whole, standstill_rad_s, sliding_alone=sliding_alone)
         stride = thinning(signals)
+        filtered = low_passed or _always_filtered(model, signals)
         for rows in _blocks(signals.segment):
-            narrow = signals.torque_bandwidth_hz is not None
-            if low_passed or narrow or whole.memory is not None:
+            if filtered:
                 columns = narrowed.of(rows, stride)
                 rows = slice(rows.start, rows.stop, stride)
             else:
                 columns = narrowed.unfiltered(rows)
             yield TimeBlock(
                 columns=columns,
-                rhs=signals.torque_nm[rows],
+                rhs=shared.torque(np.arange(len(signals))[rows]),
                 use=use[rows],
                 moving=moves[rows],
                 event=event[rows],
+                time_s=signals.time_s[rows],
             )
 
 
 def rows_of(model: RobotModel, run: TimeRun) -> int:
     """Return how many rows of a recording `time_blocks` yields."""
     signals = run.signals
-    if signals.torque_bandwidth_hz is None and not presliding(model):
+    if not _always_filtered(model, signals):
         return len(signals)
     stride = thinning(signals)
     return sum(-(-(rows.stop - rows.start) // stride) for rows in _blocks(signals.segment))
 
 
-def _near(those: BoolArray, signals: SmoothedSignals, cutoff_hz: float) -> BoolArray:
-    """Return which rows are within a period of a cut-off from one of those, (samples, n)."""
-    reach = math.ceil(1.0 / (cutoff_hz * signals.sample_period_s))
-    near = np.zeros_like(those)
-    edges = (np.flatnonzero(np.diff(signals.segment)) + 1).tolist()
-    for first, end in pairwise([0, *edges, len(those)]):
-        rows = np.arange(end - first)
-        before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, end - first)
-        for j in range(those.shape[1]):  # counts of all joints at once would be the largest array
-            counts = np.concatenate([[0], np.cumsum(those[first:end, j])])
-            near[first:end, j] = counts[after] > counts[before]
-    return near
+def _always_filtered(model: RobotModel, signals: SmoothedSignals) -> bool:
+    narrow = signals.torque_bandwidth_hz is not None
+    return narrow or signals.unfiltered is not None or bool(presliding(model))
 
 
 def _blocks(segment: IntArray) -> Iterator[slice]:

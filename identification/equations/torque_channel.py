@@ -12,7 +12,7 @@ import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
-from config.arrays import FloatArray, freeze
+from config.arrays import FloatArray, IntArray, freeze
 from config.errors import EstimationError
 
 
@@ -56,19 +56,32 @@ class TorqueChannel:
         signals : SmoothedSignals
             As they were recorded.
         """
-        from scipy.interpolate import CubicSpline  # large, and few recordings need it
-
-        torque = signals.torque_nm.copy()
-        for number in np.unique(signals.segment):
-            rows = signals.segment == number
-            time_s = signals.time_s[rows]
-            for j in np.flatnonzero(self.delay_s):
-                at = np.clip(time_s + self.delay_s[j], time_s[0], time_s[-1])
-                torque[rows, j] = CubicSpline(time_s, torque[rows, j])(at)
         bandwidth_hz = self.bandwidth_hz
         if bandwidth_hz is not None and bandwidth_hz >= signals.cutoff_hz:
             bandwidth_hz = None
-        return replace(signals, torque_nm=torque, torque_bandwidth_hz=bandwidth_hz)
+        source = signals.unfiltered
+        if source is not None:
+            torque_nm = self._shifted(source.time_s, source.torque_nm, source.segment)
+            source = replace(source, torque_nm=torque_nm)
+        return replace(
+            signals,
+            torque_nm=self._shifted(signals.time_s, signals.torque_nm, signals.segment),
+            torque_bandwidth_hz=bandwidth_hz,
+            unfiltered=source,
+        )
+
+    def _shifted(self, time_s: FloatArray, torque_nm: FloatArray, segment: IntArray) -> FloatArray:
+        """Return torques (samples, n) as they were a delay later."""
+        from scipy.interpolate import CubicSpline  # large, and few recordings need it
+
+        torque = torque_nm.copy()
+        for number in np.unique(segment) if np.any(self.delay_s) else ():
+            rows = segment == number
+            own_s = time_s[rows]
+            for j in np.flatnonzero(self.delay_s):
+                at = np.clip(own_s + self.delay_s[j], own_s[0], own_s[-1])
+                torque[rows, j] = CubicSpline(own_s, torque[rows, j])(at)
+        return torque
 
     def undelayed_period(self, average: PeriodAverage) -> PeriodAverage:
         """Return a mean period whose torque is in time with the position.

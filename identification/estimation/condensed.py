@@ -14,12 +14,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray, IntArray
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
+from identification.equations.parallel_filter import ParallelFilter
 from identification.equations.time_domain import EVENT_S
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.nonlinear_parameters import step_prior
@@ -134,20 +134,17 @@ class CondensedRecordings:
         load = (loaded.model, loaded.standard_values)
         columns = CandidateColumns.of(rich, options.model)
         widths = [columns.width(j) for j in range(len(rich.joints))]
-        narrow = _low_passed(columns, parts, load)
         stretches: list[list[Triangle]] = []
         belongs: list[int] = []
         total_s = sum(len(part) * part.sample_period_s for part in parts)
         length_s = max(EVENT_S, total_s / MOST_STRETCHES)
         for number, part in enumerate(parts):
-            moving = moves(columns.rich, part.velocity, options.standstill_rad_s)
-            filtered = None if narrow is None else narrow[number]
+            shared = ParallelFilter(part)
+            conditions = shared.conditions(Conditions(temperature_k=part.temperature_k))
+            usable, _ = shared.usable(columns.rich, conditions, options.standstill_rad_s)
             for rows in _stretches(part, length_s):
-                if filtered is None:
-                    matrices = columns.rows(*_circumstances(part, rows), load)
-                else:
-                    matrices = [matrix[rows] for matrix in filtered]
-                use, torque = moving[rows], part.torque_nm[rows]
+                matrices = _rows(columns, shared, conditions, rows, load)
+                use, torque = usable[rows], shared.torque(np.arange(rows.start, rows.stop))
                 stretches.append(
                     [
                         Triangle.empty(width).add(matrix[use[:, j]], torque[use[:, j], j])
@@ -295,35 +292,20 @@ def _stretches(part: SmoothedSignals, length_s: float) -> Iterator[slice]:
         yield slice(first, end)
 
 
-def _circumstances(
-    part: SmoothedSignals, rows: slice
-) -> tuple[tuple[FloatArray, FloatArray, FloatArray], Conditions]:
-    motion = (part.position[rows], part.velocity[rows], part.acceleration[rows])
-    return motion, Conditions(temperature_k=part.temperature_k).part(rows)
-
-
-def _low_passed(
+def _rows(
     columns: CandidateColumns,
-    parts: Sequence[SmoothedSignals],
+    shared: ParallelFilter,
+    conditions: Conditions,
+    rows: slice,
     load: tuple[RobotModel, FloatArray],
-) -> list[list[FloatArray]] | None:
-    """Return each part's columns low-passed as the torque was recorded; None where it was not.
-
-    Parts are cut out of recordings: the low-pass reaches over the cuts, but not over gaps.
-    """
-    bandwidth_hz, step_s = parts[0].torque_bandwidth_hz, parts[0].sample_period_s
-    if bandwidth_hz is None:
-        return None
-    every = [columns.rows(*_circumstances(part, slice(None)), load) for part in parts]
-    stamps = np.concatenate([part.time_s for part in parts])
-    gaps = np.flatnonzero(np.abs(np.diff(stamps) - step_s) > 0.5 * step_s) + 1
-    ends = np.cumsum([len(part) for part in parts])[:-1]
-    joined = []
-    for of_joint in zip(*every, strict=True):
-        pieces = np.split(np.concatenate(of_joint), gaps)
-        whole = np.concatenate([low_pass(piece, step_s, bandwidth_hz) for piece in pieces])
-        joined.append(np.split(whole, ends))
-    return [list(of_part) for of_part in zip(*joined, strict=True)]
+) -> list[FloatArray]:
+    """Return every joint's columns of some rows, filtered as their torque is, each (rows, any)."""
+    signals = shared.signals
+    if signals.unfiltered is None and signals.torque_bandwidth_hz is None:
+        return columns.rows(shared.motion(rows), conditions.part(rows), load)
+    wide, places = shared.window(np.arange(rows.start, rows.stop))
+    own = columns.rows(shared.motion(wide), conditions.part(wide), load)
+    return [shared.columns(matrix, places) for matrix in own]
 
 
 def _joined(parts: Sequence[Sequence[Triangle]]) -> tuple[Triangle, ...]:

@@ -93,11 +93,8 @@ class RunningEstimate:
         """
         structure = torque_structure(self.model, self.base, slopes=False)
         stretches = dict(self.stretches)
-        start = 0
         for block in time_blocks(self.model, self.base, [run], self.standstill_rad_s):
-            time_s = run.signals.time_s[start : start + len(block.rhs)]
-            start += len(block.rhs)
-            second = np.floor(time_s / EVENT_S).astype(int)
+            second = np.floor(block.time_s / EVENT_S).astype(int)
             for key in np.unique(second):
                 rows = np.flatnonzero(second == key)
                 known = stretches.get(int(key)) or _nothing(len(self.base), structure)

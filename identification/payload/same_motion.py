@@ -62,6 +62,8 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
         torque_nm=loaded.torque_nm[there] - without,
         segment=loaded.segment[there],
         temperature_k=None if loaded.temperature_k is None else loaded.temperature_k[there],
+        unfiltered=None,  # a difference of torques without friction: no column has a jump
+        unfiltered_row=None,
     )
 
 

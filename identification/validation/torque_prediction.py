@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
@@ -15,7 +15,7 @@ from dynamics.model.memory import presliding, with_memory
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
-from identification.equations.deconvolution import without_torque_filter
+from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.estimate import Estimate, predict
 from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
@@ -170,7 +170,7 @@ def validate(
             f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
             f" {', '.join(names)}: use a model of this robot"
         )
-    signals = smooth_nonperiodic(without_torque_filter(recording), cutoff_hz)
+    signals = smoothed_recording(recording, cutoff_hz)
     if estimate.channel is not None:
         signals = estimate.channel.undelayed(signals)
     if estimate.warming is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast, get_args
 
 from acquisition.processing.periods import PeriodAverage
-from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from acquisition.processing.smoothing import SmoothedSignals
 from config.errors import ConfigError
 from config.ranges import Ranged
 from config.robot.friction_terms import FrictionTerm
@@ -18,7 +18,7 @@ from identification.calibration.drive_gains import DriveGains, drive_gains
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
 from identification.equations.bus_delay import without_implausible
-from identification.equations.deconvolution import without_torque_filter
+from identification.equations.deconvolution import smoothed_recording
 from identification.equations.segments import period_signals
 from identification.equations.time_domain import time_runs
 from identification.equations.torque_channel import TorqueChannel
@@ -272,10 +272,7 @@ def signals_of(
     if data[0].is_periodic:
         averages = averages_of(data, channel)
         return [period_signals(average, how.options.band_hz) for average in averages]
-    signals = [
-        smooth_nonperiodic(without_torque_filter(item.recording), how.options.band_hz)
-        for item in data
-    ]
+    signals = [smoothed_recording(item.recording, how.options.band_hz) for item in data]
     return signals if channel is None else [channel.undelayed(each) for each in signals]
 
 

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from acquisition.processing.periods import PeriodAverage
-from acquisition.processing.smoothing import smooth_nonperiodic
 from config.errors import ConfigError, EstimationError
 from config.formats.number import parse_number
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
-from identification.equations.deconvolution import without_torque_filter
+from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.options import EstimationOptions
 from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
@@ -85,10 +84,7 @@ def payload_runs(
     model = payload_request.how.robot
     if data[0].is_periodic and not payload_request.only_in_time:
         return periodic_runs([item.average for item in data], loaded, payload_request)
-    signals = [
-        smooth_nonperiodic(without_torque_filter(item.recording), payload_request.band_hz)
-        for item in data
-    ]
+    signals = [smoothed_recording(item.recording, payload_request.band_hz) for item in data]
     if model is not None and model.channel is not None:
         signals = [model.channel.undelayed(each) for each in signals]
     if model is not None and model.warming is not None:

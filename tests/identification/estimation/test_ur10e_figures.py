@@ -1,6 +1,6 @@
-"""The UR10e's figures stay what they were in version 0.1: no change of the code moves them.
+"""The UR10e's figures stay what they are: a change of the code moves them only on purpose.
 
-Its positions are those that were recorded; version 0.1 did not look between their steps.
+Its positions are those that were recorded, without a look between their steps.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def ur10e() -> RobotDescription:
 
 
 def keeps(name: str, **found: object) -> None:
-    """Hold figures against those of version 0.1, each relative to the largest of its kind."""
+    """Hold figures against the known ones, each relative to the largest of its kind."""
     for kind, values in found.items():
         before = np.array(FIGURES[name][kind], dtype=float)
         size = np.abs(before).max(initial=0.0)

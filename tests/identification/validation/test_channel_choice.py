@@ -27,7 +27,15 @@ from identification.validation.friction_selection import CLASSICAL, choose_frict
 from identification.validation.presliding_choice import with_presliding as with_distances
 from tests.builders import late_torque
 from tests.builders.late_torque import FOUND_M, MOTION, robot_of
-from tests.builders.remembering_arm import STEP_S, arm, motion, recording, with_presliding
+from tests.builders.remembering_arm import (
+    CUTOFF_HZ,
+    STEP_S,
+    arm,
+    measured,
+    motion,
+    recording,
+    with_presliding,
+)
 from tests.identification.conftest import CYCLE_S
 
 BANDWIDTH_HZ = 2.5
@@ -46,8 +54,9 @@ def late(signals: SmoothedSignals, delay_s: FloatArray) -> SmoothedSignals:
 @pytest.fixture(scope="module")
 def narrow() -> SmoothedSignals:
     """A torque that was low-passed long before it was recorded."""
-    signals = recording({}, WAY)
-    return replace(signals, torque_nm=low_pass(signals.torque_nm, STEP_S, BANDWIDTH_HZ))
+    whole = measured({}, WAY)
+    torque = low_pass(whole.torque_nm, STEP_S, BANDWIDTH_HZ)
+    return smooth_nonperiodic(replace(whole, torque_nm=torque), CUTOFF_HZ)
 
 
 def test_a_bandwidth_below_the_cut_off_is_found(narrow: SmoothedSignals) -> None:

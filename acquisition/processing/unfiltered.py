@@ -1,0 +1,188 @@
+"""`UnfilteredSignals`: motion and torque of a recording at its full rate, before the low-pass.
+
+A torque that was low-passed is explained by columns that passed the same filter, and by no others:
+tau = X(q, v, a) theta gives h * tau = (h * X) theta for every linear filter h, but the sign of a
+low-passed velocity is not the low-passed sign (parallel filtering). The columns are therefore
+computed from these signals and pass, together with the torque, one filter of finite reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray, freeze
+from config.errors import DataQualityError
+
+WINDOW_PERIODS: Final = 0.72
+"""Length of the filter's window in periods of its cut-off: -3 dB at the cut-off."""
+SLOW_RAD_S: Final = 0.02
+"""Speed at which an encoder's steps must not look like motion [rad/s or m/s]."""
+WIDTH_STEPS: Final = 1.6
+"""Width of the smoothing in the time that one encoder step takes at that speed."""
+WIDEST_SMOOTHING_S: Final = 8e-3
+"""Largest standard deviation of the smoothing [s]."""
+SMOOTHING_REACH: Final = 4.0
+"""Reach of the smoothing in its standard deviations."""
+NOISE_DIFFERENCES: Final = 6
+"""Order of the differences that show a position's noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnfilteredSignals:
+    """Motion and torque on a uniform time base.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (samples,)
+        Uniform within a segment [s].
+    position, velocity, acceleration : ndarray, shape (samples, joints)
+        rad or m, and per second, per second squared.
+    torque_nm : ndarray, shape (samples, joints)
+        Torque [N m or N].
+    segment : ndarray of int64, shape (samples,)
+        Number of the segment that a row belongs to.
+    sample_period_s : float
+        Time between rows of a segment [s].
+    smoothing_s : float
+        Standard deviation of the Gaussian that all signals passed because the encoder is coarse
+        [s]; 0 if there was none.
+    torque_limit_hz : float or None
+        Where the torque was low-passed all the same, because nothing above it is known.
+    """
+
+    time_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque_nm: FloatArray
+    segment: IntArray
+    sample_period_s: float
+    smoothing_s: float = 0.0
+    torque_limit_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, DataQualityError, (None,), "time_s")
+        table = (len(self.time_s), self.position.shape[1])
+        freeze(self, DataQualityError, table, "position", "velocity", "acceleration", "torque_nm")
+        freeze(self, DataQualityError, (len(self.time_s),), "segment", dtype=np.int64)
+
+    def reach(self, cutoff_hz: float) -> int:
+        """Return over how many rows to either side smoothing and window spread a jump."""
+        smoothing = round(SMOOTHING_REACH * self.smoothing_s / self.sample_period_s)
+        return window_reach(self.sample_period_s, cutoff_hz) + smoothing
+
+
+def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return velocity and acceleration of a quintic spline through uniform rows.
+
+    Parameters
+    ----------
+    position : ndarray, shape (samples, joints)
+        Position.
+    step_s : float
+        Time between rows [s].
+    """
+    from scipy import interpolate  # large, and periodic runs do without
+
+    time_s = np.arange(len(position)) * step_s
+    path = interpolate.make_interp_spline(time_s, position, k=5)
+    return np.asarray(path(time_s, 1)), np.asarray(path(time_s, 2))
+
+
+def smoothing_width(position: FloatArray, step_s: float) -> float:
+    """Return how wide a Gaussian makes a position fit to tell the sign of its velocity [s].
+
+    One standard deviation of it is the time that an encoder step takes at the lowest speed that
+    counts. 0 if that is shorter than a row or the rows are too far apart for any smoothing.
+
+    Parameters
+    ----------
+    position : ndarray, shape (samples, joints)
+        Positions as they were recorded.
+    step_s : float
+        Time between rows [s].
+    """
+    step = max(max(_resolution(own), np.sqrt(12.0) * _noise(own)) for own in position.T)
+    width_s = min(WIDTH_STEPS * float(step) / SLOW_RAD_S, WIDEST_SMOOTHING_S)
+    return width_s if width_s > step_s else 0.0
+
+
+def smoothed(values: FloatArray, step_s: float, width_s: float) -> FloatArray:
+    """Return uniform rows convolved with a Gaussian of a standard deviation [s]."""
+    if width_s == 0.0:
+        return values
+    from scipy import ndimage
+
+    return np.asarray(
+        ndimage.gaussian_filter1d(
+            values, width_s / step_s, axis=0, mode="nearest", truncate=SMOOTHING_REACH
+        )
+    )
+
+
+def window_reach(step_s: float, cutoff_hz: float) -> int:
+    """Return how many rows to either side the window of `window_mean` takes in."""
+    return max(1, round(0.5 * WINDOW_PERIODS / (cutoff_hz * step_s)))
+
+
+def window_mean(values: FloatArray, rows: IntArray, step_s: float, cutoff_hz: float) -> FloatArray:
+    """Return the mean of uniform values about some rows, weighted by a Hann window.
+
+    A low-pass without phase shift, -3 dB at the cut-off, whose reach is finite.
+
+    Parameters
+    ----------
+    values : ndarray, shape (samples, any)
+        Uniform rows.
+    rows : ndarray of int64, shape (wanted,)
+        Which rows are wanted; rows beyond an end of the values count as the row at that end.
+    step_s : float
+        Time between rows [s].
+    cutoff_hz : float
+        -3 dB frequency [Hz].
+    """
+    from scipy import sparse
+
+    half = window_reach(step_s, cutoff_hz)
+    offset = np.arange(-half, half + 1)
+    weight = np.cos(0.5 * np.pi * offset / (half + 1)) ** 2
+    weight /= weight.sum()
+    taken = np.clip(rows[:, np.newaxis] + offset, 0, len(values) - 1)
+    mean = sparse.csr_array(
+        (
+            np.tile(weight, len(rows)),
+            taken.ravel(),
+            np.arange(len(rows) + 1) * len(offset),
+        ),
+        shape=(len(rows), len(values)),
+    )
+    flat = np.ascontiguousarray(values).reshape(len(values), -1)
+    return np.asarray(mean @ flat).reshape(len(rows), *values.shape[1:])
+
+
+def _resolution(position: FloatArray) -> float:
+    """Return the step in which a position was recorded; 0 if it shows none."""
+    moved = np.abs(np.diff(position))
+    moved = moved[moved > 0.0]
+    if len(moved) == 0:
+        return 0.0
+    step = float(np.quantile(moved, 0.01))
+    off = np.abs(moved / step - np.round(moved / step))
+    return step if np.mean(off < 0.05) > 0.99 else 0.0
+
+
+def _noise(position: FloatArray) -> float:
+    """Return the standard deviation of a position's white noise, by its differences."""
+    if len(position) <= NOISE_DIFFERENCES:
+        return 0.0
+    moving = np.diff(position)[: 1 - NOISE_DIFFERENCES] != 0.0
+    rough = np.abs(np.diff(position, NOISE_DIFFERENCES))[moving]
+    if len(rough) == 0:
+        return 0.0
+    gain = 1.0
+    for k in range(NOISE_DIFFERENCES):  # sqrt of the binomial coefficient of 2k over k
+        gain *= (2 * NOISE_DIFFERENCES - k) / (NOISE_DIFFERENCES - k)
+    return float(np.median(rough)) / 0.6745 / float(np.sqrt(gain))

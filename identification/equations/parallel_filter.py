@@ -1,0 +1,163 @@
+"""`ParallelFilter`: the low-pass that a recording's torque and all columns of its model pass.
+
+tau = X(q, v, a) theta gives h * tau = (h * X) theta for every linear filter h. Columns of a
+recording are computed from its unfiltered signals (`UnfilteredSignals`); a mean period is known
+below its cut-off only, and so are its columns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
+from config.arrays import BoolArray, FloatArray, IntArray
+from dynamics.model.memory import counted, sliding
+from dynamics.model.robot_model import RobotModel
+from dynamics.model.standstill import moving
+from dynamics.terms.conditions import Conditions
+
+FILTER_REACH: Final = 3.0
+"""Periods of its cut-off after which a Butterworth low-pass has forgotten where a block began."""
+
+
+@dataclass(frozen=True, eq=False)
+class ParallelFilter:
+    """The filter of one recording or mean period.
+
+    Attributes
+    ----------
+    signals : SmoothedSignals
+        The recording, or a part of it.
+    """
+
+    signals: SmoothedSignals
+
+    @property
+    def source(self) -> SmoothedSignals | UnfilteredSignals:
+        """The signals that columns are computed from."""
+        return self.signals.unfiltered or self.signals
+
+    @property
+    def limit_hz(self) -> float | None:
+        """Cut-off of the Butterworth low-pass that columns pass; None if they pass none."""
+        signals = self.signals
+        if signals.unfiltered is None:
+            return signals.torque_bandwidth_hz or signals.cutoff_hz
+        limits = (signals.torque_bandwidth_hz, signals.unfiltered.torque_limit_hz)
+        return min((limit_hz for limit_hz in limits if limit_hz is not None), default=None)
+
+    def motion(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return q, v and a of some rows of the source."""
+        source = self.source
+        return source.position[rows], source.velocity[rows], source.acceleration[rows]
+
+    def conditions(self, own: Conditions) -> Conditions:
+        """Return conditions of the signals' rows as those of the source's rows."""
+        source = self.signals.unfiltered
+        if source is None or own.temperature_k is None or np.ndim(own.temperature_k) < 2:
+            return own
+        warmth = [
+            np.interp(source.time_s, self.signals.time_s, joint) for joint in own.temperature_k.T
+        ]
+        return Conditions(temperature_k=np.stack(warmth, axis=1), payload=own.payload)
+
+    def window(self, rows: IntArray) -> tuple[slice, IntArray]:
+        """Return the source's rows that the filter takes in, and the places of some rows in them.
+
+        Parameters
+        ----------
+        rows : ndarray of int64, shape (wanted,)
+            Ascending rows of the signals, of one segment.
+        """
+        source, wanted, reach = self.source, self._places(rows), 0
+        if (limit_hz := self.limit_hz) is not None:
+            reach = math.ceil(FILTER_REACH / (limit_hz * source.sample_period_s))
+        if self.signals.unfiltered is not None:
+            reach += window_reach(source.sample_period_s, self.signals.cutoff_hz)
+        number = int(source.segment[wanted[0]])
+        first, end = np.searchsorted(source.segment, [number, number + 1])
+        start = max(int(first), int(wanted[0]) - reach)
+        return slice(start, min(int(end), int(wanted[-1]) + reach + 1)), wanted - start
+
+    def columns(self, values: FloatArray, places: IntArray) -> FloatArray:
+        """Return columns (source rows, any) of a window filtered, at some places of it."""
+        step_s = self.source.sample_period_s
+        if (limit_hz := self.limit_hz) is not None:
+            values = low_pass(values, step_s, limit_hz)
+        if self.signals.unfiltered is None:
+            return values[places]
+        return window_mean(values, places, step_s, self.signals.cutoff_hz)
+
+    def torque(self, rows: IntArray) -> FloatArray:
+        """Return the torque of some rows as the columns are filtered, (rows, n) [N m or N]."""
+        source = self.signals.unfiltered
+        if source is None:
+            return self.signals.torque_nm[rows]
+        wide, places = self.window(rows)
+        cutoff_hz = self.signals.cutoff_hz
+        return window_mean(source.torque_nm[wide], places, source.sample_period_s, cutoff_hz)
+
+    def usable(
+        self,
+        model: RobotModel,
+        whole: Conditions,
+        standstill_rad_s: float,
+        *,
+        sliding_alone: bool = False,
+    ) -> tuple[BoolArray, BoolArray]:
+        """Return which rows of which joints count, and at which they move, each (samples, n).
+
+        Parameters
+        ----------
+        model : RobotModel
+            The robot.
+        whole : Conditions
+            Of the source's rows, with what friction remembers.
+        standstill_rad_s : float
+            Below this speed a joint stands.
+        sliding_alone : bool
+            Only those rows count that a period of the lowest cut-off parts from any at which not
+            all of the joint slides.
+        """
+        signals, source = self.signals, self.source
+        moves = moving(model, source.velocity, standstill_rad_s)
+        if sliding_alone:
+            lowest_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
+            use = ~_near(~sliding(whole, moves), source.segment, self._rows(1.0 / lowest_hz))
+        else:
+            known = moves
+            if signals.unfiltered is not None:
+                reach = signals.unfiltered.reach(signals.cutoff_hz)
+                limit_hz = signals.unfiltered.torque_limit_hz
+                reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
+                known = ~_near(~moves, source.segment, reach)
+            pause = self._rows(1.0 / signals.cutoff_hz)
+            use = counted(whole, known) & _near(moves, source.segment, pause)
+        rows = self._places(np.arange(len(signals)))
+        return use[rows], moves[rows]
+
+    def _places(self, rows: IntArray) -> IntArray:
+        own = self.signals.unfiltered_row
+        return rows if own is None else own[rows]
+
+    def _rows(self, time_s: float) -> int:
+        return math.ceil(time_s / self.source.sample_period_s)
+
+
+def _near(those: BoolArray, segment: IntArray, reach: int) -> BoolArray:
+    """Return which rows are within some rows of one of those, within a segment, (samples, n)."""
+    near = np.zeros_like(those)
+    edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
+    for first, end in pairwise([0, *edges, len(those)]):
+        rows = np.arange(end - first)
+        before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, end - first)
+        for j in range(those.shape[1]):  # counts of all joints at once would be the largest array
+            counts = np.concatenate([[0], np.cumsum(those[first:end, j])])
+            near[first:end, j] = counts[after] > counts[before]
+    return near

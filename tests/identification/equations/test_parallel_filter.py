@@ -1,0 +1,134 @@
+"""Torque and columns pass the same filter: true parameters leave nothing, reversals or not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.motion.samples import Phase
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray
+from dynamics.model.robot_model import RobotModel, torque
+from dynamics.terms.conditions import Conditions
+from identification.equations.segments import cut, thinned
+from identification.equations.time_domain import TimeRun, rows_of, time_blocks
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.options import EstimationOptions
+from identification.model.base_parameters import base_parameters
+from identification.validation.friction_selection import choose_friction
+from identification.validation.friction_trials import with_friction
+from tests.builders.remembering_arm import CLASSICAL, arm
+
+STEP_S = 0.002
+STANDSTILL_RAD_S = 0.02
+
+
+def quick_reversals(
+    duration_s: float = 30.0, step_s: float = STEP_S, seed: int = 1
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return time and a sum of sines without a period, which turns round twice a second."""
+    random = np.random.default_rng(seed)
+    time_s = np.arange(0.0, duration_s, step_s)
+    omega = 2.0 * np.pi * random.uniform(0.1, 1.0, (6, 3))
+    size, phase = random.uniform(0.05, 0.2, (6, 3)), random.uniform(0.0, 6.0, (6, 3))
+    angle = omega * time_s[:, np.newaxis, np.newaxis] + phase
+    q = np.sum(size * np.sin(angle), axis=1)
+    v = np.sum(size * omega * np.cos(angle), axis=1)
+    return time_s, q, v, -np.sum(size * omega**2 * np.sin(angle), axis=1)
+
+
+def values_of(model: RobotModel) -> FloatArray:
+    values = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
+    values[model.parameter_groups["friction"]] = [20.0, 8.0] * 3
+    return values
+
+
+def measured(
+    motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray], **more: FloatArray
+) -> Recording:
+    time_s, q, v, a = motion
+    model = RobotModel.from_description(arm())
+    return Recording(
+        joint_names=arm().joint_names,
+        time_s=time_s,
+        position=q,
+        torque_nm=torque(model, q, v, a, values_of(model), Conditions(**more)),
+        valid=np.ones(len(q), dtype=np.bool_),
+        phase=np.full(len(q), Phase.MAIN, dtype=np.uint8),
+        sample_index=np.arange(len(q)),
+        source="cell",
+    )
+
+
+@pytest.fixture(scope="module")
+def signals() -> SmoothedSignals:
+    return smooth_nonperiodic(measured(quick_reversals()), 10.0)
+
+
+def misfit(signals: SmoothedSignals) -> float:
+    """Return the largest error of the true parameters on rows in use, of the largest torque."""
+    model = RobotModel.from_description(arm())
+    base = base_parameters(model)
+    beta = base.from_standard(values_of(model))
+    worst, largest = 0.0, 0.0
+    for block in time_blocks(model, base, [TimeRun(signals, Conditions())], STANDSTILL_RAD_S):
+        error = np.abs(block.rhs - block.columns @ beta)[block.use]
+        worst, largest = max(worst, float(error.max())), max(largest, np.abs(block.rhs).max())
+    return worst / largest
+
+
+@pytest.mark.parametrize("cutoff_hz", [3.0, 10.0])
+def test_the_true_parameters_leave_nothing(cutoff_hz: float) -> None:
+    assert misfit(smooth_nonperiodic(measured(quick_reversals()), cutoff_hz)) < 1e-6
+
+
+def test_rows_next_to_a_reversal_are_left_out_and_no_others(signals: SmoothedSignals) -> None:
+    model = RobotModel.from_description(arm())
+    run = TimeRun(signals, Conditions())
+    blocks = list(time_blocks(model, base_parameters(model), [run], STANDSTILL_RAD_S))
+    use = np.concatenate([block.use for block in blocks])
+    assert len(use) == rows_of(model, run)
+    assert 0.7 < use.mean() < 0.95
+    moving = np.concatenate([block.moving for block in blocks])
+    assert np.all(moving[use])
+    assert np.any(moving & ~use)
+
+
+def test_parts_of_a_recording_see_beyond_their_ends(signals: SmoothedSignals) -> None:
+    for part in cut(thinned(signals), 5):
+        assert misfit(part) < 1e-6
+
+
+def test_friction_is_estimated_without_bias(signals: SmoothedSignals) -> None:
+    found = estimate_smoothed(arm(), [signals])
+    values = dict(zip(found.base.names, found.values, strict=True))
+    for joint in arm().joint_names:
+        assert values[f"fc_{joint}"] == pytest.approx(20.0, rel=1e-5)
+        assert values[f"fv_{joint}"] == pytest.approx(8.0, rel=1e-5)
+
+
+def test_friction_is_chosen_without_bias(signals: SmoothedSignals) -> None:
+    chosen = choose_friction(arm(), [signals], candidates=[CLASSICAL, (*CLASSICAL, "offset")])
+    assert [joint.friction for joint in chosen.robot(arm()).joints] == [CLASSICAL] * 3
+    assert np.all(chosen.trials[0].error_nm < 1e-4)
+
+
+def test_temperature_passes_the_filter_with_its_columns() -> None:
+    robot = with_friction(arm(), [(*CLASSICAL, "temperature")] * 3)
+    motion = quick_reversals()
+    model = RobotModel.from_description(robot)
+    warmth = np.repeat(298.15 + np.linspace(0.0, 20.0, len(motion[0]))[:, np.newaxis], 3, axis=1)
+    truth = np.random.default_rng(7).uniform(0.5, 1.0, len(model.parameter_names))
+    truth[model.parameter_groups["friction"]] = [20.0, 8.0, -0.1, -0.05] * 3
+    recording = replace(
+        measured(motion),
+        torque_nm=torque(model, *motion[1:], truth, Conditions(temperature_k=warmth)),
+        temperature_k=warmth,
+    )
+    found = estimate_smoothed(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
+    expected = found.base.from_standard(truth)
+    own = [i for i, name in enumerate(found.base.names) if name.startswith("f")]
+    np.testing.assert_allclose(found.values[own], expected[own], rtol=1e-4)
