@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from acquisition.processing.held_torque import held_torques
 from acquisition.processing.unfiltered import (
     UnfilteredSignals,
     derived,
@@ -179,9 +180,11 @@ def smooth_nonperiodic(
     step_s = float(np.median(np.diff(time_s)))
     cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
     width_s = smoothing_width(position, step_s)
+    held = held_torques(position, torque)
     segments: list[_Segment] = []
     rough: list[_Segment] = []
     inner: list[IntArray] = []
+    renewed: list[IntArray] = []
     for rows in np.split(np.arange(len(time_s)), cuts):
         stamps = time_s[rows]
         if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
@@ -192,7 +195,13 @@ def smooth_nonperiodic(
         raw_position, raw_torque = (
             interpolate.CubicSpline(stamps, values[rows])(grid) for values in (position, torque)
         )
-        inner.append(kept + sum(len(piece.time_s) for piece in rough))
+        before = sum(len(piece.time_s) for piece in rough)
+        inner.append(kept + before)
+        if held is not None:
+            at = _rows_at(stamps, grid)
+            own = np.maximum(held.renewed[rows][at] - rows[0], 0)
+            raw_torque = np.take_along_axis(torque[rows], own, axis=0)
+            renewed.append(before + _rows_at(grid, stamps)[own])
         motion = (raw_position, *derived(raw_position, step_s))
         if torque_limit_hz is not None:
             raw_torque = low_pass(raw_torque, step_s, torque_limit_hz)
@@ -223,9 +232,16 @@ def smooth_nonperiodic(
             sample_period_s=step_s,
             smoothing_s=width_s,
             torque_limit_hz=torque_limit_hz,
+            torque_row=np.concatenate(renewed) if renewed else None,
         ),
         unfiltered_row=np.concatenate(inner),
     )
+
+
+def _rows_at(stamps: FloatArray, time_s: FloatArray) -> IntArray:
+    """Return the last row of some stamps that is no later than each time, to half a step."""
+    slack_s = 0.5 * float(np.median(np.diff(time_s)))
+    return np.asarray(np.maximum(np.searchsorted(stamps, time_s + slack_s) - 1, 0))
 
 
 def _joined(segments: Sequence[_Segment]) -> _Segment:

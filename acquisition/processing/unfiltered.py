@@ -51,6 +51,8 @@ class UnfilteredSignals:
         [s]; 0 if there was none.
     torque_limit_hz : float or None
         Where the torque was low-passed all the same, because nothing above it is known.
+    torque_row : ndarray of int64, shape (samples, joints), or None
+        The row in which each row's torque was new; None if every row has new ones.
     """
 
     time_s: FloatArray
@@ -62,17 +64,26 @@ class UnfilteredSignals:
     sample_period_s: float
     smoothing_s: float = 0.0
     torque_limit_hz: float | None = None
+    torque_row: IntArray | None = None
 
     def __post_init__(self) -> None:
         freeze(self, DataQualityError, (None,), "time_s")
         table = (len(self.time_s), self.position.shape[1])
         freeze(self, DataQualityError, table, "position", "velocity", "acceleration", "torque_nm")
         freeze(self, DataQualityError, (len(self.time_s),), "segment", dtype=np.int64)
+        freeze(self, DataQualityError, table, "torque_row", dtype=np.int64)
 
     def reach(self, cutoff_hz: float) -> int:
         """Return over how many rows to either side smoothing and window spread a jump."""
         smoothing = round(SMOOTHING_REACH * self.smoothing_s / self.sample_period_s)
         return window_reach(self.sample_period_s, cutoff_hz) + smoothing
+
+    @property
+    def held_rows(self) -> int:
+        """The most rows for which a torque is held after it was new."""
+        if self.torque_row is None:
+            return 0
+        return int(np.max(np.arange(len(self.torque_row))[:, np.newaxis] - self.torque_row))
 
 
 def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:

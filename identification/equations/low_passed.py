@@ -88,14 +88,14 @@ class LowPassedColumns:
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
         changing = changing_columns(self.model, self.base)
         if changing is None:
-            return _put_together(*self._filtered(self.unfiltered(wide), inner))
+            return _put_together(*self._filtered(self.unfiltered(wide), wide, inner))
         fixed = ~changing
         names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
         self.kept.begin(self.model.chain, names)
         place = (rows.start, stride)
         if place not in self.kept.blocks:
             columns = self.unfiltered(wide, linear=True)[:, :, fixed]
-            self.kept.keep(place, *(block := self._filtered(columns, inner)))
+            self.kept.keep(place, *(block := self._filtered(columns, wide, inner)))
         else:
             block = self.kept.blocks[place]
         moving = changing_torque_columns(
@@ -105,7 +105,7 @@ class LowPassedColumns:
         slopes = moving.shape[2] - count
         out = np.empty((len(block[1]), moving.shape[1], len(self.base) + slopes))
         out[:, :, : len(self.base)][:, :, fixed] = _put_together(*block)
-        rest = _put_together(*self._filtered(moving, inner))
+        rest = _put_together(*self._filtered(moving, wide, inner))
         out[:, :, : len(self.base)][:, :, changing] = rest[:, :, :count]
         out[:, :, len(self.base) :] = rest[:, :, count:]
         return out
@@ -117,10 +117,14 @@ class LowPassedColumns:
         motion = ParallelFilter(self.signals).motion(rows)
         return torque_columns(self.model, self.base, motion, conditions, standard)
 
-    def _filtered(self, columns: FloatArray, inner: IntArray) -> tuple[BoolArray, FloatArray]:
+    def _filtered(
+        self, columns: FloatArray, wide: slice, inner: IntArray
+    ) -> tuple[BoolArray, FloatArray]:
         """Return which columns are not zero, (n, any), and some rows of those, low-passed."""
+        shared = ParallelFilter(self.signals)
         seen: BoolArray = np.any(columns, axis=0)
-        return seen, ParallelFilter(self.signals).columns(columns[:, seen], inner)
+        own = (shared.held(columns[:, j, used], j, wide) for j, used in enumerate(seen))
+        return seen, shared.columns(np.concatenate(list(own), axis=1), inner)
 
 
 def _put_together(seen: BoolArray, values: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ below its cut-off only, and so are its columns.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -17,7 +17,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
 from config.arrays import BoolArray, FloatArray, IntArray
-from dynamics.model.memory import counted, sliding
+from dynamics.model.memory import counted, presliding, sliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -57,15 +57,27 @@ class ParallelFilter:
         source = self.source
         return source.position[rows], source.velocity[rows], source.acceleration[rows]
 
-    def conditions(self, own: Conditions) -> Conditions:
-        """Return conditions of the signals' rows as those of the source's rows."""
-        source = self.signals.unfiltered
-        if source is None or own.temperature_k is None or np.ndim(own.temperature_k) < 2:
+    def conditions(self, model: RobotModel, own: Conditions) -> Conditions:
+        """Return conditions of the signals' rows as those of the source's, with friction's memory.
+
+        Memory follows the low-passed position: an encoder that flickers between two steps does not
+        turn round.
+        """
+        signals, source = self.signals, self.signals.unfiltered
+        if source is None:
+            return with_memory(model, signals.position, own, signals.segment)
+        if own.temperature_k is not None and np.ndim(own.temperature_k) == 2:
+            warmth = [
+                np.interp(source.time_s, signals.time_s, each) for each in own.temperature_k.T
+            ]
+            own = replace(own, temperature_k=np.stack(warmth, axis=1))
+        if not presliding(model):
             return own
-        warmth = [
-            np.interp(source.time_s, self.signals.time_s, joint) for joint in own.temperature_k.T
-        ]
-        return Conditions(temperature_k=np.stack(warmth, axis=1), payload=own.payload)
+        path = np.empty_like(source.position)
+        for number in np.unique(source.segment):
+            rows = source.segment == number
+            path[rows] = low_pass(source.position[rows], source.sample_period_s, signals.cutoff_hz)
+        return with_memory(model, path, own, source.segment)
 
     def window(self, rows: IntArray) -> tuple[slice, IntArray]:
         """Return the source's rows that the filter takes in, and the places of some rows in them.
@@ -80,10 +92,28 @@ class ParallelFilter:
             reach = math.ceil(FILTER_REACH / (limit_hz * source.sample_period_s))
         if self.signals.unfiltered is not None:
             reach += window_reach(source.sample_period_s, self.signals.cutoff_hz)
+            reach += self.signals.unfiltered.held_rows
         number = int(source.segment[wanted[0]])
         first, end = np.searchsorted(source.segment, [number, number + 1])
         start = max(int(first), int(wanted[0]) - reach)
         return slice(start, min(int(end), int(wanted[-1]) + reach + 1)), wanted - start
+
+    def held(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
+        """Return a joint's columns of a window as its torque is renewed: held like that.
+
+        Parameters
+        ----------
+        values : ndarray, shape (source rows, any)
+            Columns of one joint.
+        joint : int
+            Which one, from 0.
+        wide : slice
+            The source's rows of the window.
+        """
+        source = self.signals.unfiltered
+        if source is None or source.torque_row is None:
+            return values
+        return values[np.maximum(source.torque_row[wide, joint] - wide.start, 0)]
 
     def columns(self, values: FloatArray, places: IntArray) -> FloatArray:
         """Return columns (source rows, any) of a window filtered, at some places of it."""
@@ -136,11 +166,18 @@ class ParallelFilter:
                 reach = signals.unfiltered.reach(signals.cutoff_hz)
                 limit_hz = signals.unfiltered.torque_limit_hz
                 reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
-                known = ~_near(~moves, source.segment, reach)
+                known = ~_near(~self._known(moves), source.segment, reach)
             pause = self._rows(1.0 / signals.cutoff_hz)
             use = counted(whole, known) & _near(moves, source.segment, pause)
         rows = self._places(np.arange(len(signals)))
         return use[rows], moves[rows]
+
+    def _known(self, moves: BoolArray) -> BoolArray:
+        """Return where joints move now and did when their torque was new, (source rows, n)."""
+        source = self.signals.unfiltered
+        if source is None or source.torque_row is None:
+            return moves
+        return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
     def _places(self, rows: IntArray) -> IntArray:
         own = self.signals.unfiltered_row

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from dynamics.model.memory import presliding, with_memory
+from dynamics.model.memory import presliding
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from identification.equations.low_passed import KeptColumns, LowPassedColumns
@@ -124,9 +124,7 @@ def time_blocks(
         signals, event = run.signals, run.event + first_event
         first_event = int(event[-1]) + 1
         shared = ParallelFilter(signals)
-        source = shared.source
-        own = shared.conditions(run.conditions)
-        whole = with_memory(model, source.position, own, source.segment)
+        whole = shared.conditions(model, run.conditions)
         narrowed = LowPassedColumns(model, base, signals, whole, standard, run.kept)
         use, moves = shared.usable(model, whole, standstill_rad_s, sliding_alone=sliding_alone)
         stride = thinning(signals)

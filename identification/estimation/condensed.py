@@ -140,7 +140,8 @@ class CondensedRecordings:
         length_s = max(EVENT_S, total_s / MOST_STRETCHES)
         for number, part in enumerate(parts):
             shared = ParallelFilter(part)
-            conditions = shared.conditions(Conditions(temperature_k=part.temperature_k))
+            warmth = Conditions(temperature_k=part.temperature_k)
+            conditions = shared.conditions(columns.rich, warmth)
             usable, _ = shared.usable(columns.rich, conditions, options.standstill_rad_s)
             for rows in _stretches(part, length_s):
                 matrices = _rows(columns, shared, conditions, rows, load)
@@ -305,7 +306,8 @@ def _rows(
         return columns.rows(shared.motion(rows), conditions.part(rows), load)
     wide, places = shared.window(np.arange(rows.start, rows.stop))
     own = columns.rows(shared.motion(wide), conditions.part(wide), load)
-    return [shared.columns(matrix, places) for matrix in own]
+    held = (shared.held(matrix, j, wide) for j, matrix in enumerate(own))
+    return [shared.columns(matrix, places) for matrix in held]
 
 
 def _joined(parts: Sequence[Sequence[Triangle]]) -> tuple[Triangle, ...]:

@@ -180,6 +180,7 @@ def validate(
     predicted = predict(
         estimate, signals.position, signals.velocity, signals.acceleration, conditions
     )
+    predicted = _held(predicted, signals)
     for number in np.unique(signals.segment):
         rows = signals.segment == number
         predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
@@ -241,6 +242,16 @@ def relative_of_both(one: Validation, other: Validation) -> FloatArray:
             for each, use in zip((one, other), rows, strict=True)
         ]
     )
+
+
+def _held(predicted: FloatArray, signals: SmoothedSignals) -> FloatArray:
+    """Return torques held as the recording's are renewed, (samples, n)."""
+    source = signals.unfiltered
+    if source is None or source.torque_row is None or signals.unfiltered_row is None:
+        return predicted
+    renewed = source.torque_row[signals.unfiltered_row]
+    at = np.searchsorted(signals.unfiltered_row, renewed)
+    return np.asarray(np.take_along_axis(predicted, at, axis=0))
 
 
 def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:

@@ -25,6 +25,7 @@ from acquisition.journal.monitor import (
     with_temperature_compensation,
 )
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
+from acquisition.processing.held_torque import held_sentence
 from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.processing.plate_alignment import with_plate
 from acquisition.processing.recording_tally import RecordingTally
@@ -320,7 +321,8 @@ def lacks(runs: Sequence[RunData]) -> list[str]:
             case _:
                 pass
         found = () if data.import_report is None else data.import_report.findings
-        said += [f"{name}: {note}" for note in (*data.damage, *found)]
+        held = held_sentence(next(data.parts()))
+        said += [f"{name}: {note}" for note in (*data.damage, *found, *([held] if held else ()))]
     return said
 
 

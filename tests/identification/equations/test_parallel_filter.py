@@ -132,3 +132,17 @@ def test_temperature_passes_the_filter_with_its_columns() -> None:
     expected = found.base.from_standard(truth)
     own = [i for i, name in enumerate(found.base.names) if name.startswith("f")]
     np.testing.assert_allclose(found.values[own], expected[own], rtol=1e-4)
+
+
+@pytest.mark.parametrize("rows", [4, 20])
+def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
+    whole = measured(quick_reversals())
+    torque = whole.torque_nm.copy()
+    torque[:, 1:] = torque[np.arange(len(torque)) // rows * rows, 1:]
+    held = smooth_nonperiodic(replace(whole, torque_nm=torque), 10.0)
+    assert misfit(held) < 1e-6
+    assert misfit(cut(thinned(held), 3)[1]) < 1e-6
+    found = estimate_smoothed(arm(), [held])
+    values = dict(zip(found.base.names, found.values, strict=True))
+    for joint in arm().joint_names:
+        assert values[f"fc_{joint}"] == pytest.approx(20.0, rel=1e-5)

@@ -1,0 +1,108 @@
+"""`HeldTorques`: torques that their source renews more seldom than the rows are recorded.
+
+A drive that renews its torque at 25 Hz and a logger that writes at 500 Hz leave a staircase: every
+value stands for twenty rows, and is late by up to nineteen. What is known of it is the value at its
+first row, so that a model's columns are held for the same rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.recording.recording import Recording
+from config.arrays import FloatArray, IntArray, freeze
+from config.errors import DataQualityError
+
+FEWEST_CHANGES: Final = 20
+SELDOM_SHARE: Final = 0.02
+"""Share of the changes that may follow another one within a row."""
+COARSE_STEPS: Final = 3.0
+"""Steps of its resolution by which a held torque changes: one that is only coarse changes by one."""
+MOVED_SHARE: Final = 0.5
+"""Share of the held rows in which the positions change: otherwise whole rows are repeated."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldTorques:
+    """Rows for which each joint's torque is held, and where each value was new.
+
+    Attributes
+    ----------
+    rows : ndarray of int64, shape (n,)
+        Rows for which a torque stays the same; 1 if every row has a new one.
+    renewed : ndarray of int64, shape (samples, n)
+        The row in which each row's torque was new.
+    """
+
+    rows: IntArray
+    renewed: IntArray
+
+    def __post_init__(self) -> None:
+        freeze(self, DataQualityError, (None,), "rows", dtype=np.int64)
+        freeze(self, DataQualityError, (None, len(self.rows)), "renewed", dtype=np.int64)
+
+
+def held_torques(position: FloatArray, torque_nm: FloatArray) -> HeldTorques | None:
+    """Return which torques are held, None if every row has new ones.
+
+    Parameters
+    ----------
+    position, torque_nm : ndarray, shape (samples, n)
+        Rows without those that are not valid.
+    """
+    held = np.array([_held(position, own) for own in torque_nm.T])
+    if np.all(held == 1):
+        return None
+    renewed = np.repeat(np.arange(len(torque_nm))[:, np.newaxis], torque_nm.shape[1], axis=1)
+    for j in np.flatnonzero(held > 1):
+        changed = np.flatnonzero(np.diff(torque_nm[:, j])) + 1
+        starts = np.concatenate([[0], changed])
+        rows = np.arange(len(torque_nm))
+        since = rows - starts[np.searchsorted(starts, rows, side="right") - 1]
+        renewed[:, j] = rows - since % held[j]  # the same value twice is two values
+    return HeldTorques(held, renewed)
+
+
+def held_sentence(recording: Recording) -> str:
+    """Say which torques are held, at which rates and what becomes of it; empty if none is."""
+    found = held_torques(recording.position[recording.valid], recording.torque_nm[recording.valid])
+    if found is None:
+        return ""
+    step_s = float(np.median(np.diff(recording.time_s[recording.valid])))
+    own = [
+        f"{name} at {1.0 / (rows * step_s):.3g} Hz"
+        for name, rows in zip(recording.joint_names, found.rows.tolist(), strict=True)
+        if rows > 1
+    ]
+    told = (
+        f"torques are renewed more seldom than the rows, which come at {1.0 / step_s:.3g} Hz, and"
+        f" held in between: {', '.join(own)}"
+    )
+    if recording.samples_per_period is None:
+        return f"{told}. The model's torques are held alike"
+    return (
+        f"{told}. Mean periods do not undo that: torques are late by half of it, and friction and"
+        " inertia are biased. Record torques at the rate of the rows"
+    )
+
+
+def _held(position: FloatArray, torque_nm: FloatArray) -> int:
+    """Return for how many rows a joint's torque is held; 1 if it is not."""
+    steps = np.diff(torque_nm)
+    changed = np.flatnonzero(steps)
+    if len(changed) < FEWEST_CHANGES:
+        return 1
+    lengths = np.diff(changed)
+    shortest = int(np.quantile(lengths, SELDOM_SHARE))
+    sizes = np.abs(steps[changed])
+    if shortest < 2 or np.median(sizes) < COARSE_STEPS * np.quantile(sizes, SELDOM_SHARE):
+        return 1
+    held = int(np.bincount(lengths).argmax())
+    usual = np.repeat(lengths <= 2 * held, lengths)  # at rest a torque may stay for longer
+    rows = np.arange(changed[0], changed[-1])[usual]
+    same = rows[steps[rows] == 0.0]
+    moved = np.any(position[same + 1] != position[same], axis=1)
+    return held if np.mean(moved) >= MOVED_SHARE else 1
