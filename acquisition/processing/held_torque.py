@@ -20,7 +20,7 @@ FEWEST_CHANGES: Final = 20
 SELDOM_SHARE: Final = 0.02
 """Share of the changes that may follow another one within a row."""
 COARSE_STEPS: Final = 3.0
-"""Steps of its resolution by which a held torque changes: one that is only coarse changes by one."""
+"""Steps of its resolution by which a held torque changes; a coarse one changes by one."""
 MOVED_SHARE: Final = 0.5
 """Share of the held rows in which the positions change: otherwise whole rows are repeated."""
 

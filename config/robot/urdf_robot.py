@@ -123,6 +123,7 @@ def robot_of_urdf(
                     limits=one.limits,
                     gear_ratio=ratio,
                     armature=True,
+                    friction=("coulomb", "viscous", "offset"),
                 )
                 for joint, name, one, ratio in zip(arm.joints, names, found, ratios, strict=True)
             ),

@@ -21,6 +21,8 @@ from identification.regression.intervals import FEW_CLUSTERS, widening
 SAMPLES: Final = 80
 LIMIT_SHARE: Final = 0.8
 SMALLEST_GAIN: Final = 1.5
+NOISELESS_SHARE: Final = 5e-4
+"""Residual over torque below which no torque noise is left: encoder steps are all there is."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,37 @@ def few_findings(estimate: Estimate) -> tuple[str, ...]:
     return (
         f"The intervals rest on {clusters} {parts} only. They are {told}: record longer"
         f" ({FEW_CLUSTERS} are enough).",
+    )
+
+
+def noiseless_findings(estimate: Estimate) -> tuple[str, ...]:
+    """Warn of intervals that rest on a residual without torque noise.
+
+    What the steps of an encoder leave is not independent from second to second, so that intervals
+    of rigid-body parameters are too narrow.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    """
+    if estimate.method != "smoothed" or estimate.torque_nm is None:
+        return ()
+    share = estimate.residual_nm / np.maximum(estimate.torque_nm, 1e-300)
+    names = [
+        name
+        for name, own, torque in zip(
+            estimate.robot.joint_names, share, estimate.torque_nm, strict=True
+        )
+        if own < NOISELESS_SHARE and torque > 0.0
+    ]
+    if not names:
+        return ()
+    return (
+        f"The model leaves less than {100.0 * NOISELESS_SHARE:g} % of the torque of"
+        f" {', '.join(names)}: there is no torque noise. The steps of the position encoders are"
+        " what is left, they are not independent, and the intervals can be too narrow. Recorded"
+        " torques of a real robot have noise: check whether these are computed.",
     )
 
 

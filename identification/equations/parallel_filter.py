@@ -113,7 +113,7 @@ class ParallelFilter:
         source = self.signals.unfiltered
         if source is None or source.torque_row is None:
             return values
-        return values[np.maximum(source.torque_row[wide, joint] - wide.start, 0)]
+        return np.asarray(values[np.maximum(source.torque_row[wide, joint] - wide.start, 0)])
 
     def columns(self, values: FloatArray, places: IntArray) -> FloatArray:
         """Return columns (source rows, any) of a window filtered, at some places of it."""

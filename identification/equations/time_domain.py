@@ -21,6 +21,8 @@ from identification.model.base_parameters import BaseParameters
 
 BLOCK_ROWS = 4096
 EVENT_S = 1.0
+EVENT_PERIODS = 2.0
+"""Periods of the lowest cut-off that a stretch lasts at least: neighbours are independent then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,11 @@ class TimeRun:
 
     @property
     def event(self) -> IntArray:
-        """Which stretch of `EVENT_S` seconds each row belongs to, from 0, shape (samples,)."""
+        """The stretch of `EVENT_S` seconds or more that each row belongs to, from 0, (samples,)."""
         signals = self.signals
-        stretch = np.floor((signals.time_s - signals.time_s[0]) / EVENT_S)
+        lowest_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
+        length_s = max(EVENT_S, EVENT_PERIODS / lowest_hz)
+        stretch = np.floor((signals.time_s - signals.time_s[0]) / length_s)
         changed = (np.diff(stretch) != 0.0) | (np.diff(signals.segment) != 0)
         return np.concatenate([[0], np.cumsum(changed)])
 
@@ -176,7 +180,7 @@ def joint_equations(
 ) -> Iterator[list[tuple[FloatArray, FloatArray]]]:
     """Yield each joint's equations, matrix (rows, any) and torque (rows,), stretch by stretch.
 
-    A stretch is at most `EVENT_S` long; rows where the joint is too slow are left out.
+    A stretch is as long as `TimeRun.event` says; rows where the joint is too slow are left out.
     """
     for block in time_blocks(model, base, runs, standstill_rad_s, standard):
         edges = np.flatnonzero(np.diff(block.event)) + 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, Protocol
@@ -91,6 +92,9 @@ class Estimate:
         The runs behind it.
     still : tuple of StillJoint
         Joints that no run moved: it holds only at their positions.
+    position_range : ndarray, shape (n, 2), or None
+        Lowest and highest position of each joint in the runs [rad or m]; None in files that do not
+        say it.
     """
 
     robot: RobotDescription
@@ -120,6 +124,7 @@ class Estimate:
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
     still: tuple[StillJoint, ...] = ()
+    position_range: FloatArray | None = None
 
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
@@ -129,6 +134,7 @@ class Estimate:
         freeze(self, EstimationError, (b, b), *covariances, what="estimate ")
         freeze(self, EstimationError, (s, s), "nonlinear_covariance", what="estimate ")
         freeze(self, EstimationError, (n,), *of_joints, what="estimate ")
+        freeze(self, EstimationError, (n, 2), "position_range", what="estimate ")
 
     @cached_property
     def model(self) -> RobotModel:
@@ -217,6 +223,12 @@ class TorqueModel(Protocol):
     @abstractmethod
     def standard_values(self) -> FloatArray:
         """Standard parameters with the same torques, shape (p,)."""
+
+
+def position_range(positions: Sequence[FloatArray]) -> FloatArray:
+    """Return the lowest and highest position of each joint in some motions, (n, 2)."""
+    whole = np.concatenate(positions)
+    return np.stack([whole.min(axis=0), whole.max(axis=0)], axis=1)
 
 
 def predict(

@@ -135,6 +135,7 @@ class EstimateDocument(ConfigModel):
     channel: _Channel | None = None
     warming: _Warming | None = None
     still: tuple[_Still, ...] = ()
+    position_range: Matrix | None = None
     model: _Options
     robot: RobotDescription
 

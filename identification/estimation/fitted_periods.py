@@ -20,7 +20,7 @@ from dynamics.model.robot_model import RobotModel
 from identification.equations.bins import BinEquations, mean_motion
 from identification.equations.plate_fit import PlateFit
 from identification.equations.whitened import residual_covariance
-from identification.estimation.estimate import Estimate
+from identification.estimation.estimate import Estimate, position_range
 from identification.estimation.nonlinear_parameters import fit_nonlinear
 from identification.estimation.options import EstimationOptions
 from identification.estimation.periodic_fit import PeriodicFit, PeriodicProblem
@@ -121,6 +121,7 @@ class FittedPeriods:
             cell_name=cell_name,
             run_ids=run_ids,
             still=self.still,
+            position_range=position_range([each.position for each in problem.averages]),
         )
 
 

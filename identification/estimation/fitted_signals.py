@@ -15,7 +15,7 @@ from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import rows_of, time_runs
-from identification.estimation.estimate import Estimate
+from identification.estimation.estimate import Estimate, position_range
 from identification.estimation.fitted_periods import model_of
 from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import prior_rows
@@ -109,6 +109,7 @@ class FittedSignals:
             cell_name=cell_name,
             run_ids=run_ids,
             still=self.still,
+            position_range=position_range([run.signals.position for run in problem.runs]),
         )
 
 

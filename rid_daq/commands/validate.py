@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from config.ranges import least
-from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, StandstillRadS
+from identification.choices import STANDSTILL_RAD_S, BandHz, StandstillRadS
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import Service, here_or_there
 from rid_daq.terminal.console import AsJson, Console
@@ -37,14 +37,14 @@ def validate(
         ),
     ] = None,
     band_hz: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--band",
             min=least(BandHz),
             callback=plausible_as(BandHz),
-            help="Signals are compared up to here [Hz].",
+            help="Highest frequency that is compared [Hz] (default: the model's own band).",
         ),
-    ] = BAND_HZ,
+    ] = None,
     standstill_rad_s: Annotated[
         float,
         typer.Option(

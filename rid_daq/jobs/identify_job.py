@@ -10,6 +10,7 @@ from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
 from identification.accuracy.identifiability import (
     few_findings,
+    noiseless_findings,
     still_findings,
     unseen_findings,
     weak_parameters,
@@ -282,6 +283,7 @@ def _findings(estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, 
     findings = [
         *still_findings(estimate),
         *few_findings(estimate),
+        *noiseless_findings(estimate),
         *unseen_findings(estimate),
         *(each.sentence for each in weak),
     ]

@@ -17,11 +17,12 @@ from config.formats.number import parse_numbers
 from config.load import load_cell
 from config.ranges import Ranged
 from identification.calibration.base_reaction import base_load
-from identification.choices import BAND_HZ, STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
+from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from identification.estimation.file import read_estimate
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
 from identification.validation.diagnosis import diagnose
+from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import Validation, validate
 from rid_daq.jobs.cell_files import estimate_for, motion_for, require_robot
 from rid_daq.report.formats import number
@@ -55,8 +56,10 @@ class ValidateRequest(Ranged):
         The folder of the run folders.
     limits : str or None
         Largest relative errors [%], separated by commas; the cell's if None.
-    band_hz, standstill_rad_s : float
-        Signals are compared up to here, and from this speed.
+    band_hz : float or None
+        Signals are compared up to here; up to the model's own band if None.
+    standstill_rad_s : float
+        Samples count from this speed on.
     base : bool
         Whether the reaction on the base is judged.
     mass_kg : float or None
@@ -71,7 +74,7 @@ class ValidateRequest(Ranged):
     run: str
     runs: Path
     limits: str | None = None
-    band_hz: BandHz = BAND_HZ
+    band_hz: BandHz | None = None
     standstill_rad_s: StandstillRadS = STANDSTILL_RAD_S
     base: bool = False
     mass_kg: BaseMassKg | None = None
@@ -148,10 +151,11 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     notes = report_lacks(console, [data])
     if not external:
         require_torques([data])
+    band_hz = request.band_hz or estimate.band_hz
     validation = validate(
         estimate,
         data.recording,
-        cutoff_hz=request.band_hz,
+        cutoff_hz=band_hz,
         standstill_rad_s=request.standstill_rad_s,
         limits_percent=None if external else _limits(request.limits, data),
         noise_nm=_noise(data),
@@ -170,12 +174,15 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
         validation,
         data.robot,
         sentence,
-        diagnosis=[found.sentence for found in diagnose(estimate, validation)],
+        diagnosis=[
+            *extrapolation_findings(estimate, validation.position),
+            *(found.sentence for found in diagnose(estimate, validation)),
+        ],
     )
     reaction = load = None
     if data.recording.reaction is not None and estimate.options.kind != "internal":
         try:
-            compared = validate_base_wrench(estimate, data.recording, cutoff_hz=request.band_hz)
+            compared = validate_base_wrench(estimate, data.recording, cutoff_hz=band_hz)
             reaction = ReactionSection.of(compared)
         except DataQualityError as error:
             console.say(f"The reaction on the base is not compared: {error}")

@@ -127,8 +127,8 @@ def test_a_model_with_friction_terms_of_its_own_weighs_a_payload(
         capsys.readouterr()
         assert run(words) == 0
         mass = json.loads(capsys.readouterr().out)["payload"]["parameters"][0]
-        assert abs(mass["value"] - WEIGHED_KG) < 0.02 * WEIGHED_KG
-        assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
+        assert abs(mass["value"] - WEIGHED_KG) < 0.025 * WEIGHED_KG
+        assert abs(mass["value"] - WEIGHED_KG) < 3.0 * mass["std"]  # of another day
 
 
 def test_friction_terms_are_an_option_where_no_model_brings_its_own(

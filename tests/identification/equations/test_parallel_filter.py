@@ -46,16 +46,14 @@ def values_of(model: RobotModel) -> FloatArray:
     return values
 
 
-def measured(
-    motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray], **more: FloatArray
-) -> Recording:
+def measured(motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray]) -> Recording:
     time_s, q, v, a = motion
     model = RobotModel.from_description(arm())
     return Recording(
         joint_names=arm().joint_names,
         time_s=time_s,
         position=q,
-        torque_nm=torque(model, q, v, a, values_of(model), Conditions(**more)),
+        torque_nm=torque(model, q, v, a, values_of(model)),
         valid=np.ones(len(q), dtype=np.bool_),
         phase=np.full(len(q), Phase.MAIN, dtype=np.uint8),
         sample_index=np.arange(len(q)),

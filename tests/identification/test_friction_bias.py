@@ -1,0 +1,46 @@
+"""Recordings without a period of an arm that Pinocchio simulates: friction without bias."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.friction_bias import (
+    BIAS_PERCENT,
+    NARROW_HZ,
+    QUICK,
+    Exact,
+    bias_percent,
+    failures,
+    identified,
+    measured,
+    run,
+)
+from benchmarks.simulated_arm import MOTIONS, Kind, SimulatedArm, simulated
+from identification.accuracy.identifiability import noiseless_findings
+from identification.choices import BAND_HZ
+
+
+@pytest.fixture(scope="module", params=MOTIONS)
+def exact(request: pytest.FixtureRequest) -> Exact:
+    kind: Kind = request.param
+    arm = SimulatedArm.of("three")
+    return Exact(arm, kind, 1, simulated(arm, kind, 1, 20.0))
+
+
+@pytest.mark.parametrize("rate_hz", [500, 100])
+@pytest.mark.parametrize("band_hz", [BAND_HZ, NARROW_HZ])
+def test_friction_has_no_bias(exact: Exact, rate_hz: int, band_hz: float) -> None:
+    assert bias_percent(exact, rate_hz, band_hz) <= BIAS_PERCENT[rate_hz]
+
+
+def test_torques_without_noise_are_warned_of(exact: Exact) -> None:
+    alone = measured(exact.recording, "encoder alone", np.random.default_rng(0))
+    noisy = measured(exact.recording, "white", np.random.default_rng(0))
+    assert noiseless_findings(identified(exact, alone))
+    assert not noiseless_findings(identified(exact, noisy))
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth() -> None:
+    assert failures(QUICK, *run(QUICK)) == []
