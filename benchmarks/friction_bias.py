@@ -247,7 +247,7 @@ def failures(plan: Plan, bias: dict[str, float], cells: dict[str, Cell]) -> list
 
 def main() -> int:
     """Run, print the tables and the verdict; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few recordings and wider limits")
     plan = QUICK if parser.parse_args().quick else LONG
     began_s = time.perf_counter()
