@@ -22,7 +22,7 @@ from identification.model.base_parameters import BaseParameters
 BLOCK_ROWS = 4096
 EVENT_S = 1.0
 EVENT_PERIODS = 2.0
-"""Periods of the lowest cut-off that a stretch lasts at least: neighbours are independent then."""
+"""Periods of the cut-off that a stretch lasts at least: neighbours are independent then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,7 @@ class TimeRun:
     def event(self) -> IntArray:
         """The stretch of `EVENT_S` seconds or more that each row belongs to, from 0, (samples,)."""
         signals = self.signals
-        lowest_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
-        length_s = max(EVENT_S, EVENT_PERIODS / lowest_hz)
+        length_s = max(EVENT_S, EVENT_PERIODS / signals.cutoff_hz)
         stretch = np.floor((signals.time_s - signals.time_s[0]) / length_s)
         changed = (np.diff(stretch) != 0.0) | (np.diff(signals.segment) != 0)
         return np.concatenate([[0], np.cumsum(changed)])

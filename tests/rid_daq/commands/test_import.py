@@ -206,7 +206,7 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     assert "no damaged rows" in said
     assert run(["identify", "first", "--choose", "-o", model, *runs]) == 0
     assert "The torque was low-passed at 1.66 Hz before it was recorded" in capsys.readouterr().out
-    limits = ["--limits", "6.5,5,3,5,9,15"]
+    limits = ["--limits", "6.5,5,3,7.5,9,15"]
     assert run(["validate", model, "second", *limits, *runs]) == 0
     text = (resources.files("config") / "bundled" / "maps" / "ur10_ros.yaml").read_text()
     assert len(text.splitlines()) <= 12
