@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
+from acquisition.recording.plate_geometry import WRENCH_NAMES
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from identification.equations.bins import BinEquations
+from identification.regression.fit_grade import FitGrade, grade_fit
+
+SMALL_COMPONENT: Final = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +36,9 @@ class PlateFit:
         The channels that were left out in each run.
     drift_n_s : ndarray, shape (runs, c)
         Linear drift that was removed from each channel [N/s].
+    wrench : ndarray, shape (6,), or None
+        RMS of the measured base wrench inside the band, without its constant part [N, N m]; None in
+        files that have none.
     """
 
     residual: FloatArray
@@ -39,10 +47,11 @@ class PlateFit:
     delay_sigma_s: FloatArray
     left_out: tuple[tuple[str, ...], ...]
     drift_n_s: FloatArray
+    wrench: FloatArray | None = None
 
     def __post_init__(self) -> None:
         runs = len(self.left_out)
-        freeze(self, EstimationError, (6,), "residual", "noise", what="plate ")
+        freeze(self, EstimationError, (6,), "residual", "noise", "wrench", what="plate ")
         freeze(self, EstimationError, (runs,), "delay_s", "delay_sigma_s", what="plate ")
         freeze(self, EstimationError, (runs, None), "drift_n_s", what="plate ")
 
@@ -60,13 +69,14 @@ class PlateFit:
 
         Where a channel is left out, what it alone tells counts as zero.
         """
-        residual, noise = np.zeros(6), np.zeros(6)
+        residual, noise, wrench = np.zeros(6), np.zeros(6), np.zeros(6)
         for each, squares, delay_s in zip(equations, inertia_squares, delays_s, strict=True):
             assert each.reaction is not None
             reaction = each.reaction.with_motion_noise(each.position_sigma, squares)
             reaction = reaction.delayed(float(delay_s))
             rest = reaction.components.T @ (reaction.rhs - reaction.matrix @ values)
             residual += np.sum(rest[:, 1:] ** 2, axis=1)
+            wrench += np.sum((reaction.components.T @ reaction.rhs)[:, 1:] ** 2, axis=1)
             power = 2.0 * reaction.covariance[1:].sum(axis=0)
             noise += np.diagonal(reaction.components.T @ power @ reaction.components)
         plates = [average.reaction for average in averages if average.reaction is not None]
@@ -77,4 +87,19 @@ class PlateFit:
             delay_sigma_s=delay_sigma_s,
             left_out=tuple(plate.left_out for plate in plates),
             drift_n_s=np.array([plate.drift_n_s for plate in plates]),
+            wrench=np.sqrt(wrench / len(equations)),
         )
+
+    @property
+    def grades(self) -> tuple[FitGrade, ...]:
+        """How well each component is explained, as a share of its size.
+
+        A force or a moment that is small beside the others counts as a share of the largest.
+        """
+        if self.wrench is None:
+            return ()
+        size = self.wrench.copy()
+        for part in (slice(0, 3), slice(3, 6)):
+            size[part] = np.maximum(size[part], SMALL_COMPONENT * size[part].max())
+        of = "component of the base wrench"
+        return grade_fit(WRENCH_NAMES, self.residual, size, self.noise, of=of)

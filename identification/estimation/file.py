@@ -86,6 +86,7 @@ class _Plate(ConfigModel):
     delay_sigma_s: Sizes
     left_out: tuple[tuple[str, ...], ...]
     drift_n_s: Matrix
+    wrench: Sizes | None = None
 
 
 class _Channel(ConfigModel):

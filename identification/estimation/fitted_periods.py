@@ -35,6 +35,7 @@ from identification.regression.least_squares import Solution
 MOST_STEPS: Final = 20
 SETTLED_SIGMAS: Final = 0.01
 LONGEST_DELAY_S: Final = 0.25
+PLATE_LATE: Final = "RID-PLATE-LATE"
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,22 +158,8 @@ def fit_periodic(
         needs is missing.
     """
     options = options or EstimationOptions()
-    motions = [mean_motion(average, options.band_hz) for average in averages]
-    model, base, terms, still = model_of(robot, options.model, motions, options.standstill_rad_s)
-    n, runs = len(robot.joints), len(averages)
-    problem = PeriodicProblem(
-        base=base,
-        averages=tuple(averages),
-        payload=tuple(payload or [False] * runs),
-        band_hz=options.band_hz,
-        standstill_rad_s=options.standstill_rad_s,
-        weighting=options.weighting,
-        prior=prior_rows(base, options.prior),
-        inertia=np.zeros((runs, n, n)),
-        kind=terms.kind,
-        base_inertia=np.zeros((runs, n, 6, 6)),
-        delays_s=np.zeros(runs),
-    )
+    problem, model, terms, still = _unsolved(robot, averages, options, payload)
+    base = problem.base
     equations = problem.equations(model, None)
     values = problem.fit(model, None, equations).solution.values
     # The torque that the positions' noise makes is known only once the inertia is.
@@ -191,6 +178,50 @@ def fit_periodic(
         problem, fit = _with_delays(problem, model, shaped.standard, equations)
     terms = terms.with_nonlinear_of(model)
     return FittedPeriods(robot, terms, model, problem, equations, fit, still)
+
+
+def unsolved_equations(
+    robot: RobotDescription, averages: Sequence[PeriodAverage], options: EstimationOptions
+) -> tuple[BinEquations, ...]:
+    """Return the equations of averaged periods as they are before anything is estimated.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot.
+    averages : sequence of PeriodAverage
+        One a run.
+    options : EstimationOptions
+        The model's terms and how rows count.
+    """
+    problem, model, *_ = _unsolved(robot, averages, options, None)
+    return problem.equations(model, None)
+
+
+def _unsolved(
+    robot: RobotDescription,
+    averages: Sequence[PeriodAverage],
+    options: EstimationOptions,
+    payload: Sequence[bool] | None,
+) -> tuple[PeriodicProblem, RobotModel, ModelOptions, tuple[StillJoint, ...]]:
+    """Return the problem before inertia and delays are known, its model and its terms."""
+    motions = [mean_motion(average, options.band_hz) for average in averages]
+    model, base, terms, still = model_of(robot, options.model, motions, options.standstill_rad_s)
+    n, runs = len(robot.joints), len(averages)
+    problem = PeriodicProblem(
+        base=base,
+        averages=tuple(averages),
+        payload=tuple(payload or [False] * runs),
+        band_hz=options.band_hz,
+        standstill_rad_s=options.standstill_rad_s,
+        weighting=options.weighting,
+        prior=prior_rows(base, options.prior),
+        inertia=np.zeros((runs, n, n)),
+        kind=terms.kind,
+        base_inertia=np.zeros((runs, n, 6, 6)),
+        delays_s=np.zeros(runs),
+    )
+    return problem, model, terms, still
 
 
 def _with_delays(
@@ -215,7 +246,8 @@ def _with_delays(
             break
     raise EstimationError(
         f"the force plate's signals would be {1e3 * float(np.max(np.abs(problem.delays_s))):.3g} ms"
-        " late: they are not of this motion, or the plate's clock is wrong"
+        " late: they are not of this motion, or the plate's clock is wrong",
+        code=PLATE_LATE,
     )
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast, get_args
+from typing import Final, cast, get_args
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
-from config.errors import ConfigError
+from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.cad import cad_prior
 from identification.accuracy.plate_benefit import Improvement, improvement
 from identification.calibration.drive_gains import DriveGains, drive_gains
+from identification.calibration.plate_mistake import PlateMistake
+from identification.calibration.plate_search import find_plate_mistake
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
 from identification.equations.bus_delay import without_implausible
@@ -25,7 +27,7 @@ from identification.equations.torque_channel import TorqueChannel
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
-from identification.estimation.fitted_periods import fit_periodic
+from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, unsolved_equations
 from identification.estimation.options import EstimationOptions
 from identification.model.still_joints import JERK_SHARE, refuse_still, still_joints
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
@@ -35,6 +37,8 @@ from identification.validation.presliding_choice import choose_presliding
 from identification.validation.stribeck_choice import choose_stribeck
 from identification.validation.warming_choice import choose_warming
 from rid_daq.runs.run_data import RunData
+
+PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +74,15 @@ class Identified:
         What the force plate improved, for the combined model.
     consistency : TorqueConsistency or None
         Whether torque constants agree with the plate, for the combined model.
+    plate_mistake : PlateMistake or None
+        What is probably wrong in the description of the force plate.
     """
 
     estimate: Estimate
     averages: tuple[PeriodAverage, ...] = ()
     improvement: Improvement | None = None
     consistency: TorqueConsistency | None = None
+    plate_mistake: PlateMistake | None = None
 
 
 def estimate_runs(
@@ -120,11 +127,29 @@ def estimate_runs(
         )
         return Identified(replace(estimate, channel=channel, warming=warming))
     averages = averages_of(data, channel)
-    fitted = fit_periodic(robot, averages, options, payload=payload)
+    cell = data[0].cell
+    plate = None if cell is None or options.model.kind == "internal" else cell.plate
+    try:
+        fitted = fit_periodic(robot, averages, options, payload=payload)
+    except EstimationError as error:
+        if plate is None or error.refusal != PLATE_LATE:
+            raise
+        equations = unsolved_equations(robot, averages, options)
+        mistake = find_plate_mistake(averages, equations, [0.0] * len(averages), plate)
+        if mistake is None:
+            raise
+        raise EstimationError(mistake.sentence, code=PLATE_MISTAKEN) from error
     estimate = replace(fitted.estimate(cell_name, run_ids), channel=channel)
-    if options.model.kind != "combined":
+    if options.model.kind == "internal":
         return Identified(estimate, averages)
-    return Identified(estimate, averages, improvement(fitted), torque_consistency(fitted))
+    mistake = None
+    if plate is not None:
+        delays_s = fitted.problem.delays_s.tolist()
+        mistake = find_plate_mistake(averages, fitted.equations, delays_s, plate)
+    if options.model.kind == "external":
+        return Identified(estimate, averages, plate_mistake=mistake)
+    improved, agreed = improvement(fitted), torque_consistency(fitted)
+    return Identified(estimate, averages, improved, agreed, mistake)
 
 
 def compare_friction(

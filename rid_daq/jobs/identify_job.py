@@ -139,7 +139,13 @@ class IdentifiedRuns:
         estimate = self.result.estimate
         assert estimate is not None
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
-        return bool(estimate.mistakes or estimate.driving or heavy)
+        return bool(estimate.mistakes or estimate.driving or heavy or self.plate_is_doubted)
+
+    @property
+    def plate_is_doubted(self) -> bool:
+        """True if the force plate's wrench is not explained, or its description is mistaken."""
+        plate = self.result.plate
+        return plate is not None and bool(plate.bad_components or plate.mistake)
 
 
 def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
@@ -188,7 +194,11 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     plate = None
     if estimate.plate is not None:
         plate = PlateSection.of(
-            estimate.plate, weight, identified.improvement, identified.consistency
+            estimate.plate,
+            weight,
+            identified.improvement,
+            identified.consistency,
+            identified.plate_mistake,
         )
     output = request.output or first.folder.file(MODEL)
     write_estimate(output, estimate)
@@ -215,7 +225,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
         plate=plate,
         comparison=None if comparison is None else ComparisonSection.of(comparison),
     )
-    verdict = _verdict(before.verdict, section, wiring)
+    verdict = _verdict(before.verdict, section, wiring, plate)
     result = result if verdict is None else result.updated(verdict=verdict)
     if first.is_periodic:
         average = identified.averages[0]
@@ -230,16 +240,23 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     return IdentifiedRuns(output, result, report, notes, gains, unused, clocks_of(data))
 
 
-def _verdict(before: Verdict, section: EstimateSection, wiring: WiringDiagnosis) -> Verdict | None:
+def _verdict(
+    before: Verdict, section: EstimateSection, wiring: WiringDiagnosis, plate: PlateSection | None
+) -> Verdict | None:
     """Return the verdict of a bad fit or a mistake, what takes its place, or None to leave it."""
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
-    mistaken = bool(section.mistakes or wiring.sentences)
-    if not bad and not mistaken:
-        return NOTHING_JUDGED if before.headline in (BAD_FIT, MISTAKEN) else None
     why = [mistake.sentence for mistake in section.mistakes or ()] + list(wiring.sentences)
+    if plate is not None and plate.mistake is not None:
+        why.append(plate.mistake.sentence)
+    components = () if plate is None else plate.bad_components
+    if not bad and not why and not components:
+        return NOTHING_JUDGED if before.headline in (BAD_FIT, MISTAKEN) else None
+    headline = MISTAKEN if why else BAD_FIT
+    if components:
+        why.append(f"The model does not explain {', '.join(components)} of the force plate.")
     if bad:
         why.append(f"The model does not explain the torque of {', '.join(bad)}.")
-    return Verdict.failed(MISTAKEN if mistaken else BAD_FIT, " ".join(why))
+    return Verdict.failed(headline, " ".join(why))
 
 
 def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, ...]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Strict
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
+from identification.calibration.plate_mistake import PlateKind
+from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.terminal.console import Console
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from identification.accuracy.plate_benefit import Improvement
+    from identification.calibration.plate_mistake import PlateMistake
     from identification.calibration.torque_scale import TorqueConsistency
     from identification.equations.plate_fit import PlateFit
 
@@ -28,12 +31,45 @@ class WrenchResidual(Section):
         The component.
     residual, noise : float
         Left over, and what noise alone would leave.
+    percent : float or None
+        The residual in percent of the component, at least of a share of the largest like it.
+    grade, reason : str or None
+        "good", "doubtful" or "bad", and what decides it. All three are left out in older results.
     """
 
     name: str
     unit: str
     residual: float
     noise: float
+    percent: float | None = None
+    grade: Grade | None = None
+    reason: str | None = None
+
+
+class PlateMistakeEntry(Section):
+    """What is probably wrong in the plate's description.
+
+    Attributes
+    ----------
+    kind : PlateKind
+        What is wrong.
+    key : str
+        The key of the cell file's `plate` that states it.
+    stated, right : tuple of float
+        Its value, and the value that explains the plate; of a sensitivity the factor, of an order
+        the channels' numbers.
+    times_better : float
+        By which factor the residual falls where it falls most.
+    sentence : str
+        The finding in words.
+    """
+
+    kind: PlateKind
+    key: str
+    stated: Numbers
+    right: Numbers
+    times_better: float
+    sentence: str
 
 
 class ImprovedParameter(Section):
@@ -144,7 +180,9 @@ class PlateSection(Section):
     improvement : ImprovementSection or None
         Of the combined model.
     torque_constants : TorqueConstants or None
-        Of the combined model.
+        Of the combined model, if it explains the plate.
+    mistake : PlateMistakeEntry or None
+        What is probably wrong in its description; left out if nothing explains it better.
     """
 
     sentences: Texts
@@ -155,6 +193,12 @@ class PlateSection(Section):
     drift_n_s: Annotated[tuple[Numbers, ...], Strict(False)]
     improvement: ImprovementSection | None
     torque_constants: TorqueConstants | None
+    mistake: PlateMistakeEntry | None = None
+
+    @property
+    def bad_components(self) -> tuple[str, ...]:
+        """The components of the wrench that the model does not explain."""
+        return tuple(each.name for each in self.components if each.grade is Grade.BAD)
 
     @classmethod
     def of(
@@ -163,6 +207,7 @@ class PlateSection(Section):
         weight: Sequence[str],
         improved: Improvement | None = None,
         torques: TorqueConsistency | None = None,
+        mistake: PlateMistake | None = None,
     ) -> PlateSection:
         """Return how a force plate fits an estimate.
 
@@ -174,23 +219,59 @@ class PlateSection(Section):
             Parameters that only the standing weight shows, in words.
         improved, torques : Improvement and TorqueConsistency, optional
             What the combined model says of the plate's gain and of the torque constants.
+        mistake : PlateMistake, optional
+            What is probably wrong in the plate's description.
         """
         sentences = [_fit_sentence(plate, weight)]
         sentences += [] if improved is None else [improved.sentence]
+        grades = plate.grades
+        doubts = [each for each in grades if each.grade is not Grade.GOOD]
+        if doubts or mistake is not None:
+            torques = None
         sentences += [] if torques is None else [torques.sentence]
+        if doubts:
+            names = "; ".join(f"{each.joint}: {each.reason}" for each in doubts)
+            sentences.append(f"The model does not explain the whole base wrench. {names}.")
+        if doubts and mistake is None:
+            sentences.append(
+                "Suspect the plate first: its sizes, position_m, rotation_rad and sensitivities in"
+                " the cell file. Torque constants are not compared with it."
+            )
+        sentences += [] if mistake is None else [mistake.sentence]
         return cls.taken(
             plate,
             sentences=sentences,
             components=WrenchResidual.for_each(
-                name=WRENCH_NAMES, unit=WRENCH_UNITS, residual=plate.residual, noise=plate.noise
+                name=WRENCH_NAMES,
+                unit=WRENCH_UNITS,
+                residual=plate.residual,
+                noise=plate.noise,
+                percent=[each.percent for each in grades] or [None] * len(WRENCH_NAMES),
+                grade=[each.grade for each in grades] or [None] * len(WRENCH_NAMES),
+                reason=[each.reason for each in grades] or [None] * len(WRENCH_NAMES),
             ),
             delay_std_s=plate.delay_sigma_s,
             improvement=None if improved is None else ImprovementSection.of(improved),
             torque_constants=None if torques is None else TorqueConstants.of(torques),
+            mistake=None if mistake is None else PlateMistakeEntry.taken(mistake),
         )
 
     def print(self, console: Console) -> None:
-        """Print what the force plate improved."""
+        """Print how the force plate fits, and what it improved."""
+        console.table(
+            ("component", "residual (RMS)", "of component", "noise", "fit"),
+            [
+                (
+                    each.name,
+                    f"{number(each.residual)} {each.unit}",
+                    "–" if each.percent is None else f"{number(each.percent, 3)} %",
+                    f"{number(each.noise)} {each.unit}",
+                    each.grade or "–",
+                )
+                for each in self.components
+            ],
+            red=[each.grade is Grade.BAD for each in self.components],
+        )
         if self.improvement is not None:
             console.say("Standard deviations by the measured noise, with torques, plate, and both:")
             console.table(
