@@ -62,7 +62,6 @@ class _Motion:
     moved: FloatArray
     velocity: FloatArray
     position: FloatArray
-    resolution: FloatArray
 
 
 def estimate_times(
@@ -83,36 +82,33 @@ def estimate_times(
     """
     stamps = samples.time_s
     given, usual = np.diff(stamps), samples.period_s
-    rows = given > GAP_STEPS * usual * (1 + repeats)
+    gap = given > GAP_STEPS * usual * (1 + repeats)
     chosen = list(joints)
-    steps = [max(smallest_step(q), 1e-9) for q in samples.position[:, chosen].T]
     position = samples.position[:, chosen]
-    motion = _Motion(
-        np.diff(position, axis=0), samples.velocity[:, chosen], position, np.array(steps)
-    )
-    noise = motion.resolution * np.sqrt(2.0 / 12.0)
-    now, seen = stamps, ~rows
+    motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
+    least = noise = _least_noise(motion, usual)
+    now, seen = stamps, ~gap
     for _ in range(rounds):
         mean, moved = _calibrated(motion, now)
         length, sigma = _lengths(mean, moved, noise)
-        seen = (sigma < WELL_SEEN * usual) & ~rows
+        seen = (sigma < WELL_SEEN * usual) & ~gap
         if np.count_nonzero(seen) < FEWEST_SEEN:
             return None
         left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
-        noise = np.maximum(_MAD * np.median(left, axis=0), motion.resolution * np.sqrt(2.0 / 12.0))
+        noise = np.maximum(_MAD * np.median(left, axis=0), least)
         length = _with_usual(length, sigma, seen, repeats, usual)
-        length = np.where(rows, given, np.maximum(length, SHORTEST * usual))
+        length = np.where(gap, given, np.maximum(length, SHORTEST * usual))
         now = _running(stamps[0], length)
     length, sigma = _lengths(*_calibrated(motion, now), noise)
-    tick_s = _tick(length[~rows], sigma[~rows], usual)
+    tick_s = _tick(length[~gap], sigma[~gap], usual)
     rate, kept = _rate(given, np.diff(now), repeats, seen)
-    now = _running(stamps[0], np.diff(now) / np.where(rows, 1.0, rate))
+    now = _running(stamps[0], np.diff(now) / np.where(gap, 1.0, rate))
     if kept:
-        now = _anchored(stamps, now, sigma, seen | rows)
+        now = _anchored(stamps, now, sigma, seen | gap)
     if tick_s is not None:
         tick_s = usual if abs(tick_s / usual - 1.0) < RATE_BELIEVED else tick_s / rate
-        whole = _whole_ticks(np.diff(now) / tick_s, seen | rows, kept) * tick_s
-        now = _running(stamps[0], np.where(rows, given, whole))
+        whole = _whole_ticks(np.diff(now) / tick_s, seen | gap, kept) * tick_s
+        now = _running(stamps[0], np.where(gap, given, whole))
     return Times(now, tick_s, rate)
 
 
@@ -120,9 +116,20 @@ def misfit(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
     """Return by how much a joint misses the way that its velocity says, an interval each."""
     chosen = slice(joint, joint + 1)
     position = samples.position[:, chosen]
-    motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position, np.zeros(1))
+    motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
     mean, moved = _calibrated(motion, time_s, relative=False)
     return np.asarray((moved - np.diff(time_s)[:, np.newaxis] * mean)[:, 0])
+
+
+def _least_noise(motion: _Motion, usual: float) -> FloatArray:
+    """Return the noise of each joint's way in an interval by its own steps and noise, (joints,).
+
+    What a common interval leaves is no measure alone: it vanishes for a joint that decides it.
+    """
+    steps = np.array([max(smallest_step(q), 1e-9) for q in motion.position.T])
+    fast = motion.velocity[1:-1] - (motion.velocity[2:] + motion.velocity[:-2]) / 2.0
+    velocity_noise = _MAD * np.median(np.abs(fast), axis=0) / np.sqrt(1.5)
+    return np.asarray(np.hypot(steps / np.sqrt(6.0), usual * velocity_noise / np.sqrt(2.0)))
 
 
 def _calibrated(
