@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from scipy.signal import lfilter
 
 from acquisition.clock.samples import Samples
@@ -72,7 +72,7 @@ class Arm:
             body = pin.Inertia(mass, random.uniform(-0.1, 0.1, 3), inertia)
             model.appendBodyToJoint(parent, body, pin.SE3.Identity())
         model.gravity.linear = np.array([0.0, 0.0, -9.81])
-        scale = 1.0 / (1.0 + np.arange(joints))
+        scale = 1.0 / np.linspace(1.0, joints, joints)
         limits = {"position_min": -6.0, "position_max": 6.0, "velocity": 20.0}
         limits |= {"acceleration": 500.0, "torque": 2000.0}
         robot = RobotDescription.model_validate(
@@ -92,7 +92,8 @@ class Arm:
             },
             strict=False,
         )
-        return cls(robot, model, 8.0 * scale, 10.0 * scale, 1.5 * scale)
+        coulomb, viscous, rotor = (np.asarray(size * scale) for size in (8.0, 10.0, 1.5))
+        return cls(robot, model, coulomb, viscous, rotor)
 
     def torque(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the actuators' torques, shape (samples, n)."""
@@ -221,4 +222,4 @@ def _rows(case: str, fine: int, random: np.random.Generator) -> tuple[FloatArray
         stamps = np.arange(0.0, fine * FINE_S - 0.2, 0.002)
         true_s = source[np.searchsorted(seen, stamps, side="right") - 1]
     rows = np.clip(np.round(true_s / FINE_S).astype(np.int64), 0, fine - 1)
-    return stamps, rows
+    return np.asarray(stamps, dtype=np.float64), np.asarray(rows)

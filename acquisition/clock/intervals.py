@@ -1,8 +1,8 @@
 """Sample times estimated from positions and velocities.
 
 Between two rows a joint goes q1 - q0 = h (v0 + v1)/2 + h^2 (a0 - a1)/12: each interval h follows
-by weighted least squares over all joints. A velocity's own scale beside the other joints',
-lateness and offset are found over a tenth of a second, where the stamps' errors hardly matter.
+by weighted least squares over all joints. A velocity's scale beside the other joints' and its
+lateness are found over a tenth of a second, where the stamps' errors hardly matter.
 An interval that the motion does not show, as at rest, gets the usual length of those with as many
 repeated rows before them.
 """
@@ -27,10 +27,16 @@ SHORTEST: Final = 0.1
 """Shortest interval, in parts of the usual one: time goes forward."""
 ON_TICK: Final = 0.95
 """Share of intervals that must be whole multiples of one tick for all to be."""
+COUNTED: Final = 0.12
+"""Largest standard deviation of an interval whose ticks can be counted, in ticks."""
 RATE_KEPT: Final = 0.005
 """If the mean rate agrees with the stamps this well, theirs is kept."""
 RATE_BELIEVED: Final = 0.05
 """Velocities that contradict the stamps' rate by more tell no times."""
+DISTINCT: Final = 3.0
+"""Standard deviations from which a common lateness of the velocities counts."""
+WRONG_STEPS: Final = 0.5
+"""Part of the error of the stamps' steps, RMS, that a common lateness must exceed."""
 FAR_OFF: Final = 4.0
 """Standard deviations beyond which a tenth of a second does not count, as where a motion begins."""
 _MAD: Final = 1.4826
@@ -87,19 +93,22 @@ def estimate_times(
     position = samples.position[:, chosen]
     motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
     least = noise = _least_noise(motion, usual)
+    late_s = _lateness(motion, stamps)
     now, seen = stamps, ~gap
     for _ in range(rounds):
-        mean, moved = _calibrated(motion, now)
+        mean, moved = _calibrated(motion, now, late_s)
         length, sigma = _lengths(mean, moved, noise)
         seen = (sigma < WELL_SEEN * usual) & ~gap
         if np.count_nonzero(seen) < FEWEST_SEEN:
             return None
+        if abs(late_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
+            late_s = 0.0  # stamps that are late with the steps' length say the same
         left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
         noise = np.maximum(_MAD * np.median(left, axis=0), least)
         length = _with_usual(length, sigma, seen, repeats, usual)
         length = np.where(gap, given, np.maximum(length, SHORTEST * usual))
         now = _running(stamps[0], length)
-    length, sigma = _lengths(*_calibrated(motion, now), noise)
+    length, sigma = _lengths(*_calibrated(motion, now, late_s), noise)
     tick_s = _tick(length[~gap], sigma[~gap], usual)
     rate, kept = _rate(given, np.diff(now), repeats, seen)
     now = _running(stamps[0], np.diff(now) / np.where(gap, 1.0, rate))
@@ -107,7 +116,8 @@ def estimate_times(
         now = _anchored(stamps, now, sigma, seen | gap)
     if tick_s is not None:
         tick_s = usual if abs(tick_s / usual - 1.0) < RATE_BELIEVED else tick_s / rate
-        whole = _whole_ticks(np.diff(now) / tick_s, seen | gap, kept) * tick_s
+        counted = gap | (sigma < COUNTED * tick_s)
+        whole = _whole_ticks(np.diff(now) / tick_s, counted, kept) * tick_s
         now = _running(stamps[0], np.where(gap, given, whole))
     return Times(now, tick_s, rate)
 
@@ -117,7 +127,7 @@ def misfit(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
     chosen = slice(joint, joint + 1)
     position = samples.position[:, chosen]
     motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
-    mean, moved = _calibrated(motion, time_s, relative=False)
+    mean, moved = _calibrated(motion, time_s, None)
     return np.asarray((moved - np.diff(time_s)[:, np.newaxis] * mean)[:, 0])
 
 
@@ -133,49 +143,87 @@ def _least_noise(motion: _Motion, usual: float) -> FloatArray:
 
 
 def _calibrated(
-    motion: _Motion, time_s: FloatArray, *, relative: bool = True
+    motion: _Motion, time_s: FloatArray, late_s: float | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return each interval's mean velocity, and the way that is to be explained by it.
 
-    Over a tenth of a second, the position changes by r times the integral of the velocity, by the
-    lateness of the velocity times its change, and by its offset times the time.
+    `late_s` is the velocities' common lateness, and their scales are relative to each other; None
+    if a joint stands for itself.
     """
+    mean = _mean_velocity(motion, time_s)
+    scale, late, _ = _scale_and_lateness(motion, time_s)
+    if late_s is not None:
+        common = float(np.median(scale))
+        scale = scale / common if common > 0.0 else np.ones_like(scale)
+        late = late / max(common, 1e-3)
+        late += late_s - float(np.median(late))
+        sound = (scale > 0.5) & (scale < 2.0) & (np.abs(late) < WIDE_S)
+        scale, late = np.where(sound, scale, 1.0), np.where(sound, late, 0.0)
+    return scale * mean, motion.moved - late * np.diff(motion.velocity, axis=0)
+
+
+def _lateness(motion: _Motion, stamps: FloatArray) -> float:
+    """Return by how much the velocities are late in common by the stamps; 0 if it is not distinct.
+
+    Times that follow from velocities cannot tell it: a common lateness shifts them with the speed.
+    """
+    _, late, error = _scale_and_lateness(motion, stamps)
+    common = float(np.median(late))
+    return common if abs(common) > DISTINCT * float(np.median(error)) else 0.0
+
+
+def _mean_velocity(motion: _Motion, time_s: FloatArray) -> FloatArray:
+    """Return the mean velocity of each interval, (intervals, joints)."""
     h = np.diff(time_s)[:, np.newaxis]
     velocity = motion.velocity
     rate = np.gradient(velocity, time_s, axis=0)
     mean = (velocity[1:] + velocity[:-1]) / 2.0 + h * (rate[:-1] - rate[1:]) / 12.0
-    change = np.diff(velocity, axis=0)
+    return np.asarray(mean)
+
+
+def _scale_and_lateness(
+    motion: _Motion, time_s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return each velocity's scale and lateness, and the standard deviation of the latter.
+
+    Over a tenth of a second, the position changes by the scale times the integral of the velocity,
+    and by the lateness times its change.
+    """
+    h = np.diff(time_s)
     stride = min(max(1, round(WIDE_S / float(np.median(h)))), len(h))
-    path = np.vstack([np.zeros(velocity.shape[1]), np.cumsum(mean * h, axis=0)])
+    mean = _mean_velocity(motion, time_s)
+    path = np.vstack([np.zeros(mean.shape[1]), np.cumsum(mean * h[:, np.newaxis], axis=0)])
     span = time_s[stride:] - time_s[:-stride]
-    near = span < GAP_STEPS * WIDE_S + GAP_STEPS * stride * float(np.median(h))
+    near = span < GAP_STEPS * (WIDE_S + stride * float(np.median(h)))
     found = []
-    for j in range(velocity.shape[1]):
-        x = np.column_stack(
-            [values[stride:] - values[:-stride] for values in (path[:, j], velocity[:, j], time_s)]
-        )[near]
-        y = (motion.position[stride:, j] - motion.position[:-stride, j])[near]
-        found.append(_robust(x, y))
-    scale, late, offset = np.array(found).T
-    common = float(np.median(scale)) if relative else 1.0
-    scale = scale / common if common > 0.0 else np.ones_like(scale)
-    sound = (scale > 0.5) & (scale < 2.0) & (np.abs(late) < WIDE_S) | (not relative)
-    scale, late, offset = (
-        np.where(sound, x, y) for x, y in ((scale, 1.0), (late, 0.0), (offset, 0.0))
-    )
-    if relative:
-        late, offset = late / max(common, 1e-3), offset / max(common, 1e-3)
-    return scale * mean + offset, motion.moved - late * change
+    for ways in zip(path.T, motion.velocity.T, motion.position.T, strict=True):
+        x, change, y = ((values[stride:] - values[:-stride])[near] for values in ways)
+        found.append(_robust(np.column_stack([x, change]), y, stride))
+    scale, late, error = np.array(found).T
+    return scale, late, error
 
 
-def _robust(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return a least-squares solution without the rows that miss the first one by far."""
+def _robust(x: FloatArray, y: FloatArray, overlapping: int) -> tuple[float, float, float]:
+    """Return two coefficients by least squares without far outliers, and the second one's error.
+
+    Parameters
+    ----------
+    x : ndarray, shape (rows, 2)
+        The columns.
+    y : ndarray, shape (rows,)
+        What they explain.
+    overlapping : int
+        How many neighbouring rows share their noise.
+    """
     solution = np.linalg.lstsq(x, y, rcond=None)[0]
     left = np.abs(y - x @ solution)
     near = left <= FAR_OFF * _MAD * float(np.median(left))
-    if np.count_nonzero(near) < len(y) / 2:
-        return np.asarray(solution, dtype=np.float64)
-    return np.asarray(np.linalg.lstsq(x[near], y[near], rcond=None)[0], dtype=np.float64)
+    if np.count_nonzero(near) >= len(y) / 2:
+        x, y = x[near], y[near]
+        solution = np.linalg.lstsq(x, y, rcond=None)[0]
+    noise = float(np.mean((y - x @ solution) ** 2)) * overlapping
+    error = float(np.sqrt(max(noise * np.linalg.pinv(x.T @ x)[1, 1], 0.0)))
+    return float(solution[0]), float(solution[1]), error
 
 
 def _lengths(
@@ -237,7 +285,10 @@ def _rate(
     total = float(found[seen].sum() / given[seen].sum())
     plain = seen & (repeats == 0)
     if not repeats.any() or abs(total - 1.0) < RATE_KEPT or np.count_nonzero(plain) < FEWEST_SEEN:
-        return total, True
+        # Stamps err at both ends of each stretch: a rate that these errors explain is none.
+        stretches = np.count_nonzero(np.diff(seen, prepend=False) & seen)
+        error = float(np.std((found - given)[seen])) * np.sqrt(stretches) / given[seen].sum()
+        return (1.0 if abs(total - 1.0) < 2.0 * error else total), True
     rate = float(np.median(found[plain] / given[plain]))
     return rate, abs(total / rate - 1.0) < RATE_KEPT
 
@@ -254,7 +305,7 @@ def _anchored(
     length, given = np.diff(now), np.diff(stamps)
     usual = float(np.median(length))
     jitter = max(float(np.std((length - given)[seen])) / np.sqrt(2.0), 1e-3 * usual)
-    known = np.where(seen, np.maximum(sigma, 1e-3 * usual), np.maximum(jitter, 0.1 * usual)) ** -2.0
+    known = np.where(seen, np.maximum(sigma, 1e-4 * usual), np.maximum(jitter, 0.1 * usual)) ** -2.0
     anchor = np.full(len(now), jitter**-2.0)
     bands = np.zeros((2, len(now)))
     bands[0, 1:] = -known

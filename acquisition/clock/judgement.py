@@ -177,7 +177,7 @@ def _rebuilt(
     if gain is None:
         if torque is None or torque[0] < max(2.0 * torque[1], LEAST_GAIN):
             return not_told("only one joint moves, and torques do not show other times")
-    elif torque is not None and torque[0] < TORQUE_WORSE:
+    elif torque is not None and torque[0] < min(-2.0 * torque[1], TORQUE_WORSE):
         doubtful = True
         return not_told(
             "positions and velocities contradict the time stamps, but torques are predicted worse"

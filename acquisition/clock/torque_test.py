@@ -20,6 +20,8 @@ from config.errors import RidDaqError
 from config.robot.robot import RobotDescription
 
 BAND_HZ: Final = 8.0
+GUARD_S: Final = 0.06
+"""Around a reversal the low-passed torque is not that of the low-passed speed's sign [s]."""
 MOST_ROWS: Final = 4000
 PARTS: Final = 8
 CONDITION: Final = 1e-6
@@ -63,6 +65,8 @@ def _errors(
     robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
 ) -> FloatArray:
     """Return the mean square of each joint's held-out error in each part, (2 parts, joints)."""
+    from scipy.ndimage import minimum_filter1d
+
     from dynamics.model.robot_model import RobotModel, regressor  # they load the compiler
 
     plain = [
@@ -80,7 +84,9 @@ def _errors(
     torque = signals.torque_nm[rows]
     size = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-9)
     columns, torque = columns / size[:, np.newaxis], torque / size
-    use = np.abs(velocity) > STANDSTILL_SPEED
+    guard = 1 + 2 * math.ceil(GUARD_S / signals.sample_period_s)
+    slowest = minimum_filter1d(np.abs(signals.velocity), guard, axis=0)  # away from reversals
+    use = slowest[rows] > STANDSTILL_SPEED
     halves = np.array_split(np.arange(len(rows)), 2)
     errors = []
     for fitted, judged in (halves, halves[::-1]):
