@@ -14,8 +14,16 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from acquisition.runs.folder import RunFolder
+from tests.builders.bad_link import BadLink
 from tests.rid_daq.service.conftest import ServedProcess
-from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, ready, take_cell
+from tests.rid_daq.workbench.conftest import (
+    OpenByLink,
+    OpenPage,
+    checked,
+    give_back,
+    ready,
+    take_cell,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -26,6 +34,15 @@ RECORD = """async () => {
   return await beginJob("record", request, { cleared: true });
 }"""
 """A motion of minutes, by the page's own module and lease."""
+
+
+NEEDS = """async ([ready, held]) => {
+  const { missing } = await import("/static/shell.js");
+  const { now } = await import("/static/service.js");
+  now.status = { ...now.status, not_ready_because: ready, not_held_because: held };
+  return [missing("ready"), missing("held")];
+}"""
+"""What the page's buttons lack, if the service says so."""
 
 
 def test_a_newcomer_takes_the_cell_and_checks_it(open_page: OpenPage) -> None:
@@ -104,6 +121,46 @@ def test_a_button_moves_a_joint_while_it_is_held(
     page.keyboard.press("Escape")
     expect(page.locator("#stop-words")).to_have_text(re.compile("Stop asked for"))
     expect(page.locator("#job .verdict.end")).to_contain_text("Jog: stopped")
+    give_back(page)
+
+
+def test_jog_and_axis_test_can_be_begun_if_the_axis_test_is_all_that_is_missing(
+    open_page: OpenPage,
+) -> None:
+    page = open_page()
+    take_cell(page)
+    untested = "axis test: never made"
+    assert page.evaluate(NEEDS, [untested, ""]) == [f"Not ready: {untested}", ""]
+    assert (
+        page.evaluate(NEEDS, [untested, "drives: no answer"])[1] == "Not ready: drives: no answer"
+    )
+    give_back(page)
+
+
+@pytest.mark.promise("held-key-slow-link")
+def test_a_key_that_is_held_over_a_slow_link_moves_nothing_and_the_page_says_why(
+    open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess
+) -> None:
+    page = open_by_link()
+    take_cell(page)
+    ready(page, served_pages)
+    page.locator("#jog").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear").click()
+    said = page.locator(".said")
+    expect(said).to_contain_text("Ready: hold the key")
+    position = page.locator('[data-joint="axis1"] [data-show="position"]')
+    expect(position).to_contain_text("°")
+    at_rest = position.inner_text()
+    link.make_late(1.0, 0.4, 0.45)
+    page.get_by_role("button", name="hold to move forth").hover()
+    page.mouse.down()
+    expect(said).to_contain_text(re.compile(r"link too slow: .*\d+ ms"))
+    link.mend()
+    page.wait_for_timeout(1000)  # the key is still held, over a good link: another press is needed
+    assert position.inner_text() == at_rest
+    page.mouse.up()
+    page.get_by_role("button", name="Finish").click()
+    expect(page.locator("#job .verdict.end")).to_contain_text("Jog")
     give_back(page)
 
 
