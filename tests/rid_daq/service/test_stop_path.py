@@ -29,7 +29,8 @@ from rid_daq.live.request_head import RequestHead
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
-from rid_daq.service.records import Role
+from rid_daq.service.records import JobState, Role
+from rid_daq.service.refusals import StoreBusyError
 from rid_daq.service.service import CellService
 from rid_daq.service.stop.shown_secrets import is_loopback
 from rid_daq.service.stop.stop_entrance import StopEntrance
@@ -126,6 +127,27 @@ def test_a_stop_is_told_while_another_program_holds_the_database(
         await made.end()
         noted = await asyncio.to_thread(service.audit.newest)
         assert [entry.what for entry in noted] == ["stopped"], "the note was written afterwards"
+
+    run(main())
+
+
+def test_no_job_moves_anything_before_it_is_on_the_disk(
+    service: CellService, worker: Worker, tmp_path: Path
+) -> None:
+    async def main() -> None:
+        assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
+        file = tmp_path / STATE_FOLDER / "service.db"
+        with contextlib.closing(sqlite3.connect(file)) as holder:
+            holder.execute("BEGIN EXCLUSIVE")
+            wanted = job()
+            with pytest.raises(StoreBusyError) as refused:
+                await service.workshop.begin(wanted, service.cell("ir361"), cleared=True)
+            assert refused.value.refusal == "RID-STORE-BUSY"
+            assert not list(service.workshop), "no process has it"
+            assert service.jobs.get(wanted.id).state is JobState.FAILED
+        assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
+        again = await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
+        assert again.state is JobState.RUNNING, "another may begin"
 
     run(main())
 
