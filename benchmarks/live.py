@@ -32,7 +32,7 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.record import OtherProcesses, record_motion
+from acquisition.session.record import MotionContext, record_motion
 from acquisition.task.states import Progress, TaskState
 from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
@@ -55,7 +55,7 @@ def crowd(access: Access, line: Connection) -> None:
     os.nice(10)  # they stand for other programs, which do not belong to this one
     hanging = (
         f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{access.port}\r\n"
-        f"Cookie: {access.cookie_name}={access.token}\r\n\r\n"
+        f"Authorization: Bearer {access.token}\r\n\r\n"
     ).encode()
     lines: list[socket.socket] = []
     while (word := line.recv()) != "end":
@@ -110,7 +110,7 @@ class Bench:
             samples,
             RunFolder.create(self.folder, "live"),
             on_progress=on_progress,  # type: ignore[arg-type]
-            others=OtherProcesses(self.page.observer("benchmark", samples, cell, robot)),
+            context=MotionContext(self.page.observer("benchmark", samples, cell, robot)),
         )
 
 

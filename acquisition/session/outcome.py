@@ -44,6 +44,10 @@ class RecordOutcome:
     late_stop : StopReason or None
         Why no other motion may follow this one, which came to its end: a stop was asked for too
         late for it.
+    pose : tuple of float, length joints, or None
+        Where the joints were seen last [rad or m]; None if no cycle came.
+    displaced : bool
+        Whether the robot stood elsewhere than it was seen last, before the motion.
     """
 
     path: Path
@@ -53,6 +57,8 @@ class RecordOutcome:
     statistics: CycleStatistics
     notes: tuple[str, ...]
     late_stop: StopReason | None = None
+    pose: tuple[float, ...] | None = None
+    displaced: bool = False
 
     @property
     def complete(self) -> bool:
@@ -67,6 +73,7 @@ def outcome_of(
     control: ControlBlock,
     interruption: Interruption,
     notes: list[str],
+    pose: tuple[float, ...] | None,
 ) -> RecordOutcome:
     """Return what became of a motion whose processes have ended, and read back what they recorded.
 
@@ -82,6 +89,8 @@ def outcome_of(
         Says which signal came first.
     notes : list of str
         What there is to say about the processes.
+    pose : tuple of float, optional
+        Where the joints were seen last [rad or m].
 
     Raises
     ------
@@ -130,6 +139,8 @@ def outcome_of(
         statistics=statistics,
         notes=tuple(notes),
         late_stop=_late_stop(control, interruption) if stop is None else None,
+        pose=pose,
+        displaced=control.task.displaced,
     )
 
 

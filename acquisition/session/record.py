@@ -13,6 +13,7 @@ from pathlib import Path
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.motion.collision import refuse_collision
+from acquisition.motion.known_pose import KnownPose
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
@@ -29,7 +30,7 @@ from acquisition.supervision.commanded import verify_command
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
-from acquisition.task.process import run_cyclic_task
+from acquisition.task.process import Ordering, run_cyclic_task
 from acquisition.task.ring import Ring
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import PlannedMotion, SetPointSource
@@ -75,8 +76,8 @@ class DeviceProfiles:
 
 
 @dataclass(frozen=True)
-class OtherProcesses:
-    """Processes beside those of the motion.
+class MotionContext:
+    """What is known of a motion beside its set-points.
 
     Attributes
     ----------
@@ -85,10 +86,13 @@ class OtherProcesses:
         nothing.
     service : ServiceBeat or None
         Signs of life of the service that has ordered the motion: without them it stops.
+    pose : KnownPose or None
+        Where the robot was seen last: compared before the drives get power.
     """
 
     observer: Observer | None = None
     service: ServiceBeat | None = None
+    pose: KnownPose | None = None
 
 
 def record_motion(
@@ -100,7 +104,7 @@ def record_motion(
     on_progress: Callable[[Progress], None] | None = None,
     enough: EarlyStopRule | None = None,
     profiles: DeviceProfiles | None = None,
-    others: OtherProcesses | None = None,
+    context: MotionContext | None = None,
 ) -> RecordOutcome:
     """Approach the motion, stream it, record it into the run folder, stop and disable.
 
@@ -126,8 +130,8 @@ def record_motion(
         over to its run-out after the period under way.
     profiles : DeviceProfiles, optional
         What the cell's amplifier and its drives' registers speak.
-    others : OtherProcesses, optional
-        Who looks on, and who has ordered the motion.
+    context : MotionContext, optional
+        Who looks on, who has ordered the motion, and where the robot was seen last.
 
     Raises
     ------
@@ -146,7 +150,7 @@ def record_motion(
     else:
         source = motion
     profiles = profiles or DeviceProfiles()
-    others = others or OtherProcesses()
+    context = context or MotionContext()
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
     _check_room(folder.path, source.rows_expected * (ring.row_size + 64))
@@ -172,9 +176,9 @@ def record_motion(
             source,
             ring,
             control,
-            os.getpid(),
             folder.file(DRIVE_WRITES),
-            others.service,
+            Ordering(os.getpid(), context.service),
+            context.pose,
         ),
         patience_s=STOP_PATIENCE_S,
         loss="the drives stop by themselves when the heartbeat ends",
@@ -186,7 +190,7 @@ def record_motion(
         patience_s=FINISH_PATIENCE_S,
     )
     monitor = monitor_process(cell, robot, profiles.drives, control, folder)
-    watcher = None if others.observer is None else others.observer(ring, control)
+    watcher = None if context.observer is None else context.observer(ring, control)
     joints = JointWatch(ring, cell, robot)
     with (
         suspension_refused(NO_PAUSE),
@@ -211,7 +215,9 @@ def record_motion(
         finally:
             if plate is not None:
                 notes += plate.close()
-    return outcome_of(path, header, task, control, interruption, notes)
+    seen = joints.look()
+    pose = None if seen is None else tuple(seen.position.tolist())
+    return outcome_of(path, header, task, control, interruption, notes, pose)
 
 
 def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamples) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
+from acquisition.motion.known_pose import KnownPose
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.lockstep import PAUSE_S, RECORDER_PATIENCE_S
@@ -28,15 +30,31 @@ from drivers.servo.watchdog_test import prove_watches
 from drivers.settings.write_log import WriteLog
 
 
+@dataclass(frozen=True)
+class Ordering:
+    """Who has ordered a motion, and without whom it stops.
+
+    Attributes
+    ----------
+    parent : int
+        Process id of the program.
+    service : ServiceBeat or None
+        Signs of life of the service that has ordered the motion, if one has.
+    """
+
+    parent: int
+    service: ServiceBeat | None = None
+
+
 def run_cyclic_task(
     cell: CellConfig,
     robot: RobotDescription,
     source: SetPointSource,
     ring: Ring,
     control: ControlBlock,
-    parent: int,
     drive_writes: Path,
-    service: ServiceBeat | None = None,
+    ordering: Ordering,
+    pose: KnownPose | None = None,
 ) -> None:
     """Run the cyclic task; the main function of its process.
 
@@ -51,12 +69,12 @@ def run_cyclic_task(
         The motion.
     ring, control : Ring, ControlBlock
         Shared with recorder and program.
-    parent : int
-        Process id of the program.
     drive_writes : Path
         Where what is written to the drives is kept.
-    service : ServiceBeat, optional
-        Signs of life of the service that has ordered the motion, if one has.
+    ordering : Ordering
+        Who has ordered the motion.
+    pose : KnownPose, optional
+        Where the robot was seen last.
     """
     leave_terminal()
     set_process_name(ProcessName.TASK)
@@ -64,9 +82,9 @@ def run_cyclic_task(
     axes: CanServoAxes | None = None
 
     def orphaned() -> bool:
-        return os.getppid() != parent
+        return os.getppid() != ordering.parent
 
-    orders = StopOrders(control, orphaned, service)
+    orders = StopOrders(control, orphaned, ordering.service)
     try:
         _await_recorder(control, orders)
         source.prepare()
@@ -81,6 +99,11 @@ def run_cyclic_task(
                 for note in become_realtime():
                     control.task.add_note(note)
             opened.axes.start()
+            if pose is not None:
+                note = pose.refuse_moved(robot, axes.answers.position.tolist())
+                control.task.displaced = note != ""
+                if note:
+                    control.task.add_note(note)
             CyclicTask(
                 opened.axes,
                 opened.clock,

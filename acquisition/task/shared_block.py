@@ -17,12 +17,14 @@ class SharedError(ctypes.Structure):
     _fields_ = (
         ("_there", ctypes.c_int64),
         ("_kind", ctypes.c_char * 64),
+        ("_refusal", ctypes.c_char * 64),
         ("_text", ctypes.c_char * 4096),
     )
 
     def put(self, error: RidDaqError) -> None:
         """Write an error, or a later one over it."""
         self._kind = clipped(type(error).__name__, 63)
+        self._refusal = clipped(error.refusal, 63)
         self._text = clipped(str(error), 4095)
         self._there = 1
 
@@ -33,7 +35,8 @@ class SharedError(ctypes.Structure):
         kind = getattr(errors, self._kind.decode(errors="replace"), DriverError)
         if not (isinstance(kind, type) and issubclass(kind, RidDaqError)):
             kind = DriverError
-        return kind(self._text.decode(errors="replace"))
+        refusal = self._refusal.decode(errors="replace")
+        return kind(self._text.decode(errors="replace"), code=refusal)
 
 
 class SharedBlock:

@@ -38,6 +38,7 @@ class TaskWords(ctypes.Structure):
         ("_rounds_asked", ctypes.c_int64),
         ("_round_asked_s", ctypes.c_double),
         ("_power_off", ctypes.c_int64),
+        ("_displaced", ctypes.c_int64),
     )
 
     @property
@@ -123,6 +124,15 @@ class TaskWords(ctypes.Structure):
     def ramp_s(self) -> float | None:
         """How long the axes took to come to rest [s], None as long as that was not seen."""
         return float(self._ramp_s) if self._at_rest else None
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the robot stood elsewhere than it was seen last, before the motion."""
+        return bool(self._displaced)
+
+    @displaced.setter
+    def displaced(self, displaced: bool) -> None:
+        self._displaced = int(displaced)
 
     def add_note(self, text: str) -> None:
         """Keep one more sentence for the program's report."""

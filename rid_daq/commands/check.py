@@ -23,6 +23,14 @@ def check(
     all_lines: Annotated[
         bool, typer.Option("--all", help="Show every line, not one a device and what is red.")
     ] = False,
+    accept_pose: Annotated[
+        bool,
+        typer.Option(
+            "--accept-pose",
+            help="Confirm that the drives' positions are right, although the robot stands elsewhere"
+            " than where the last run left it.",
+        ),
+    ] = False,
     runs: RunsFolder = DEFAULT_RUNS,
     service: Service = None,
     as_json: AsJson = False,
@@ -37,11 +45,12 @@ def check(
     plate's amplifier is set as the cell file says and read back; it is not zeroed. Where the cell
     has a drive monitor, every motor's temperature and torque constant are read too. Where axes name
     EDS files, those are looked at first: no drive is asked anything where one lacks an object by
-    its EDS, and nothing is written to a drive that is another than its EDS says. Exit code 3 where
-    a line is red.
+    its EDS, and nothing is written to a drive that is another than its EDS says. Positions are
+    compared with the joints' limits and with the pose in which the last run left the robot. Exit
+    code 3 if a line is red.
     """
     from rid_daq.performers.check import perform
     from rid_daq.preflight.preflight import CheckRequest
 
-    request = CheckRequest(cell, runs, seconds, cleared, all_lines)
+    request = CheckRequest(cell, runs, seconds, cleared, all_lines, accept_pose)
     here_or_there(service, JobKind.CHECK, request, Console(as_json), perform)

@@ -8,6 +8,7 @@ from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
 from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
 from rid_daq.preflight.check_words import say_all, say_devices
+from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import CheckRequest, lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell
 from rid_daq.session.drive_writes import new_write_log
@@ -36,6 +37,10 @@ def perform(request: CheckRequest, console: Console) -> None:
             new_write_log(request.runs) if simulated is None else None
         )  # these drives outlive it
 
+        rule = PoseRule.ACCEPTED if request.accept_pose else PoseRule.COMPARED
+        if simulated is not None:
+            rule = PoseRule.LEFT_OUT
+
         def look(*, cleared: bool) -> tuple[list[CheckLine], RidDaqError | None]:
             return preflight(
                 loaded,
@@ -45,6 +50,7 @@ def perform(request: CheckRequest, console: Console) -> None:
                 cleared=cleared,
                 write_log=write_log,
                 tell=lambda found: say_devices(console, found),
+                pose=rule,
             )
 
         lines, problem = look(cleared=cleared)

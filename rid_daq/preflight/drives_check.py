@@ -54,6 +54,7 @@ def check_drives(
             opened.axes.start()
             lines += _answers(opened, seconds)
             position = opened.axes.answers.position.tolist()
+            lines += _positions(opened, robot)
             if not any(line.verdict == "red" for line in lines):
                 lines += watch_lines(opened, cleared=cleared)
     except (DriverError, PreflightError) as error:
@@ -71,6 +72,34 @@ def _setting(setting: DriveSetting) -> CheckLine:
         next_action=next_action(setting) if setting.verdict == "red" else "",
         of_drive=True,
     )
+
+
+def _positions(opened: Cell, robot: RobotDescription) -> list[CheckLine]:
+    """Return a line for each joint: its position, and whether that is within its limits."""
+    answers = opened.axes.answers
+    lines = []
+    for i, (axis, joint) in enumerate(zip(opened.config.axes, robot.joints, strict=True)):
+        limits, count = joint.limits, int(answers.position_counts[i])
+        position = float(answers.position[i])
+        linear = joint.type == "prismatic"
+        unit, scale = ("mm", 1e3) if linear else ("°", 180.0 / math.pi)
+        inside = limits.position_min <= position <= limits.position_max
+        low, high = scale * limits.position_min, scale * limits.position_max
+        lines.append(
+            CheckLine(
+                where=f"{axis.joint}, node {axis.node_id}",
+                what="position (6064h)",
+                required=f"{low:.2f} to {high:.2f} {unit}",
+                found=f"{scale * position:.2f} {unit} ({count} counts, zero at"
+                f" {axis.position_zero_counts})",
+                verdict="ok" if inside else "red",
+                next_action="move the joint inside its limits by hand, restore the drive's zero, or"
+                f" correct position_zero_counts (now {axis.position_zero_counts}): it is {count} if"
+                " the joint stands at its zero now",
+                of_drive=True,
+            )
+        )
+    return lines
 
 
 def _answers(opened: Cell, seconds: float) -> list[CheckLine]:

@@ -16,6 +16,7 @@ from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
 from rid_daq.preflight.computer_check import disk_lines, time_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
 from rid_daq.preflight.eds_check import eds_lines
+from rid_daq.preflight.last_pose import PoseRule, pose_lines
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.preflight.plate_check import PlateCheck
 
@@ -36,6 +37,8 @@ class CheckRequest(Ranged):
         Whether a person has cleared the cell.
     all_lines : bool
         Whether people are shown every line, not one a device and what is red.
+    accept_pose : bool
+        Whether the pose as it is now is the right one, wherever the last run left the robot.
     """
 
     cell: str
@@ -43,6 +46,7 @@ class CheckRequest(Ranged):
     seconds: CheckS = 5.0
     cleared: bool = False
     all_lines: bool = False
+    accept_pose: bool = False
 
 
 def _untold(_lines: Sequence[CheckLine]) -> None:
@@ -74,13 +78,15 @@ def preflight(
     cleared: bool,
     write_log: WriteLog | None = None,
     tell: Callable[[Sequence[CheckLine]], None] = _untold,
+    pose: PoseRule = PoseRule.COMPARED,
 ) -> tuple[list[CheckLine], RidDaqError | None]:
     """Return the lines of the preflight of a reachable cell, and what ended it early.
 
     `before` are those of `lines_before_bus`, and come first. The drives are switched on only where
     a trial of their watches takes that and a person has cleared the cell. What is written to the
     drives is kept in the write log, where there is one. `tell` is given the other lines of some
-    devices as soon as all of theirs are there.
+    devices as soon as all of theirs are there. `pose` says what is done
+    with the last pose.
     """
     eds_files = eds_lines(loaded)
     computer = [*bus_lines(reachable), *time_lines()]
@@ -96,7 +102,7 @@ def preflight(
             found, position = check_drives(
                 reachable, loaded.robot, seconds, write_log, cleared=cleared
             )
-            drives += found
+            drives += [*found, *pose_lines(loaded, position, pose)]
     except DriveTrouble as trouble:
         drives += trouble.lines
         problem = trouble.error

@@ -14,6 +14,7 @@ from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
 from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
+from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import (
@@ -158,7 +159,10 @@ class PayloadGuide:
     def _preflight(self) -> None:
         request, session = self.request, self.session
         before = lines_before_bus(session.loaded, request.runs, request.axis_test)
-        lines, problem = preflight(session.loaded, session.cell, before, PREFLIGHT_S, cleared=True)
+        pose = PoseRule.COMPARED if session.simulated is None else PoseRule.LEFT_OUT
+        lines, problem = preflight(
+            session.loaded, session.cell, before, PREFLIGHT_S, cleared=True, pose=pose
+        )
         red = [line for line in lines if line.verdict == "red"]
         for line in red:
             self.console.say(f"RED {line.where}, {line.what}: {line.next_action}")

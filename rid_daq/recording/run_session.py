@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Final, Protocol
 from pydantic import JsonValue
 
 from acquisition.journal.cycle_reader import read_tail
+from acquisition.motion.known_pose import KnownPose
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.early_stop import NewPeriods
 from acquisition.session.frame_recorder import FrameRecorder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.record import DeviceProfiles, OtherProcesses, record_motion
+from acquisition.session.record import DeviceProfiles, MotionContext, record_motion
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
@@ -27,6 +28,7 @@ from config.errors import RecordingError, TransportError
 from config.load import LoadedCell
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
+from rid_daq.preflight.last_pose import keep_pose, known_pose
 from rid_daq.recording.recorded_run import RecordedRun, ending_said
 from rid_daq.report.result import Result
 from rid_daq.report.sections.average import AverageSection
@@ -206,6 +208,7 @@ class RunSession:
                 outcome = self._drive(folder, request)
             elapsed_s = time.monotonic() - started_s
             with ending_said(outcome, request.epilogue):
+                self._keep_pose(folder, outcome)
                 run = self._judged(folder, request, outcome)
                 run.facts.update(facts, rows=outcome.rows)
                 run.result = run.result.updated(
@@ -219,9 +222,23 @@ class RunSession:
                 write_result(folder, run.result)
                 folder.finish(run.status, run.facts)
 
+    def _known_pose(self, request: RunRequest) -> KnownPose | None:
+        """Return where the robot was seen last; None for mock hardware that was started here."""
+        if self.simulated is not None:
+            return None
+        return known_pose(self.loaded, binding=not (self.cell.simulated or request.held))
+
+    def _keep_pose(self, folder: RunFolder, outcome: RecordOutcome) -> None:
+        """Keep where the robot stands; a key moves a displaced one, and settles nothing."""
+        if self.simulated is not None or outcome.pose is None:
+            return
+        if self.cell.simulated or not outcome.displaced:
+            keep_pose(self.loaded, outcome.pose, f"run {folder.run_id}")
+
     def _drive(self, folder: RunFolder, request: RunRequest) -> RecordOutcome:
         """Drive what was asked for, and say what a person should know of it."""
         robot, samples, watch = self.loaded.robot, request.samples, request.watch
+        pose = self._known_pose(request)
         observer = None
         if self.page is not None and samples is not None:
             observer = self.page.observer(request.sentence, samples, self.cell, robot)
@@ -258,7 +275,7 @@ class RunSession:
                     profiles=DeviceProfiles(
                         self.loaded.amplifier_profile, self.loaded.drive_profile
                     ),
-                    others=OtherProcesses(observer, self.service),
+                    context=MotionContext(observer, self.service, pose),
                 )
             for note in outcome.notes:
                 self.display.say(f"note: {note}")

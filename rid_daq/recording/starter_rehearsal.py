@@ -20,6 +20,7 @@ from identification.design.criteria import DOptimal
 from identification.design.search import refine
 from identification.design.task import excitation_problem
 from rid_daq.jobs.starter.urdf_starter import slower_robot, starting_files
+from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell
 from rid_daq.terminal.exit_codes import exit_code_of_stop
@@ -98,7 +99,12 @@ def _run(loaded: LoadedCell, folder: Path) -> RecordOutcome:
     samples = motion.plan(robot, cell.cycle_time_s)
     with mountable_cell(loaded) as (reachable, _):
         lines, failure = preflight(
-            loaded, reachable, lines_before_bus(loaded, folder), CHECK_S, cleared=True
+            loaded,
+            reachable,
+            lines_before_bus(loaded, folder),
+            CHECK_S,
+            cleared=True,
+            pose=PoseRule.LEFT_OUT,
         )
         if failure is not None:
             raise failure

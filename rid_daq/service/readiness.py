@@ -8,6 +8,7 @@ from typing import Final
 
 from config.process.safety_clock import safety_now_s
 from rid_daq.preflight.axis_test import AXIS_TEST
+from rid_daq.preflight.last_pose import LAST_POSE
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Preflight
 from rid_daq.service.served_cell import ServedCell
@@ -157,5 +158,5 @@ class Readiness:
 def _suffices(preflight: Preflight, kind: JobKind | None) -> bool:
     """Return whether a red preflight lacks nothing that a kind of motion needs."""
     red = [line.get("what") for line in preflight.lines if line.get("verdict") == "red"]
-    lacks_test_only = preflight.problem is None and set(red) == {AXIS_TEST}
-    return kind is not None and not kind.needs_axis_test and lacks_test_only
+    waits_for_axes_only = preflight.problem is None and {*red} <= {AXIS_TEST, LAST_POSE}
+    return kind is not None and not kind.needs_axis_test and bool(red) and waits_for_axes_only

@@ -9,8 +9,11 @@ import { ask, on, preflightAge, reach } from "./service.js";
 const panel = new JobPanel(find("job"), { next, ended });
 let status = null;
 
+const LAST_POSE = "pose since the last run"; // the line of rid_daq/preflight/last_pose.py
+
 const actions = {
   check: () => panel.begin("check"),
+  accept: () => panel.begin("check", { accept_pose: true }),
   reset: () => panel.begin("reset"),
   plate: () => panel.begin("plate_zero", {}, { moves: true }),
   axes: () => panel.begin("axes", {}, { moves: true }),
@@ -21,6 +24,9 @@ for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("
 
 function next(job, document) {
   const again = (text, action) => element("button", { type: "button", class: "main", onclick: action }, text);
+  const moved = document?.lines?.some((line) => line.what === LAST_POSE && line.verdict === "red");
+  if (job.kind === "check" && moved)
+    return [again("Check again", actions.check), again("The positions are right: accept them", actions.accept)];
   if (job.kind === "check" && !document?.passed) return [again("Check again", actions.check)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset, once its cause is found", actions.reset)];

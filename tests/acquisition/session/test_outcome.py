@@ -42,7 +42,7 @@ def outcome(control: ControlBlock, tmp_path: Path) -> Outcome:
             journal.append(ring.read())
         task = HelperProcess("cyclic task", os.abort, (), patience_s=0.0)
         task.exit_code = exit_code
-        return outcome_of(path, HEADER, task, control, interruption or Interruption(), [])
+        return outcome_of(path, HEADER, task, control, interruption or Interruption(), [], None)
 
     return of
 

@@ -9,12 +9,14 @@ from pathlib import Path
 import can
 import pytest
 
+from acquisition.motion.known_pose import KnownPose
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task import process
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.cell.servo_profile import ServoProfile
+from config.errors import PreflightError
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell
 from drivers.ports.can_link import CanLink
@@ -36,6 +38,7 @@ class Started:
         self.control.recorder.state = RecorderState.RECORDING
         self.parent = os.getppid()
         self.folder = folder
+        self.pose: KnownPose | None = None
         self.use(LEFT_TO_TRIAL)
         for name in ("leave_terminal", "set_process_name", "freeze_garbage"):
             monkeypatch.setattr(process, name, lambda *_: None)
@@ -60,7 +63,14 @@ class Started:
         source = SpeedUp(self.cell, self.robot, 10, 1, self.control)
         writes = self.folder / "writes.jsonl"
         process.run_cyclic_task(
-            self.cell, self.robot, source, RING[1], self.control, self.parent, writes
+            self.cell,
+            self.robot,
+            source,
+            RING[1],
+            self.control,
+            writes,
+            process.Ordering(self.parent),
+            self.pose,
         )
         RING[1].read(8192)
 
@@ -85,6 +95,35 @@ def test_without_an_order_the_drives_are_tried_and_moved(started: Started) -> No
     assert started.control.task.error is None
     assert started.control.task.cycles > 0
     assert any(any(powered) for *_, powered in started.bus.trace)
+
+
+@pytest.mark.parametrize("moved_rad", [0.2, -0.02])
+def test_a_robot_that_stands_elsewhere_than_it_was_seen_last_gets_no_power(
+    started: Started, moved_rad: float
+) -> None:
+    started.use(ServoProfile())
+    started.pose = KnownPose((moved_rad,), "run A")
+    started.run()
+    error = started.control.task.error
+    assert isinstance(error, PreflightError)
+    assert error.refusal == "RID-POSE-MOVED"
+    assert not any(any(powered) for *_, powered in started.bus.trace)
+
+
+def test_a_held_key_may_move_it_and_that_is_noted(started: Started) -> None:
+    started.pose = KnownPose((0.2,), "run A", binding=False)
+    started.run()
+    assert started.control.task.error is None
+    assert started.control.task.cycles > 0
+    assert started.control.task.displaced
+    assert any("run A" in note for note in started.control.task.notes)
+
+
+def test_a_robot_that_has_sagged_into_its_brake_stands_where_it_was_seen(started: Started) -> None:
+    started.pose = KnownPose((0.002,), "run A")
+    started.run()
+    assert started.control.task.error is None
+    assert not started.control.task.displaced
 
 
 def test_no_drive_misses_this_computer_while_a_long_way_is_measured(

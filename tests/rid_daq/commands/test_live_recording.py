@@ -18,7 +18,7 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.record import OtherProcesses, record_motion
+from acquisition.session.record import MotionContext, record_motion
 from acquisition.task.states import Progress
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
@@ -116,7 +116,7 @@ def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
                 samples,
                 folder,
                 on_progress=crowd,
-                others=OtherProcesses(page.observer("test", samples, simulated.cell, loaded.robot)),
+                context=MotionContext(page.observer("test", samples, simulated.cell, loaded.robot)),
             )
             crowd.leave()
         assert len(crowd.lines) == CLIENTS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -39,6 +39,7 @@ class Axes:
     now_s: float = 0.0
     cycle: int = -1
     quick_stops: int = 0
+    stands: float = 0.0
     asked: list[str] = field(default_factory=list)
 
     def bring_up(self) -> None:
@@ -61,7 +62,10 @@ class Axes:
     @property
     def answers(self) -> SimpleNamespace:
         received = np.array([(self.cycle, joint) not in self.lost for joint in range(N)])
-        return SimpleNamespace(received=received, position=np.zeros(N))
+        counts = np.zeros(N, dtype=np.int32)
+        return SimpleNamespace(
+            received=received, position=np.full(N, self.stands), position_counts=counts
+        )
 
     def send_heartbeat(self, now_s: float) -> None:
         assert now_s == self.now_s
@@ -95,7 +99,7 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         lines, position = check_drives(
             LOADED.config, LOADED.robot, CYCLES * CYCLE_S, None, cleared=False
         )
-        assert position == [0.0] * N
+        assert position == [axes.stands] * N
         return lines
 
     return check
@@ -163,3 +167,14 @@ def test_what_was_read_before_a_drive_refused_is_kept(checked: Any) -> None:
     assert [line.what for line in caught.value.lines] == ["6085h:00 quick-stop deceleration"]
     assert axes.asked == ["bring up"]
     assert axes.cycle == -1
+
+
+def test_a_joint_that_stands_outside_its_limits_is_red(
+    checked: Callable[..., list[CheckLine]],
+) -> None:
+    lines = [line for line in checked(Axes(stands=9.0)) if "6064h" in line.what]
+    assert [line.verdict for line in lines] == ["red"] * N
+    assert lines[0].found.startswith("515.66 °")
+    assert "position_zero_counts" in lines[0].next_action
+    lines = [line for line in checked(Axes()) if "6064h" in line.what]
+    assert [line.verdict for line in lines] == ["ok"] * N

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from rid_daq.preflight.axis_test import AXIS_TEST
+from rid_daq.preflight.last_pose import LAST_POSE
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.readiness import NOT_SINCE_START, PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.served_cell import ServedCell
@@ -88,6 +89,15 @@ def test_only_axis_test_and_jog_begin_without_an_axis_test(
     held = kind in (JobKind.AXES, JobKind.JOG)
     assert (readiness.obstacle(cell, kind) == "") is held
     assert "red" in readiness.obstacle(cell)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.moves])
+def test_only_a_held_key_moves_a_robot_that_stands_elsewhere_than_the_last_run_left_it(
+    kind: JobKind, cell: ServedCell, readiness: Readiness
+) -> None:
+    readiness.note_check(cell, checked(cell, LAST_POSE))
+    held = kind in (JobKind.AXES, JobKind.JOG)
+    assert (readiness.obstacle(cell, kind) == "") is held
 
 
 @pytest.mark.promise("served-axis-test")

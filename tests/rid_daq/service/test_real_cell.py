@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -15,12 +16,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from websockets.sync.client import connect
 
 from config.errors import LockedError, PreflightError
-from config.load import load_cell
+from config.load import LoadedCell, load_cell
 from rid_daq.preflight.axis_test import AXIS_TEST
+from rid_daq.preflight.last_pose import LAST_POSE, keep_pose, known_pose
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import CellState, Job
 from tests.mock_hw.test_bus_acceptance import patient_cell
@@ -66,11 +69,16 @@ def begin(client: ServiceClient, lease: str, kind: str, **request: object) -> Jo
     return Job.model_validate(client.ask("POST", JOBS, body, lease))
 
 
-def checked(client: ServiceClient, lease: str) -> list[dict[str, str]]:
+def checked(client: ServiceClient, lease: str, **request: object) -> list[dict[str, str]]:
     """Check the cell; return the lines of the preflight."""
-    client.follow(begin(client, lease, "check", **CHECK))
+    client.follow(begin(client, lease, "check", **CHECK, **request))
     lines: list[dict[str, str]] = client.ask("GET", "/cells/ir361/preflight")["lines"]
     return lines
+
+
+def red_of(lines: list[dict[str, str]]) -> dict[str, str]:
+    """Return what was found in red lines, by what it was."""
+    return {line["what"]: line["found"] for line in lines if line["verdict"] == "red"}
 
 
 def open_question(client: ServiceClient, job: Job) -> dict[str, object] | None:
@@ -104,12 +112,11 @@ def attend(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
 
 @pytest.mark.promise("served-axis-test")
 def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_recorded(
-    served: ServedProcess,
+    served: ServedProcess, drives: Path
 ) -> None:
     with served.client as client:
         lease = client.ask("POST", "/cells/ir361/lease", {"seconds": 3600.0})["key"]
-        red = [line["what"] for line in checked(client, lease) if line["verdict"] == "red"]
-        assert red == [AXIS_TEST]
+        assert [*red_of(checked(client, lease))] == [AXIS_TEST]
         with pytest.raises(PreflightError) as refused:
             begin(client, lease, "record", motion="motion.yaml")
         assert refused.value.refusal == "RID-CELL-NOT-READY"
@@ -125,7 +132,7 @@ def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_reco
         with pytest.raises(PreflightError):
             begin(client, lease, "record", motion="motion.yaml")  # not before another check
         lines = checked(client, lease)
-        assert [line["what"] for line in lines if line["verdict"] == "red"] == []
+        assert red_of(lines) == {}
         (line,) = (line for line in lines if line["what"] == AXIS_TEST)
         assert line["found"].endswith(f", {job.owner}"), line
         assert client.cell("ir361").state is CellState.READY
@@ -135,3 +142,20 @@ def test_the_axis_test_is_made_through_the_service_and_then_the_cell_may_be_reco
         until(lambda: is_in_motion(pid))
         client.stop("ir361")
         client.follow(recording)
+        refuse_a_displaced_robot(client, lease, load_cell(str(drives)))
+
+
+def refuse_a_displaced_robot(client: ServiceClient, lease: str, loaded: LoadedCell) -> None:
+    """Require that a robot is not moved if it stands elsewhere than the last run left it."""
+    assert red_of(checked(client, lease)) == {}
+    known = known_pose(loaded, binding=True)
+    assert known is not None
+    assert known.seen.startswith("run ")
+    turn_rad = 2.0 * math.pi / abs(loaded.robot.joints[1].gear_ratio)
+    keep_pose(loaded, np.add(known.position, (0.0, turn_rad, 0.0)).tolist(), known.seen)
+    refused = begin(client, lease, "record", motion="motion.yaml")
+    client.follow(refused)
+    assert events(client, refused)[-1]["code"] == "RID-POSE-MOVED"
+    assert [*red_of(checked(client, lease))] == [LAST_POSE]
+    assert red_of(checked(client, lease, accept_pose=True)) == {}
+    assert red_of(checked(client, lease)) == {}

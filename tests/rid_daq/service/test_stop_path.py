@@ -144,7 +144,9 @@ def test_no_job_moves_anything_before_it_is_on_the_disk(
                 await service.workshop.begin(wanted, service.cell("ir361"), cleared=True)
             assert refused.value.refusal == "RID-STORE-BUSY"
             assert not list(service.workshop), "no process has it"
-            assert service.jobs.get(wanted.id).state is JobState.FAILED
+            kept = service.jobs.get(wanted.id)
+            assert kept is not None
+            assert kept.state is JobState.FAILED
         assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
         again = await service.workshop.begin(job(), service.cell("ir361"), cleared=False)
         assert again.state is JobState.RUNNING, "another may begin"

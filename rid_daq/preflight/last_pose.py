@@ -1,0 +1,146 @@
+"""The last pose of a cell: kept after every motion, compared before the next one.
+
+It lies in this account's state, by the path of the cell file, and outlives power cycles of drives
+and computer. Mock hardware that a command starts stands anew each time and is not compared.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from enum import Enum
+from pathlib import Path
+from typing import Final
+
+from acquisition.motion.known_pose import ADVICE, KnownPose
+from config.errors import RecordingError, system_errors
+from config.formats.json_file import read_json_file
+from config.formats.whole_file import write_whole
+from config.load import LoadedCell
+from config.model import ConfigModel
+from config.process.own_state import own_state_folder
+from rid_daq.preflight.bus_check import CheckLine
+
+LARGEST_FILE_BYTES: Final = 1 << 16
+LAST_POSE: Final = "pose since the last run"
+"""The preflight's line on the last pose, by its `what`."""
+
+CHECK: Final = "the last check"
+_WHAT: Final = "the last pose of a cell"
+
+
+class PoseRule(Enum):
+    """What a preflight does with the last pose."""
+
+    COMPARED = "compared"
+    ACCEPTED = "accepted"
+    LEFT_OUT = "left out"
+
+
+class LastPose(ConfigModel):
+    """Where the joints of a cell stood last [rad or m], and by which run or check."""
+
+    cell: str
+    joints: tuple[str, ...]
+    position: tuple[float, ...]
+    seen_by: str
+    when_utc: str
+
+
+def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
+    """Return where a cell's robot was seen last; None if it never was, or had other joints.
+
+    Raises
+    ------
+    RecordingError
+        The file of the pose cannot be read.
+    """
+    path = _pose_file(loaded)
+    if not path.exists():
+        return None
+    last = read_json_file(path, LastPose, LARGEST_FILE_BYTES, _WHAT)
+    names = loaded.robot.joint_names
+    if last.joints != names or len(last.position) != len(names):
+        return None
+    return KnownPose(last.position, f"{last.seen_by} ({last.when_utc})", binding)
+
+
+def keep_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> None:
+    """Keep where a cell's robot stands.
+
+    Parameters
+    ----------
+    loaded : LoadedCell
+        The cell.
+    position : sequence of float
+        Of the joints [rad or m].
+    seen_by : str
+        By what, as "run 01M8...".
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written.
+    """
+    path = _pose_file(loaded)
+    pose = LastPose(
+        cell=loaded.config.name,
+        joints=loaded.robot.joint_names,
+        position=tuple(float(each) for each in position),
+        seen_by=seen_by,
+        when_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    with system_errors(RecordingError, f"{path.parent}: cannot be made"):
+        path.parent.mkdir(exist_ok=True, mode=0o700)
+    write_whole(path, f"{pose.model_dump_json(indent=2)}\n".encode())
+
+
+def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) -> list[CheckLine]:
+    """Compare a robot's pose with the last one; keep it if there is none, or if it is accepted.
+
+    Parameters
+    ----------
+    loaded : LoadedCell
+        The cell.
+    position : sequence of float
+        Where the joints stand now [rad or m].
+    rule : PoseRule
+        What to do with the last pose.
+
+    Raises
+    ------
+    RecordingError
+        The file of the pose cannot be read or written.
+    """
+    if rule is PoseRule.LEFT_OUT:
+        return []
+    known = known_pose(loaded, binding=not loaded.config.simulated)
+    moved = [] if known is None else known.displacements(loaded.robot, position)
+    if known is None or rule is PoseRule.ACCEPTED:
+        keep_pose(loaded, position, CHECK)
+    if known is None:
+        return [CheckLine("robot", LAST_POSE, "", "first check: nothing to compare with", "shown")]
+    if not moved:
+        return [CheckLine("robot", LAST_POSE, "not moved", f"as {known.seen} left it", "ok")]
+    if rule is PoseRule.ACCEPTED:
+        found = f"accepted: {known.sentence(moved)}"
+        return [CheckLine("robot", LAST_POSE, "not moved", found, "allowed")]
+    red = known.binding
+    return [
+        CheckLine(
+            where="robot",
+            what=LAST_POSE,
+            required="not moved",
+            found=known.sentence(moved),
+            verdict="red" if red else "allowed",
+            next_action=ADVICE if red else "",
+        )
+    ]
+
+
+def _pose_file(loaded: LoadedCell) -> Path:
+    """Return where the last pose of a cell is kept."""
+    named = loaded.config.name if loaded.path is None else str(loaded.path.resolve())
+    name = hashlib.sha256(named.encode()).hexdigest()
+    return own_state_folder() / "last-poses" / f"{name}.json"

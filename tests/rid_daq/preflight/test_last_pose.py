@@ -1,0 +1,91 @@
+"""The last pose of a cell, in this account's state: kept, compared, accepted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from config.errors import RidDaqError
+from config.load import LoadedCell, load_cell
+from rid_daq.preflight.last_pose import LAST_POSE, PoseRule, keep_pose, known_pose, pose_lines
+
+HERE, ELSEWHERE = [0.1, 0.2, 0.3], [0.1, 0.2, 0.5]
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "rid-daq" / "last-poses"
+
+
+@pytest.fixture
+def real(state: Path, tmp_path: Path) -> LoadedCell:
+    loaded = load_cell("ir361")
+    config = loaded.config.model_copy(update={"simulated": False})
+    return replace(loaded, config=config, path=tmp_path / "cell.yaml")
+
+
+def verdict(loaded: LoadedCell, position: list[float], rule: PoseRule = PoseRule.COMPARED) -> str:
+    (line,) = pose_lines(loaded, position, rule)
+    assert line.what == LAST_POSE
+    return line.verdict
+
+
+def test_the_first_check_has_nothing_to_compare_with_and_the_next_has(real: LoadedCell) -> None:
+    assert verdict(real, HERE) == "shown"
+    assert verdict(real, HERE) == "ok"
+    assert verdict(real, ELSEWHERE) == "red"
+    assert verdict(real, ELSEWHERE) == "red", "a check that is red changes nothing"
+
+
+def test_a_person_accepts_another_pose(real: LoadedCell) -> None:
+    keep_pose(real, HERE, "run A")
+    assert verdict(real, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"
+    assert verdict(real, ELSEWHERE) == "ok"
+    assert verdict(real, HERE) == "red"
+
+
+def test_a_simulated_cell_that_is_served_is_told_and_not_refused(real: LoadedCell) -> None:
+    config = real.config.model_copy(update={"simulated": True})
+    simulated = replace(real, config=config)
+    keep_pose(simulated, HERE, "run A")
+    assert verdict(simulated, ELSEWHERE) == "allowed"
+
+
+def test_mock_hardware_that_is_started_here_is_not_compared(real: LoadedCell, state: Path) -> None:
+    assert pose_lines(real, HERE, PoseRule.LEFT_OUT) == []
+    assert not state.exists()
+
+
+def test_each_cell_file_has_a_pose_of_its_own(real: LoadedCell, tmp_path: Path) -> None:
+    keep_pose(real, HERE, "run A")
+    assert known_pose(replace(real, path=tmp_path / "other.yaml"), binding=True) is None
+    linked = tmp_path / "linked.yaml"
+    linked.symlink_to(tmp_path / "cell.yaml")
+    assert known_pose(replace(real, path=linked), binding=True) is not None
+
+
+def test_a_pose_of_other_joints_is_none_of_this_robot(real: LoadedCell) -> None:
+    keep_pose(real, HERE, "run A")
+    joints = tuple(
+        joint.model_copy(update={"name": f"{joint.name}b"}) for joint in real.robot.joints
+    )
+    renamed = replace(real, robot=real.robot.model_copy(update={"joints": joints}))
+    assert known_pose(renamed, binding=True) is None
+
+
+def test_the_page_of_a_cell_knows_the_line_by_its_name() -> None:
+    script = files("rid_daq.workbench").joinpath("static/cell.js").read_text(encoding="utf-8")
+    assert f'"{LAST_POSE}"' in script
+
+
+@pytest.mark.parametrize("content", ["", "{", '{"cell": 3}', '{"position": [NaN]}'])
+def test_a_damaged_file_is_refused(real: LoadedCell, state: Path, content: str) -> None:
+    keep_pose(real, HERE, "run A")
+    (file,) = state.iterdir()
+    file.write_text(content)
+    with pytest.raises(RidDaqError, match=str(file)):
+        known_pose(real, binding=True)
