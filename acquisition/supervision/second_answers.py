@@ -54,7 +54,28 @@ class SecondAnswers:
     def explain(self, i: int) -> StopReason | None:
         """Return why an answer of this cycle cannot be used: a second one; None where none came."""
         seen = self._seen[i]
-        return self._reason(i) if seen and seen[-1] == self._cycle else None
+        if not seen or seen[-1] != self._cycle:
+            return None
+        return self._held_up() if self._in_a_bunch else self._reason(i)
+
+    @property
+    def _in_a_bunch(self) -> bool:
+        """Whether every drive has answered more than once now, and none did in the cycle before.
+
+        Then SYNCs that this computer had sent in cycles without answers have gone out together.
+        """
+        return all(
+            len(seen) > 0 and seen[-1] == self._cycle and self._cycle - 1 not in seen
+            for seen in self._seen
+        )
+
+    def _held_up(self) -> StopReason:
+        return StopReason(
+            StopCode.MISSED_FRAMES,
+            "no drive answered for some cycles, then every drive answered more than once in one:"
+            " this computer's frames were held back and went out in a bunch. Check the adapter, its"
+            " cable and the termination (frames without acknowledge are sent again)",
+        )
 
     def _reason(self, i: int) -> StopReason:
         node, cycles = self._nodes[i], len(self._seen[i])

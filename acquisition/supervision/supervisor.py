@@ -224,6 +224,14 @@ class Supervisor:
 
     def _missed_frames(self, i: int) -> StopReason:
         count = self._positions.missed[i]
+        if len(self._names) > 1 and min(self._positions.missed) == count:
+            return StopReason(
+                StopCode.MISSED_FRAMES,
+                f"no drive answered in {count} cycles in a row. Check this computer's adapter, its"
+                " cable, the bus termination and the drives' common supply",
+                value=float(count),
+                limit=float(self._rules.missed_frames_limit),
+            )
         return StopReason(
             StopCode.MISSED_FRAMES,
             f"joint {self._names[i]}: its drive did not answer in {count} cycles in a row."
