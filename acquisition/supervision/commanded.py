@@ -63,10 +63,11 @@ def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples
 def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescription) -> None:
     """Check the sum of a motion and its feedforward, row by row, before anything moves.
 
-    Positions are held against the robot's limits. Velocities and accelerations have the margin of
-    the cell's supervision, at which the position loop and the supervisor act too. A feedforward
-    must also not change faster than the supervisor lets it in a cycle, wherever the motion may go
-    over from one row to another: at its start, at its end, and where periods are left out.
+    Positions are held against the robot's limits, velocities with the margin of the cell's
+    supervision. Accelerations of the command may be 1.5 times the joint's limit, as in the
+    supervisor: a velocity loop lags, and to follow a motion at the limit it is told more. The
+    feedforward itself must not change faster either, wherever the motion may go over from one row
+    to another: at its start, at its end, and where periods are left out.
 
     Parameters
     ----------
@@ -96,14 +97,13 @@ def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescrip
     high = np.array([each.position_max for each in limits])
     found = _Excesses(robot, step_s)
     found.look("position", "", driven.position, low, high)
-    speed, change = margin * fastest, margin * hardest
+    speed, change = margin * fastest, PLAUSIBLE_FACTOR * hardest
     found.look("velocity", "/s", driven.velocity, -speed, speed)
     coupling = WristCoupling.of_robot(robot)
     if coupling is not None:
         turned = coupling.to_motors(driven.velocity)
         found.look("velocity of the motor", "/s", turned, -speed, speed)
     found.look("acceleration", "/s^2", driven.acceleration, -change, change)
-    change = PLAUSIBLE_FACTOR * hardest
     for rows, steps in _transitions(samples):
         found.look("change of the feedforward", "/s^2", steps / step_s, -change, change, at=rows)
     if found.words:

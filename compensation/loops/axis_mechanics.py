@@ -2,8 +2,10 @@
 
     velocity / torque = 1 / (J s + B)
 
-about the pose of the multisine and with the other joints held by their own loops. What friction
-adds depends on the amplitude: B is what stands for it at this one.
+about the pose of the multisine. Both are apparent values, for the margins of the loops. What
+friction adds depends on the amplitude: B is what stands for it at this one, and friction that holds
+acts as a spring against the inertia. The other joints' loops give way, so that J is less than the
+mass matrix has on its diagonal: by up to 17 % on the simulated arm, where noise leaves 1.5 %.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class AxisMechanics:
     damping : float
         B [N m s/rad or N s/m].
     covariance : ndarray, shape (2, 2)
-        Of both.
+        Of both, with the misfit as an error that all lines share. It spreads the margins; it is no
+        interval of J.
     misfit : float
         Median over the lines of what the fit leaves of torque per speed, as a share of it. Where it
         is large the axis is something else than one inertia: elastic, above all.
@@ -101,13 +104,14 @@ def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:
     left = wanted - rows @ np.array([inertia, damping])
     freedom = max(1, len(left) - 2)
     fitted = 1j * omega * inertia + damping
+    misfit = float(np.median(np.abs(impedance / fitted - 1.0)))
+    covariance = np.linalg.inv(information) * max(1.0, float(left @ left) / freedom)
+    covariance += np.diag([(misfit * inertia) ** 2, (misfit * damping) ** 2])
     return AxisMechanics(
         joint_name=measured.joint_name,
         inertia=float(inertia),
         damping=float(damping),
-        covariance=np.asarray(
-            np.linalg.inv(information) * max(1.0, float(left @ left) / freedom), dtype=float
-        ),
-        misfit=float(np.median(np.abs(impedance / fitted - 1.0))),
+        covariance=np.asarray(covariance, dtype=float),
+        misfit=misfit,
         noise=MEDIAN_OF_RAYLEIGH * float(np.median(np.sqrt(measured.variance_noise) / size)),
     )

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import control
 
 Complex = NDArray[np.complex128]
+
+ONE_REALISATION: Final = "RID-LOOP-ONE-REALISATION"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +77,10 @@ class FrequencyResponse:
         Output over input.
     variance_noise : ndarray, shape (lines,)
         Of the response by noise, E|dG|^2, from what differs between periods.
-    variance_realisations : ndarray, shape (lines,)
-        Of the response in all, from what differs between realisations, each line for itself; NaN
-        with one realisation.
     variance : ndarray, shape (lines,)
-        Of the response in all: by noise, larger by what all lines' realisations together differ
-        more than that.
+        Of the response in all: by noise, times what distortion adds. That is what realisations
+        differ more than by noise, over all lines; of one realisation, what its empty odd lines
+        show.
     coherence : ndarray, shape (lines,)
         Between the multisine and the output, over all periods, 0 to 1.
     even, odd : Distortion
@@ -93,7 +93,6 @@ class FrequencyResponse:
     frequency_hz: FloatArray
     response: Complex
     variance_noise: FloatArray
-    variance_realisations: FloatArray
     variance: FloatArray
     coherence: FloatArray
     even: Distortion
@@ -107,7 +106,7 @@ class FrequencyResponse:
         response = read_only("response", self.response, complex, shape, DataQualityError)
         object.__setattr__(self, "frequency_hz", frequency)
         object.__setattr__(self, "response", response)
-        for name in ("variance_noise", "variance_realisations", "variance", "coherence"):
+        for name in ("variance_noise", "variance", "coherence"):
             values = read_only(name, getattr(self, name), float, shape, DataQualityError)
             object.__setattr__(self, name, values)
 
@@ -192,14 +191,6 @@ def _response(
     scatter = np.sum(np.abs(misfit - by_realisation[:, np.newaxis]) ** 2, axis=(0, 1))
     freedom = realisations * (periods - 1)
     noise = scatter / freedom / (realisations * periods) / size
-    total, more = np.full(len(lines), np.nan), 1.0
-    if realisations > 1:
-        squares = np.sum(np.abs(by_realisation) ** 2, axis=0)
-        total = squares / (realisations - 1) / realisations / size
-        # A line's own scatter over a few realisations says little: all lines together say more.
-        # The mean of a ratio of variances is freedom / (freedom - 1), where nothing distorts.
-        unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
-        more = max(1.0, unbiased * float(np.mean(total / noise)))
     power = np.mean(np.abs(y) ** 2, axis=(0, 1))
     frequency_hz = spectra.frequency_hz
     every = np.concatenate(spectra.lines)
@@ -225,16 +216,46 @@ def _response(
             noise=np.asarray(np.sqrt(np.mean(squares, axis=0) / periods) / beside[chosen]),
         )
 
+    even, odd = distortion(empty % 2 == 0), distortion(empty % 2 == 1)
+    if realisations > 1:
+        squares = np.sum(np.abs(by_realisation) ** 2, axis=0)
+        total = squares / (realisations - 1) / realisations / size
+        # A line's own scatter over a few realisations says little: all lines together say more.
+        # The mean of a ratio of variances is freedom / (freedom - 1), where nothing distorts.
+        unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
+        more = unbiased * float(np.mean(total / noise))
+    else:
+        more = _by_empty_lines(spectra.joint_names[joint], odd)
     return FrequencyResponse(
         joint_name=spectra.joint_names[joint],
         frequency_hz=where,
         response=response,
         variance_noise=noise,
-        variance_realisations=total,
-        variance=more * noise,
+        variance=max(1.0, more) * noise,
         coherence=np.minimum(np.abs(mean_y) ** 2 / power, 1.0),
-        even=distortion(empty % 2 == 0),
-        odd=distortion(empty % 2 == 1),
+        even=even,
+        odd=odd,
         realisations=realisations,
         periods=periods,
     )
+
+
+def _by_empty_lines(joint_name: str, odd: Distortion) -> float:
+    """Return how many times the noise's variance one realisation's distortion makes of it.
+
+    Odd lines that nobody excites show the distortion that excited odd lines hide (Pintelon and
+    Schoukens 2012, section 4.3).
+
+    Raises
+    ------
+    DataQualityError
+        No odd line was left empty.
+    """
+    if not len(odd.level):
+        raise DataQualityError(
+            f"joint {joint_name}: one realisation that leaves no odd line empty does not show what"
+            " distortion adds to the response: design with --grid random_odd, or with two"
+            " realisations or more",
+            code=ONE_REALISATION,
+        )
+    return float(np.mean(odd.level**2) / np.mean(odd.noise**2))

@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.motion.kinds.multisine import MultisineJoint, MultisineMotion
 from acquisition.motion.samples import MotionSamples
+from compensation.loops.frequency_response import ONE_REALISATION
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -128,6 +129,13 @@ def multisine_motion(
         raise ConfigError(
             f"Schroeder's phases are the same in all {realisations} realisations: ask for one, or"
             " for random phases"
+        )
+    if realisations == 1 and options.grid != "random_odd":
+        raise ConfigError(
+            f"one realisation on grid {options.grid} leaves no odd line empty, and does not show"
+            " what distortion adds to the response: take --grid random_odd, or two realisations or"
+            " more",
+            code=ONE_REALISATION,
         )
     limits = [joint.limits for joint in robot.joints]
     speed = SHARE_OF_ACCELERATION * np.array([each.acceleration for each in limits])

@@ -45,7 +45,7 @@ class MadeFile:
 
 def _document(kind: str, words: str) -> MadeFile:
     return MadeFile(
-        words, re.compile(rb'\A\s*\{(?s:.*)"(kind|schema)":\s*"rid-daq ' + kind.encode())
+        words, re.compile(rb'\A\s*\{(?s:.*)"(format|kind|schema)":\s*"rid-daq ' + kind.encode())
     )
 
 

@@ -36,13 +36,6 @@ class LoopTrialSection(Section):
     mdl: float
 
 
-class MechanicsStd(Section):
-    """Standard deviations of an axis' inertia and damping."""
-
-    inertia: float
-    damping: float
-
-
 class AxisLoop(Section):
     """One axis: its velocity controller, its mechanics, and its cascade.
 
@@ -61,8 +54,10 @@ class AxisLoop(Section):
     trials : tuple of LoopTrialSection
         The candidates.
     inertia, damping : float
-        Of the axis, with `mechanics_std` the share that is not explained (`mechanics_misfit`),
-        and what noise alone leaves of it (`mechanics_noise`; left out by 0.1).
+        Apparent ones of the axis. They have no interval: friction that holds and other joints that
+        give way bias them by more than the noise. With them the share that is not explained
+        (`mechanics_misfit`), and what noise alone leaves of it (`mechanics_noise`; left out by
+        0.1).
     velocity_margins, position_margins : LoopMargins
         Of the two loops.
     position_peak : float
@@ -92,7 +87,6 @@ class AxisLoop(Section):
     inertia: float
     inertia_unit: str
     damping: float
-    mechanics_std: MechanicsStd
     mechanics_misfit: float
     velocity_margins: LoopMargins
     position_margins: LoopMargins
@@ -126,7 +120,6 @@ class AxisLoop(Section):
         """Return what was measured and fitted of an axis."""
         loop, axis = cascade.loop, cascade.mechanics
         position_unit, torque_unit = units(robot.joints[robot.joint_names.index(loop.joint_name)])
-        sigma = np.sqrt(np.diagonal(axis.covariance))
         (fit,) = grade_fit(
             (loop.joint_name,),
             np.array([axis.misfit]),
@@ -143,7 +136,6 @@ class AxisLoop(Section):
             inertia=axis.inertia,
             inertia_unit="kg m^2" if position_unit == "rad" else "kg",
             damping=axis.damping,
-            mechanics_std=MechanicsStd(inertia=float(sigma[0]), damping=float(sigma[1])),
             mechanics_misfit=axis.misfit,
             velocity_margins=LoopMargins.taken(cascade.velocity_margins),
             position_margins=LoopMargins.taken(cascade.position_margins),
@@ -230,7 +222,7 @@ class VelocityLoopsSection(Section):
             ],
         )
         console.table(
-            ("axis", "inertia", "velocity loop", "", "position loop", "", "largest K_v"),
+            ("axis", "apparent inertia", "velocity loop", "", "position loop", "", "largest K_v"),
             [
                 (
                     axis.joint,

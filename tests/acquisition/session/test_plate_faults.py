@@ -130,7 +130,7 @@ def test_row_28_overloads_are_flagged_and_no_saturated_sample_is_averaged(
 def test_row_28_more_than_three_overloaded_periods_stop_the_run(
     loaded: LoadedCell, tmp_path: Path, measured: Measured
 ) -> None:
-    fault = AmplifierFault(kind="overload", row=4000, duration_s=1e6, channel=0)
+    fault = AmplifierFault(kind="overload", row=4000, duration_s=1e5, channel=0)
     outcome, _, _ = record(loaded, tmp_path, fault, periods=30)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_OVERLOAD
@@ -197,7 +197,7 @@ def test_row_30_damage_costs_at_most_two_rows_more_than_it_hits(
 def test_row_30_an_unplugged_amplifier_stops_the_run(
     loaded: LoadedCell, tmp_path: Path, measured: Measured
 ) -> None:
-    fault = AmplifierFault(kind="unplug", row=7000, duration_s=1e6)
+    fault = AmplifierFault(kind="unplug", row=7000, duration_s=1e5)
     outcome, recording, rows = record(loaded, tmp_path, fault, periods=30)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_LINE

@@ -106,7 +106,7 @@ def test_every_row_of_the_motion_is_there_on_the_time_of_sync(
 
 
 def test_the_plates_line_lost_in_mid_motion_stops_it(loaded: LoadedCell, record: Record) -> None:
-    with served(loaded, AmplifierFault(kind="unplug", row=7000, duration_s=1e6)) as simulated:
+    with served(loaded, AmplifierFault(kind="unplug", row=7000, duration_s=1e5)) as simulated:
         outcome, rows = record(simulated, periods=500)
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_LINE
@@ -137,7 +137,7 @@ def test_a_killed_plate_recorder_stops_the_motion(loaded: LoadedCell, record: Re
 def test_overloads_in_more_than_three_periods_stop_it_and_name_the_range(
     loaded: LoadedCell, record: Record
 ) -> None:
-    fault = AmplifierFault(kind="overload", row=4000, duration_s=1e6, channel=4)
+    fault = AmplifierFault(kind="overload", row=4000, duration_s=1e5, channel=4)
     with served(loaded, fault) as simulated:
         outcome, rows = record(simulated, periods=500)
     assert outcome.stop is not None

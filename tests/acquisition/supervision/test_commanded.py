@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.commanded import commanded_motion, verify_command
+from acquisition.supervision.held_positions import PLAUSIBLE_FACTOR
 from acquisition.task.position_loop import PositionLoop
 from config.arrays import FloatArray
 from config.errors import LimitError
@@ -103,7 +104,9 @@ def test_a_feedforward_that_changes_its_sign_in_every_cycle_is_refused(share: fl
     ahead[:, 0] = share * LIMITS[0].velocity * (-1.0) ** np.arange(len(samples))
     words = refusal(replace(samples, feedforward=ahead))
     assert "acceleration of joint 'axis1' reaches" in words
-    assert f"its limit is {MARGIN * LIMITS[0].acceleration:.6g} rad/s^2" in words.replace("-", "")
+    assert f"its limit is {PLAUSIBLE_FACTOR * LIMITS[0].acceleration:.6g} rad/s^2" in words.replace(
+        "-", ""
+    )
 
 
 def test_a_joint_that_the_feedforward_pushes_beyond_its_position_limit_is_refused() -> None:

@@ -28,7 +28,6 @@ def fitted(resonance_hz: float | None = None) -> AxisMechanics:
         frequency_hz=FREQUENCY_HZ,
         response=truth + np.sqrt(variance) * (noise[0] + 1j * noise[1]),
         variance_noise=variance,
-        variance_realisations=variance,
         variance=variance,
         coherence=np.ones(len(s)),
         even=nothing,

@@ -69,7 +69,6 @@ def known(response: np.ndarray, sigma: float) -> FrequencyResponse:
         frequency_hz=FREQUENCY_HZ,
         response=response,
         variance_noise=variance,
-        variance_realisations=variance,
         variance=variance,
         coherence=np.ones(len(response)),
         even=nothing,
@@ -291,7 +290,30 @@ def test_what_cannot_be_evaluated_is_refused(
                 response=few.response[:3],
                 variance=few.variance[:3],
                 variance_noise=few.variance_noise[:3],
-                variance_realisations=few.variance_realisations[:3],
                 coherence=few.coherence[:3],
             )
         )
+
+
+def test_one_realisation_knows_its_distortion_by_the_lines_that_are_left_empty(
+    cell: LoadedCell, drive: Drive
+) -> None:
+    assert cell.plant is not None
+    motion = multisine(realisations=1, periods=4)
+    recording = drive(motion.plan(cell.robot, cell.config.cycle_time_s))
+    for response in frequency_responses(recording, motion, cell.robot):
+        assert np.isfinite(response.variance).all()
+        assert (response.variance > response.variance_noise).all(), "the arm distorts"
+    found = measure_loops(recording, motion, cell.robot, cell.config.position_gain_per_s)
+    for axis, loop in zip(cell.plant.axes, found.loops, strict=True):
+        assert abs(loop.gain - axis.velocity_gain_nm_s) < 2.0 * loop.sigma["gain"]
+        late = abs(loop.integral_time_s - axis.velocity_integral_time_s)
+        assert late < 2.0 * loop.sigma["integral_time_s"]
+
+
+def test_one_realisation_without_empty_odd_lines_is_refused(cell: LoadedCell, drive: Drive) -> None:
+    motion = multisine(realisations=1, grid="odd")
+    recording = drive(motion.plan(cell.robot, cell.config.cycle_time_s))
+    with pytest.raises(DataQualityError) as refused:
+        frequency_responses(recording, motion, cell.robot)
+    assert refused.value.refusal == "RID-LOOP-ONE-REALISATION"

@@ -145,16 +145,16 @@ def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_notice
         shutil.copytree(recorded, changed)
         file = json.loads((changed / "feedforward.json").read_text())
         capsys.readouterr()
-        again = ["refine", str(recorded), *by(workshop), "--overwrite", "-o"]
-        assert run([*again, str(tmp_path / "x.json"), "--json"]) == 0
+        again = ["refine", str(recorded), *by(workshop), "-o"]
+        assert run([*again, str(tmp_path / f"x{factor}.json"), "--json"]) == 0
         rms = [factor * axis["rms"] for axis in document(capsys)["axes"]]
         file["origin"]["refinements"][-1]["rms"] = rms
         RunFolder.open(changed).write("feedforward.json", json.dumps(file).encode())
         again[1] = str(changed)
-        assert run([*again, str(tmp_path / "y.json")]) == code
+        assert run([*again, str(tmp_path / f"y{factor}.json")]) == code
         output = capsys.readouterr()
         assert verdict in output.out + output.err
-    kept = json.loads((tmp_path / "y.json").read_text())
+    kept = json.loads((tmp_path / "y1.0.json").read_text())
     assert kept["feedforward"] == json.loads((workshop / "better.json").read_text())["feedforward"]
 
 

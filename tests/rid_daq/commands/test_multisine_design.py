@@ -26,7 +26,7 @@ from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
 from rid_daq.terminal.console import Console
 
-DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
+DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4"]
 
 
 @pytest.mark.parametrize(
@@ -47,13 +47,13 @@ def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "motion.yaml"
-    words = ["-o", str(file), "--band", "1:12", "--grid", "odd", "--no-slow", "--json"]
-    assert run([*DESIGN, *words]) == 0
+    words = ["-o", str(file), "--band", "1:12", "--grid", "odd", "--realisations", "2", "--no-slow"]
+    assert run([*DESIGN, *words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["band_hz"] == [1.0, 12.0]
     motion = load_motion(file)
     assert isinstance(motion, MultisineMotion)
-    assert (motion.grid, motion.period_s, motion.realisations) == ("odd", 4.0, 1)
+    assert (motion.grid, motion.period_s, motion.realisations) == ("odd", 4.0, 2)
     assert all(joint.slow_amplitude == 0.0 for joint in motion.joints)
     cell = load_cell("ir361")
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
@@ -72,6 +72,8 @@ def test_the_motion_has_the_band_asked_for_and_stays_within_the_limits(
         (["--band", "1:80"], "below half the cycle's frequency, 62.5 Hz"),
         (["--band", "0.1:5"], "needs a period of at least 20 s"),
         (["--phases", "schroeder", "--realisations", "3"], "the same in all 3 realisations"),
+        (["--grid", "odd", "--realisations", "1"], "RID-LOOP-ONE-REALISATION"),
+        (["--grid", "full", "--phases", "schroeder"], "RID-LOOP-ONE-REALISATION"),
     ],
 )
 def test_what_cannot_be_meant_is_one_clear_message(

@@ -98,6 +98,7 @@ def test_friction_is_measured_alone_and_shown(
     expect(page.locator("#job .verdict.end")).to_have_text("Friction: done")
     expect(page.locator("#result .verdict.end")).to_contain_text("friction of every joint")
     expect(page.locator("#result .findings")).to_contain_text("in the robot file: friction: [")
+    page.locator("[data-figure=friction]").scroll_into_view_if_needed()  # it loads once it is seen
     expect(page.locator("[data-figure=friction] [data-figure-state=shown]").first).to_be_visible()
     page.goto(f"{page.url}?run={run}")  # what was measured is shown again
     expect(page.locator("#result .grade.good")).to_have_count(3)
