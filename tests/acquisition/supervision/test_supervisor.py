@@ -200,14 +200,14 @@ def held_up(silent: Callable[[int], bool], released: int) -> Fault:
     def fault(cycle: Cycle) -> None:
         cycle.second_answers = [int(cycle.number >= released)] * 3
         if silent(cycle.number) or cycle.number == released:
-            cycle.received = [0] * 3
+            cycle.received = [False] * 3
 
     return fault
 
 
 def all_silent(cycle: Cycle) -> None:
     if cycle.number >= 10:
-        cycle.received = [0] * 3
+        cycle.received = [False] * 3
 
 
 STOPS: dict[str, tuple[Fault, StopCode, int]] = {
@@ -422,7 +422,7 @@ def test_a_gateway_that_repeats_every_drives_frames_is_another_sender(watch: Wat
     def repeated(cycle: Cycle) -> None:
         cycle.second_answers = [max(0, cycle.number - 9)] * 3
         if cycle.number >= 10:
-            cycle.received = [0] * 3
+            cycle.received = [False] * 3
 
     _, reason = watch.run(repeated)
     assert reason is not None
