@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final
@@ -10,14 +11,25 @@ import numpy as np
 
 from acquisition.processing.period_table import cut_periods
 from acquisition.processing.periods import PeriodAverage
-from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.processing.unfiltered import (
+    UnfilteredSignals,
+    derived,
+    smoothed,
+    smoothing_width,
+)
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import differentiate_on_bins, filter_response, from_bins, to_bins
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 from identification.equations.bins import harmonics_below
+from identification.equations.deconvolution import HIGHEST_SHARE, SMALLEST_GAIN
 
 ROWS_PER_PERIOD: Final = 8
+SPLINE_ROWS: Final = 20
+"""Rows after which a spline no longer shows where it ended."""
+FILTER_PERIODS: Final = 6.0
+"""Periods of a Butterworth low-pass's cut-off after which it no longer shows where it began."""
 
 
 def cut(signals: SmoothedSignals, parts: int) -> list[SmoothedSignals]:
@@ -50,6 +62,53 @@ def thinning(signals: SmoothedSignals) -> int:
 def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
     """Return a mean period as a recording below `band_hz`, the anti-alias filter divided out."""
     return _on_bins(average, (average.position, average.torque_nm), band_hz, average.temperature_k)
+
+
+def unfiltered_period(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
+    """Return a mean period as `period_signals` does, with its unfiltered signals beside.
+
+    They hold the rows before and after the period that a filter takes in.
+    """
+    signals = period_signals(average, band_hz)
+    rows, step_s, passed = (
+        average.samples_per_period,
+        average.sample_period_s,
+        average.torque_filter,
+    )
+    limit_hz = None
+    torque_nm = average.torque_nm
+    if passed is not None:
+        limit_hz = min(max(passed.cutoff_hz, signals.cutoff_hz), HIGHEST_SHARE / step_s)
+        frequency_hz = np.asarray(np.fft.rfftfreq(rows, step_s), dtype=np.float64)
+        response = filter_response(passed, frequency_hz)
+        response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)
+        bins = np.fft.rfft(torque_nm, axis=0) / response[:, np.newaxis]
+        torque_nm = np.fft.irfft(bins, n=rows, axis=0)
+    reach_s = 1.0 / signals.cutoff_hz + (0.0 if limit_hz is None else FILTER_PERIODS / limit_hz)
+    margin = math.ceil(reach_s / step_s) + 2 * SPLINE_ROWS
+    at = np.arange(-margin, rows + margin) % rows
+    position, torque_nm = average.position[at], torque_nm[at]
+    width_s = smoothing_width(average.position, step_s)
+    motion = (position, *derived(position, step_s))
+    if limit_hz is not None:
+        torque_nm = low_pass(torque_nm, step_s, limit_hz)
+    q, v, a, torque = (smoothed(values, step_s, width_s) for values in (*motion, torque_nm))
+    inner = slice(SPLINE_ROWS, len(at) - SPLINE_ROWS)
+    return replace(
+        signals,
+        unfiltered=UnfilteredSignals(
+            time_s=step_s * np.arange(-margin, rows + margin, dtype=np.float64)[inner],
+            position=q[inner],
+            velocity=v[inner],
+            acceleration=a[inner],
+            torque_nm=torque[inner],
+            segment=np.zeros(len(at), dtype=np.int64)[inner],
+            sample_period_s=step_s,
+            smoothing_s=width_s,
+            torque_limit_hz=limit_hz,
+        ),
+        unfiltered_row=np.arange(rows) + margin - SPLINE_ROWS,
+    )
 
 
 def single_periods(

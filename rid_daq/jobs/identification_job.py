@@ -6,8 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, cast, get_args
 
+import numpy as np
+
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.recording.recording import Recording
 from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
 from config.robot.friction_terms import FrictionTerm
@@ -21,7 +24,7 @@ from identification.calibration.torque_scale import TorqueConsistency, torque_co
 from identification.cross_checks.agreement import CrossCheck, cross_checks
 from identification.equations.bus_delay import without_implausible
 from identification.equations.deconvolution import smoothed_recording
-from identification.equations.segments import period_signals
+from identification.equations.segments import period_signals, unfiltered_period
 from identification.equations.time_domain import time_runs
 from identification.equations.torque_channel import TorqueChannel
 from identification.equations.warming import Warming
@@ -30,6 +33,7 @@ from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, unsolved_equations
 from identification.estimation.options import EstimationOptions
 from identification.model.still_joints import JERK_SHARE, refuse_still, still_joints
+from identification.validation.asked_terms import asked_findings
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
 from identification.validation.friction_selection import Comparison, Watch, choose_friction
 from identification.validation.period_delays import choose_period_delays
@@ -39,6 +43,8 @@ from identification.validation.warming_choice import choose_warming
 from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
+COMPARED_HZ: Final = 200.0
+"""Rate of the rows on which friction terms are compared that nobody asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +258,35 @@ def check_otherwise(
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
 
 
+def asked_terms(
+    estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
+) -> tuple[str, ...]:
+    """Name friction terms that held-out parts of the runs ask for; see `asked_findings`.
+
+    Rows of recordings come at `COMPARED_HZ` or a little more often: a comparison needs no others.
+    """
+    if how.loaded or how.options.model.kind != "internal" or estimate.still:
+        return ()
+    if data[0].is_periodic:
+        signals = signals_of(data, how)
+    else:
+        coarse = (_thinned_recording(item.recording) for item in data)
+        signals = [smoothed_recording(each, how.options.band_hz) for each in coarse]
+    return asked_findings(estimate.robot, signals, how.options)
+
+
+def _thinned_recording(recording: Recording) -> Recording:
+    step_s = float(np.median(np.diff(recording.time_s)))
+    every = max(1, int(1.0 / (COMPARED_HZ * step_s)))
+    if every == 1 or recording.torque_filter is not None:
+        return recording
+    period_s = recording.sample_period_s
+    return replace(
+        recording.part(slice(None, None, every)),
+        sample_period_s=None if period_s is None else every * period_s,
+    )
+
+
 def gains_of_drives(
     estimate: Estimate,
     data: Sequence[RunData],
@@ -276,7 +311,10 @@ def gains_of_drives(
 def _signals_for(
     estimate: Estimate, data: Sequence[RunData], how: EstimationRequest
 ) -> list[SmoothedSignals]:
-    """Return runs as the estimate had them."""
+    """Return runs as the estimate had them; mean periods with their unfiltered signals."""
+    if data[0].is_periodic:
+        averages = averages_of(data, estimate.channel)
+        return [unfiltered_period(average, how.options.band_hz) for average in averages]
     return warmed(signals_of(data, how, estimate.channel), estimate.robot, estimate.warming)
 
 

@@ -31,6 +31,7 @@ from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
 from rid_daq.jobs.identification_job import (
     EstimationRequest,
+    asked_terms,
     check_otherwise,
     compare_friction,
     estimate_runs,
@@ -209,6 +210,8 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
         names, delays_s = comparison.joint_names, comparison.refused_delay_s
         findings += refused_delay_findings(names, delays_s)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
+    if request.diagnose and not request.choose:
+        findings += asked_terms(estimate, data, how)
     findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
     before = result_of(first, notes)
     section = EstimateSection.of(

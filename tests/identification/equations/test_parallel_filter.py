@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from acquisition.motion.samples import Phase
+from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
-from identification.equations.segments import cut, thinned
+from identification.equations.segments import cut, thinned, unfiltered_period
 from identification.equations.time_domain import TimeRun, rows_of, time_blocks
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.options import EstimationOptions
@@ -144,3 +145,14 @@ def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
     values = dict(zip(found.base.names, found.values, strict=True))
     for joint in arm().joint_names:
         assert values[f"fc_{joint}"] == pytest.approx(20.0, rel=1e-5)
+
+
+def test_a_mean_period_has_unfiltered_rows_around_it() -> None:
+    period = 2500
+    time_s = np.arange(4 * period) * STEP_S
+    omega = 2.0 * np.pi / (period * STEP_S) * np.array([1.0, 2.0, 3.0])
+    angle = np.outer(time_s, omega)
+    q, v, a = 0.4 * np.sin(angle), 0.4 * omega * np.cos(angle), -0.4 * omega**2 * np.sin(angle)
+    whole = replace(measured((time_s, q, v, a)), sample_period_s=STEP_S, samples_per_period=period)
+    signals = unfiltered_period(average_periods(whole), 10.0)
+    assert misfit(signals) < 1e-5

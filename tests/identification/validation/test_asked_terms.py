@@ -1,0 +1,37 @@
+"""Held-out data ask for a friction term that the robot has and its file has not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.recording.recording import Recording
+from config.robot.friction_terms import FrictionTerm
+from identification.estimation.options import EstimationOptions
+from identification.validation.asked_terms import asked_findings
+from identification.validation.friction_trials import with_friction
+from tests.builders.remembering_arm import CLASSICAL, arm, measured, motion
+
+WAY = motion(40.0, 1)
+
+
+def recorded(offset_nm: float) -> Recording:
+    tau = measured({}, WAY).torque_nm.copy()
+    tau[:, 1] += offset_nm
+    return replace(measured({}, WAY), torque_nm=tau)
+
+
+def asked(recording: Recording, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> tuple[str, ...]:
+    robot = with_friction(arm(), [terms] * 3)
+    return asked_findings(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
+
+
+def test_nothing_is_asked_for_if_nothing_is_missing() -> None:
+    assert asked(recorded(0.0)) == ()
+
+
+def test_a_missing_offset_is_asked_for_where_it_is() -> None:
+    (said,) = asked(recorded(15.0))
+    assert "axis2: offset" in said
+    assert "axis1" not in said
+    assert asked(recorded(15.0), (*CLASSICAL, "offset")) == ()

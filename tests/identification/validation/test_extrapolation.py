@@ -1,0 +1,47 @@
+"""A spring's Fourier series says nothing outside the positions at which it was identified."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.load import load_robot
+from identification.estimation.estimate import Estimate
+from identification.estimation.estimators import estimate_smoothed
+from identification.validation.extrapolation import extrapolation_findings
+from tests.builders.remembering_arm import motion, signals_of
+
+
+@pytest.fixture(scope="module")
+def fourier() -> Estimate:
+    robot = load_robot("ir361")
+    assert robot.spring is not None
+    spring = robot.spring.model_copy(update={"form": "fourier"})
+    q, v, a = motion(20.0, 1)
+    tau = np.random.default_rng(0).normal(size=q.shape)
+    signals = signals_of(q, v, a, tau)
+    return estimate_smoothed(robot.model_copy(update={"spring": spring}), [signals])
+
+
+def test_the_estimate_remembers_its_positions(fourier: Estimate) -> None:
+    q = motion(20.0, 1)[0]
+    assert fourier.position_range is not None
+    np.testing.assert_allclose(fourier.position_range, np.array([q.min(axis=0), q.max(axis=0)]).T)
+
+
+def test_positions_inside_are_no_extrapolation(fourier: Estimate) -> None:
+    assert extrapolation_findings(fourier, 0.9 * motion(20.0, 1)[0]) == ()
+
+
+def test_positions_outside_are_named_with_their_joint(fourier: Estimate) -> None:
+    (said,) = extrapolation_findings(fourier, 2.0 * motion(20.0, 1)[0])
+    assert "axis2" in said
+
+
+def test_a_spring_between_two_points_is_none(fourier: Estimate) -> None:
+    robot = load_robot("ir361")
+    physical = estimate_smoothed(robot, [signals_of(*motion(20.0, 1), motion(20.0, 1)[0])])
+    assert extrapolation_findings(physical, 2.0 * motion(20.0, 1)[0]) == ()
+    assert extrapolation_findings(replace(fourier, position_range=None), motion(20.0, 1)[0]) == ()
