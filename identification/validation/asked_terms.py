@@ -70,7 +70,9 @@ def asked_findings(
         return ()
     if not asked:
         return ()
-    told = "; ".join(f"{name}: {', '.join(terms)}" for name, terms in asked.items())
+    told = "; ".join(
+        f"{name}: {', '.join(asked[name])}" for name in robot.joint_names if name in asked
+    )
     return (
         "Held-out parts of the runs ask for friction terms that the robot file does not have, with"
         f" the RMS error [N m or N] without and with each: {told}. `rid-daq identify --choose`"

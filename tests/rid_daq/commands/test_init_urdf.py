@@ -130,6 +130,7 @@ def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
     assert [joint.limits.torque for joint in joints] == [800.0, 600.0]
     assert [joint.limits.acceleration for joint in joints] == [4.0, 4.0]
     assert all(joint.armature for joint in joints)
+    assert {joint.friction for joint in joints} == {("coulomb", "viscous", "offset")}
     lines = (tmp_path / "cell" / "robot.yaml").read_text().splitlines()
     at = lines.index("- name: bend")
     assert lines[at - 1] == "# torque: 600 (--effort: the URDF states 0)"

@@ -73,6 +73,29 @@ def test_a_parameter_at_its_bound_is_marked_wherever_it_is_shown(
     assert "cl_joint6 = 0 is at a bound of its range (0 to 0.5)" in " ".join(estimate["findings"])
 
 
+def test_a_validation_has_the_band_of_the_model(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs, model = ["--runs", str(workshop / "runs")], str(workshop / "band.json")
+    assert run(["identify", "short", "--band", "6", "-o", model, *runs, "--no-diagnose"]) == 0
+    for own, band_hz in (([], 6.0), (["--band", "9"], 9.0)):
+        capsys.readouterr()
+        run(["validate", model, "long", *own, "--json", *runs])
+        validation = json.loads(capsys.readouterr().out)["validation"]
+        assert validation["cutoff_hz"] == band_hz
+
+
+def test_held_out_data_ask_for_load_dependent_friction(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["identify", "short", "--json", "-o", str(workshop / "asked.json")]
+    capsys.readouterr()
+    assert run([*words, "--runs", str(workshop / "runs")]) == 0
+    findings = json.loads(capsys.readouterr().out)["estimate"]["findings"]
+    (asked,) = [each for each in findings if "joint2: load" in each]
+    assert "load" in asked.partition("joint3: ")[2].partition(";")[0]
+
+
 def test_a_payload_is_weighed_from_runs_with_and_without_it(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
