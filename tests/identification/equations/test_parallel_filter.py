@@ -149,7 +149,7 @@ def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
 
 def test_a_mean_period_has_unfiltered_rows_around_it() -> None:
     period = 2500
-    time_s = np.arange(4 * period) * STEP_S
+    time_s = STEP_S * np.arange(4 * period, dtype=np.float64)
     omega = 2.0 * np.pi / (period * STEP_S) * np.array([1.0, 2.0, 3.0])
     angle = np.outer(time_s, omega)
     q, v, a = 0.4 * np.sin(angle), 0.4 * omega * np.cos(angle), -0.4 * omega**2 * np.sin(angle)
