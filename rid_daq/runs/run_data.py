@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from acquisition.clock.recorded import RepeatCounter
 from acquisition.clock.report import ClockReport
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import ImportReport
@@ -82,6 +83,8 @@ class RunData:
         All of it, where it was imported or has a force plate's side.
     monitor : MonitorStream or None
         What the drives told of themselves.
+    recorded_clock : ClockReport or None
+        Repeated rows of a run that was recorded here.
     """
 
     folder: RunFolder
@@ -91,6 +94,7 @@ class RunData:
     damage: tuple[str, ...] = ()
     held: Recording | None = None
     monitor: MonitorStream | None = None
+    recorded_clock: ClockReport | None = None
 
     @property
     def is_periodic(self) -> bool:
@@ -100,7 +104,8 @@ class RunData:
     @property
     def clock(self) -> ClockReport | None:
         """What was found of the clock; None where it was not judged."""
-        return None if self.import_report is None else self.import_report.clock
+        report = self.import_report
+        return self.recorded_clock if report is None else report.clock
 
     @property
     def has_plate(self) -> bool:
@@ -161,14 +166,17 @@ class RunData:
             _require_header(folder, reader.header, robot)
             assert first is not None  # there is no header without a row
             monitor, cold = monitored(first, folder.path)
+            repeats = RepeatCounter()
+            first = repeats.add(first)
             tally = RecordingTally(with_temperature_compensation(first, monitor, robot))
-            for part in parts:
+            for part in map(repeats.add, parts):
                 tally.add(with_temperature_compensation(part, monitor, robot))
-            data = cls(folder, robot, tally, None, (*reader.damage.notes, *cold), None, monitor)
+            notes = (*reader.damage.notes, *cold, *repeats.notes())
+            data = cls(folder, robot, tally, None, notes, None, monitor, repeats.report())
         if not folder.file(PLATE_RECORDING).exists():
             return data
-        held, notes = _with_plate(folder, data.recording)
-        return replace(data, held=held, damage=(*data.damage, *notes))
+        held, lost = _with_plate(folder, data.recording)
+        return replace(data, held=held, damage=(*data.damage, *lost))
 
     def parts(self) -> Iterator[Recording]:
         """Yield the recording in parts, of which few need be in memory at a time.
