@@ -1,4 +1,4 @@
-"""All drives silent at once, or answering in a bunch: that is the adapter's, and no drive's fault."""
+"""All drives silent at once, or answering in a bunch: the adapter's fault, and no drive's."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import pytest
 
 from acquisition.supervision.cycle import Cycle
 from acquisition.supervision.stop_reason import StopCode
-from config.load import load_cell
-from tests.acquisition.supervision.test_supervisor import Fault, Watch
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from tests.acquisition.supervision.test_supervisor import Fault, Watch, at_speed
 
 
 @pytest.fixture
-def watch() -> Watch:
-    loaded = load_cell("ir361")
-    return Watch(loaded.config, loaded.robot)
+def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
+    return at_speed(cell, robot)
 
 
 def held_up(silent: Callable[[int], bool], released: int) -> Fault:
