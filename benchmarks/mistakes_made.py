@@ -95,7 +95,11 @@ def mistakes(sound: Stated) -> Iterator[Made]:
         ("in reverse order", [*reversed(range(n))]),
     ):
         yield from _orders(sound, name, None, order)
+    if n > 3:
+        for order in ([1, 2, 0, *range(3, n)], [0, 1, 4, 2, 3, *range(5, n)]):
+            yield from _orders(sound, f"three in a cycle {order}", None, order)
     yield from _of_all(sound)
+    yield from _of_torques(sound)
     yield from _of_the_robot(sound)
 
 
@@ -157,7 +161,7 @@ def _of_all(sound: Stated) -> Iterator[Made]:
         yield Made(f"clock: {name}", (Kind.CLOCK,), (), timed)
     yield Made(
         "torques in mN m",
-        (Kind.TORQUE_FACTOR,),
+        (Kind.TORQUE_UNIT, Kind.TORQUE_FACTOR),
         (),
         replace(sound, torque_nm=1e3 * sound.torque_nm),
     )
@@ -171,6 +175,39 @@ def _of_all(sound: Stated) -> Iterator[Made]:
     stuck = sound.torque_nm.copy()
     stuck[:, 1] = stuck[0, 1]
     yield Made("axis 2: torque stuck", (), (1,), replace(sound, torque_nm=stuck))
+
+
+def _of_torques(sound: Stated) -> Iterator[Made]:
+    """Yield signs, units and quantities of several torques at once."""
+    n = len(sound.robot.joints)
+    joints = sound.robot.joints
+
+    def made(name: str, kind: Kind, torque_nm: FloatArray, own: tuple[int, ...] = ()) -> Made:
+        return Made(name, (kind,), own, replace(sound, torque_nm=torque_nm))
+
+    yield made("all torques backwards", Kind.TORQUE_SIGN, -sound.torque_nm)
+    sets = [(1, 2), tuple(range(n - 1))] + ([(0, 1, 2)] if n > 3 else [])
+    for own in sets:
+        torque_nm = sound.torque_nm.copy()
+        torque_nm[:, list(own)] *= -1.0
+        yield made(f"torques of {len(own)} axes backwards", Kind.TORQUE_SIGN, torque_nm, own)
+    limits = np.array([joint.limits.torque for joint in joints])
+    gears = np.array([abs(joint.gear_ratio) for joint in joints])
+    units = [
+        ("per mille of rated torque", 1000.0 / limits),
+        ("percent of rated torque", 100.0 / limits),
+        ("torques of the motors", 1.0 / gears),
+    ]
+    constants = [joint.torque_constant_nm_per_a for joint in joints]
+    known = [value for value in constants if value is not None]
+    if len(known) == n:
+        units.append(("amperes called N m", 1.0 / np.array(known)))
+    for name, factors in units:
+        yield made(name, Kind.TORQUE_UNIT, factors * sound.torque_nm)
+    speed = np.gradient(sound.position, sound.time_s, axis=0)
+    yield made("velocities called torques", Kind.TORQUE_QUANTITY, speed)
+    acceleration = np.gradient(speed, sound.time_s, axis=0)
+    yield made("accelerations called torques", Kind.TORQUE_QUANTITY, acceleration)
 
 
 def _of_the_robot(sound: Stated) -> Iterator[Made]:
@@ -201,6 +238,10 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
     yield Made("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
     down = tuple(-each for each in robot.gravity_m_s2)
     yield Made("mounted upside down", (Kind.MOUNTING,), (), of(gravity_m_s2=down))
+    tilt, size = 30.0 * DEGREE, float(np.linalg.norm(robot.gravity_m_s2))
+    sign = math.copysign(1.0, robot.gravity_m_s2[2])
+    tilted = (0.0, size * math.sin(tilt), sign * size * math.cos(tilt))
+    yield Made("a tilt that is not there", (Kind.MOUNTING,), (), of(gravity_m_s2=tilted))
     limits = [joint.limits for joint in joints]
     degrees = tuple(
         joint.model_copy(
