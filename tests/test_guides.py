@@ -9,6 +9,7 @@ from typing import Final, get_args
 
 import numpy as np
 import pytest
+from identification.validation.friction_selection import FRICTION_CANDIDATES
 
 from config.errors import ConfigError
 from config.formats.eds import parse_eds
@@ -16,7 +17,6 @@ from config.load import load_cell
 from config.robot.friction_terms import FrictionTerm
 from dynamics.model.robot_model import RobotModel
 from identification.model.base_parameters import base_parameters
-from identification.validation.friction_selection import FRICTION_CANDIDATES
 
 ROOT: Final = Path(__file__).parents[1]
 NUMBERS: Final = ("eight", "nine", "ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen")

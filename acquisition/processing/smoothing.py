@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from acquisition.processing.held_torque import held_torques
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.processing.unfiltered import (
     UnfilteredSignals,
     derived,
@@ -52,9 +53,9 @@ class SmoothedSignals:
         to this band is worth about 2 cutoff_hz values a second.
     temperature_k : ndarray, shape (samples, joints), or None
         Temperature of each drive [K], where it was recorded.
-    torque_bandwidth_hz : float or None
-        Where the torque was low-passed before it was recorded, where that is known: it holds less
-        than the position then.
+    channel : TorqueChannel or None
+        Delay and filter of the torque before it was recorded, if they are known: the model's
+        torque passes them too.
     unfiltered : UnfilteredSignals or None
         The same recording at its full rate before the low-pass; None of a mean period, which is
         known below the cut-off only.
@@ -72,7 +73,7 @@ class SmoothedSignals:
     sample_period_s: float
     cutoff_hz: float
     temperature_k: FloatArray | None = None
-    torque_bandwidth_hz: float | None = None
+    channel: TorqueChannel | None = None
     unfiltered: UnfilteredSignals | None = None
     unfiltered_row: IntArray | None = None
 

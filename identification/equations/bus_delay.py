@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from identification.equations.torque_channel import TorqueChannel
+from acquisition.processing.torque_channel import TorqueChannel
 
 SLOWEST_BUS_CYCLE_S: Final = 0.01
 CYCLES: Final = 2.0

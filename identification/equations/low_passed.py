@@ -123,7 +123,7 @@ class LowPassedColumns:
         """Return which columns are not zero, (n, any), and some rows of those, low-passed."""
         shared = ParallelFilter(self.signals)
         seen: BoolArray = np.any(columns, axis=0)
-        own = (shared.held(columns[:, j, used], j, wide) for j, used in enumerate(seen))
+        own = (shared.recorded(columns[:, j, used], j, wide) for j, used in enumerate(seen))
         return seen, shared.columns(np.concatenate(list(own), axis=1), inner)
 
 

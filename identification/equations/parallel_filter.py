@@ -17,7 +17,7 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
 from config.arrays import BoolArray, FloatArray, IntArray
-from dynamics.model.memory import counted, presliding, sliding, with_memory
+from dynamics.model.memory import counted, presliding, with_memory
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving
 from dynamics.terms.conditions import Conditions
@@ -48,9 +48,8 @@ class ParallelFilter:
         """Cut-off of the Butterworth low-pass that columns pass; None if they pass none."""
         signals = self.signals
         if signals.unfiltered is None:
-            return signals.torque_bandwidth_hz or signals.cutoff_hz
-        limits = (signals.torque_bandwidth_hz, signals.unfiltered.torque_limit_hz)
-        return min((limit_hz for limit_hz in limits if limit_hz is not None), default=None)
+            return signals.cutoff_hz
+        return signals.unfiltered.torque_limit_hz
 
     def motion(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return q, v and a of some rows of the source."""
@@ -93,13 +92,16 @@ class ParallelFilter:
         if self.signals.unfiltered is not None:
             reach += window_reach(source.sample_period_s, self.signals.cutoff_hz)
             reach += self.signals.unfiltered.held_rows
+        reach += max(self._spread())
         number = int(source.segment[wanted[0]])
         first, end = np.searchsorted(source.segment, [number, number + 1])
         start = max(int(first), int(wanted[0]) - reach)
         return slice(start, min(int(end), int(wanted[-1]) + reach + 1)), wanted - start
 
-    def held(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
-        """Return a joint's columns of a window as its torque is renewed: held like that.
+    def recorded(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
+        """Return a joint's columns of a window as its torque was recorded.
+
+        They pass the torque's channel and are held as the torque is renewed.
 
         Parameters
         ----------
@@ -111,6 +113,9 @@ class ParallelFilter:
             The source's rows of the window.
         """
         source = self.signals.unfiltered
+        if self.signals.channel is not None:
+            step_s = self.source.sample_period_s
+            values = self.signals.channel.of_joint(values, joint, step_s)
         if source is None or source.torque_row is None:
             return values
         return np.asarray(values[np.maximum(source.torque_row[wide, joint] - wide.start, 0)])
@@ -138,8 +143,6 @@ class ParallelFilter:
         model: RobotModel,
         whole: Conditions,
         standstill_rad_s: float,
-        *,
-        sliding_alone: bool = False,
     ) -> tuple[BoolArray, BoolArray]:
         """Return which rows of which joints count, and at which they move, each (samples, n).
 
@@ -151,24 +154,19 @@ class ParallelFilter:
             Of the source's rows, with what friction remembers.
         standstill_rad_s : float
             Below this speed a joint stands.
-        sliding_alone : bool
-            Only those rows count that a period of the lowest cut-off parts from any at which not
-            all of the joint slides.
         """
         signals, source = self.signals, self.source
         moves = moving(model, source.velocity, standstill_rad_s)
-        if sliding_alone:
-            lowest_hz = signals.torque_bandwidth_hz or signals.cutoff_hz
-            use = ~_near(~sliding(whole, moves), source.segment, self._rows(1.0 / lowest_hz))
-        else:
-            known = moves
-            if signals.unfiltered is not None:
-                reach = signals.unfiltered.reach(signals.cutoff_hz)
-                limit_hz = signals.unfiltered.torque_limit_hz
-                reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
-                known = ~_near(~self._known(moves), source.segment, reach)
-            pause = self._rows(1.0 / signals.cutoff_hz)
-            use = counted(whole, known) & _near(moves, source.segment, pause)
+        known, reach = moves, 0
+        if signals.unfiltered is not None:
+            reach = signals.unfiltered.reach(signals.cutoff_hz)
+            limit_hz = signals.unfiltered.torque_limit_hz
+            reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
+        before, after = self._spread()
+        if reach + before + after:
+            known = ~_near(~self._known(moves), source.segment, reach + before, reach + after)
+        pause = self._rows(1.0 / signals.cutoff_hz)
+        use = counted(whole, known) & _near(moves, source.segment, pause, pause)
         rows = self._places(np.arange(len(signals)))
         return use[rows], moves[rows]
 
@@ -179,6 +177,13 @@ class ParallelFilter:
             return moves
         return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
+    def _spread(self) -> tuple[int, int]:
+        """Return how many rows before and after an event the torque's channel spreads it over."""
+        channel = self.signals.channel
+        if channel is None or not channel.changes:
+            return 0, 0
+        return self._rows(float(channel.before_s.max())), self._rows(float(channel.after_s.max()))
+
     def _places(self, rows: IntArray) -> IntArray:
         own = self.signals.unfiltered_row
         return rows if own is None else own[rows]
@@ -187,13 +192,16 @@ class ParallelFilter:
         return math.ceil(time_s / self.source.sample_period_s)
 
 
-def _near(those: BoolArray, segment: IntArray, reach: int) -> BoolArray:
-    """Return which rows are within some rows of one of those, within a segment, (samples, n)."""
+def _near(those: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
+    """Return which rows are some rows ahead of one of those or behind it, or closer, (samples, n).
+
+    Nothing reaches over a gap between segments.
+    """
     near = np.zeros_like(those)
     edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
     for first, end in pairwise([0, *edges, len(those)]):
         rows = np.arange(end - first)
-        before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, end - first)
+        before, after = np.maximum(rows - behind, 0), np.minimum(rows + ahead + 1, end - first)
         for j in range(those.shape[1]):  # counts of all joints at once would be the largest array
             counts = np.concatenate([[0], np.cumsum(those[first:end, j])])
             near[first:end, j] = counts[after] > counts[before]

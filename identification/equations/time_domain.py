@@ -107,20 +107,16 @@ def time_blocks(
     standard: FloatArray | None = None,
     *,
     low_passed: bool = False,
-    sliding_alone: bool = False,
 ) -> Iterator[TimeBlock]:
     """Yield the equations of some recordings; `standard` as in `torque_columns`.
 
     Columns and torque of a recording pass the same filter (`UnfilteredSignals`), and 8 rows in a
     period of the cut-off hold all of it. A mean period has its columns low-passed with
-    `low_passed`, if its torque's own bandwidth is known, and if friction has memory.
+    `low_passed`, if its torque passed a channel, and if friction has memory.
 
     A joint's rows within the filter's reach of standstill or reversal are left out, at which
     nobody knows its friction. If friction has memory they count, but of a pause only those within
     a period of the cut-off from motion: what follows is the same value again.
-
-    With `sliding_alone` only those rows count that a period of the lowest cut-off parts from any at
-    which not all of the joint slides: what friction does there, low-passed, rings no further.
     """
     first_event = 0
     for run in runs:
@@ -129,7 +125,7 @@ def time_blocks(
         shared = ParallelFilter(signals)
         whole = shared.conditions(model, run.conditions)
         narrowed = LowPassedColumns(model, base, signals, whole, standard, run.kept)
-        use, moves = shared.usable(model, whole, standstill_rad_s, sliding_alone=sliding_alone)
+        use, moves = shared.usable(model, whole, standstill_rad_s)
         stride = thinning(signals)
         filtered = low_passed or _always_filtered(model, signals)
         for rows in _blocks(signals.segment):
@@ -158,7 +154,7 @@ def rows_of(model: RobotModel, run: TimeRun) -> int:
 
 
 def _always_filtered(model: RobotModel, signals: SmoothedSignals) -> bool:
-    narrow = signals.torque_bandwidth_hz is not None
+    narrow = signals.channel is not None and signals.channel.changes
     return narrow or signals.unfiltered is not None or bool(presliding(model))
 
 

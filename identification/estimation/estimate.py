@@ -10,6 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from acquisition.processing.torque_channel import TorqueChannel
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
@@ -17,7 +18,6 @@ from dynamics.model.memory import with_memory
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, load_torque, regressor
 from dynamics.terms.conditions import Conditions
 from identification.equations.plate_fit import PlateFit
-from identification.equations.torque_channel import TorqueChannel
 from identification.equations.warming import Warming
 from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from acquisition.processing.torque_channel import TorqueChannel
 from config.errors import ConfigError, EstimationError
 from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
@@ -21,7 +22,6 @@ from config.model import ConfigModel
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.equations.plate_fit import PlateFit
-from identification.equations.torque_channel import TorqueChannel
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.estimation.file_checks import UNSOUND_MODEL, refuse_contradictions
@@ -92,7 +92,10 @@ class _Plate(ConfigModel):
 class _Channel(ConfigModel):
     delay_s: Row
     delay_sigma_s: Sizes
-    bandwidth_hz: Annotated[float, Field(gt=0.0)] | None
+    lag_s: Sizes
+    lag_sigma_s: Sizes
+    width_s: Sizes
+    width_sigma_s: Sizes
 
 
 class _Warming(ConfigModel):

@@ -67,8 +67,6 @@ class SmoothedProblem:
         How rows are weighted.
     prior : PriorRows
         What is known beforehand.
-    sliding_alone : bool
-        Whether rows near a reversal are left out; as in `time_blocks`.
     still : tuple of int
         Joints that no run moves: none of their rows count.
     """
@@ -78,7 +76,6 @@ class SmoothedProblem:
     standstill_rad_s: float
     weighting: Weighting
     prior: PriorRows
-    sliding_alone: bool = False
     still: tuple[int, ...] = ()
 
     @property
@@ -97,7 +94,6 @@ class SmoothedProblem:
             self.standstill_rad_s,
             standard,
             low_passed=low_passed,
-            sliding_alone=self.sliding_alone,
         )
         counts = ~np.isin(np.arange(model.chain.n), self.still)
         for block in blocks:

@@ -1,170 +1,292 @@
-"""What a recording's torque went through, chosen by the data: its bandwidth and its delays.
+"""Kind and values of the torque channel, chosen from the data.
 
-A torque that was low-passed before it was recorded jumps slower than friction does, and every joint
-that turns round then shows an error that no model of the robot explains. The bandwidth is the one
-with which low-passed columns fit best; it is taken where the logarithm of the error on seconds left
-out falls by more than two standard errors, all joints together. Delays are parameters beside all
-others: torque late by d is tau(t) - d tau'(t) to first order (Gauss-Newton). They are found in rows
-away from reversals: friction that no model has does there what a delay does. A joint's is taken
-where it is two standard deviations from zero, and where the logarithm of the error on seconds left
-out falls by more than two standard errors.
+Each joint's equations are solved alone, so that the channel of one joint does not depend on
+another's. The channel's values are found by Gauss-Newton beside all linear parameters; their
+intervals come from a jackknife over blocks of time. The kind is one for all joints: the simplest
+one whose held-out error is not distinctly larger than the best one's. A value is kept if it is
+distinct from zero. Rows that depend on friction at standstill are left out.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
+from scipy.linalg import qr
 
-from acquisition.processing.smoothing import SmoothedSignals
-from config.arrays import FloatArray
-from config.errors import EstimationError
-from config.robot.friction_terms import FrictionTerm
-from config.robot.robot import RobotDescription
-from identification.equations.segments import thinned
-from identification.equations.torque_channel import TorqueChannel
-from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
-from identification.estimation.options import EstimationOptions
-from identification.validation.friction_trials import with_friction
-from identification.validation.held_out import FOLDS, distinctly_better, held_out_errors
-from identification.validation.steps_beside import steps_beside
+from acquisition.processing.torque_channel import ChannelKind, ComplexArray, TorqueChannel
+from config.arrays import FloatArray, IntArray
+from identification.equations.candidate_equations import (
+    CandidateEquations,
+    Column,
+    JointRows,
+    Piece,
+)
+from identification.validation.nested_choice import DISTINCT_SIGMAS, Gain, deviations, simplest
 
-STEP: Final = 0.75
-LOWEST_SHARE: Final = 0.08
-"""Of the cut-off: how far down bandwidths are tried, each `STEP` of the one before."""
-DISTINCT_SIGMAS: Final = 2.0
-LONGEST_DELAY_S: Final = 0.1
-ROUNDS: Final = 2
-_FLEXIBLE: Final[tuple[FrictionTerm, ...]] = (
-    "coulomb", "viscous", "offset", "cube_root", "cubic",
+ChannelValue = Literal["delay", "lag", "width"]
+
+KINDS: Final[dict[ChannelKind, tuple[ChannelValue, ...]]] = {
+    "none": (),
+    "delay": ("delay",),
+    "lag": ("lag",),
+    "zero-phase": ("width",),
+    "delay + lag": ("delay", "lag"),
+}
+"""From the simplest to the richest."""
+KIND_SIGMAS: Final = 2.0
+LEAST_KIND_GAIN: Final = 0.01
+"""Gain of held-out RMS error below which a richer kind of channel is not taken: 1 %."""
+LONGEST_DELAY_S: Final = 0.05
+LONGEST_LAG_S: Final = 0.08
+SHORTEST_LAG_S: Final = 1e-4
+START_S: Final[dict[ChannelValue, float]] = {"delay": 0.0, "lag": 0.004, "width": 0.006}
+LARGEST_STEP_S: Final = 0.01
+SETTLED_S: Final = 1e-5
+MOST_STEPS: Final = 9
+AFTER_STANDSTILL_S: Final = 0.16
+"""Rows left out after standstill: five times the slowest filter that is looked for."""
+FILTER_SHARE: Final = 0.9
+"""Share of the squared error on all moving rows that a filter leaves at most."""
+RANK: Final = 1e-7
+FLEXIBLE: Final[tuple[Column, ...]] = (
+    "coulomb", "viscous", "offset", "cubic", "load",
+    ("stribeck", 0.045), ("stribeck", 0.1), ("stribeck", 0.23),
 )  # fmt: skip
+"""Friction beside which the channel is found first."""
 
 
-def choose_bandwidth(
-    robot: RobotDescription,
-    signals: Sequence[SmoothedSignals],
-    options: EstimationOptions | None = None,
-    *,
-    folds: int = FOLDS,
-) -> float | None:
-    """Return where the torque was low-passed before it was recorded [Hz]; None for nowhere.
+@dataclass(frozen=True, eq=False)
+class JointChannel:
+    """A fit of one joint's channel.
+
+    Attributes
+    ----------
+    values_s, sigma_s : dict
+        The channel's values and standard deviations [s].
+    errors : ndarray, shape (blocks,)
+        Mean squared error of each block in a fit of all others.
+    moving_error : float
+        Mean squared error on all rows at which the joint moves, those near reversals included.
+    """
+
+    values_s: dict[ChannelValue, float]
+    sigma_s: dict[ChannelValue, float]
+    errors: FloatArray
+    moving_error: float
+
+
+def choose_channel(
+    equations: CandidateEquations,
+    terms: Sequence[Sequence[Column]],
+    block_s: float,
+    kinds: Sequence[ChannelKind] = tuple(KINDS),
+    before: TorqueChannel | None = None,
+) -> TorqueChannel:
+    """Return the channel of all joints.
 
     Parameters
     ----------
-    robot : RobotDescription
-        The robot; its friction terms do not count.
-    signals : sequence of SmoothedSignals
-        The recordings of the training runs.
-    options : EstimationOptions, optional
-        The other terms of the model, and from which speed on a joint moves.
-    folds : int
-        Parts that the recordings are cut into.
-
-    Raises
-    ------
-    EstimationError
-        The recordings are too short, or do not show the model.
+    equations : CandidateEquations
+        The recordings.
+    terms : sequence of sequence of Column
+        Friction columns of each joint.
+    block_s : float
+        Length of a block that is left out [s].
+    kinds : sequence of str
+        Kinds to compare, from the simplest to the richest; the first is "none".
+    before : TorqueChannel, optional
+        The channel that was found before: rows that it mixes with standstill are left out.
     """
-    options = options or EstimationOptions()
-    robot = with_friction(robot, [_FLEXIBLE] * len(robot.joints))
-    parts = [thinned(run) for run in signals]
-    cutoff_hz = min(part.cutoff_hz for part in parts)
-
-    def fit(bandwidth_hz: float) -> FittedSignals:
-        narrow = [replace(part, torque_bandwidth_hz=bandwidth_hz) for part in parts]
-        return fit_smoothed(robot, narrow, options)
-
-    def misfit(fitted: FittedSignals) -> float:
-        return float(np.sum(fitted.fit.rows_used * np.log(fitted.fit.residual_nm)))
-
-    plain = fit(cutoff_hz)
-    tried = {cutoff_hz: (misfit(plain), plain)}
-    steps = math.floor(math.log(LOWEST_SHARE) / math.log(STEP))
-    for bandwidth_hz in (cutoff_hz * STEP**k for k in range(1, steps + 1)):
-        fitted = fit(bandwidth_hz)
-        tried[bandwidth_hz] = (misfit(fitted), fitted)
-        if misfit(fitted) > min(value for value, _ in tried.values()) + fitted.fit.rows_used.sum():
-            break  # e times the residual of the best one
-    best = min(tried, key=lambda hz: tried[hz][0])
-    for width in (0.5, 0.25):
-        for bandwidth_hz in (best * STEP**width, best / STEP**width):
-            if bandwidth_hz < cutoff_hz:
-                fitted = fit(bandwidth_hz)
-                tried[bandwidth_hz] = (misfit(fitted), fitted)
-        best = min(tried, key=lambda hz: tried[hz][0])
-    if best >= STEP * cutoff_hz:
-        return None
-    errors = held_out_errors(plain, tried[best][1], folds)
-    gain = np.nansum(np.log(errors[0] / errors[1]), axis=1)
-    enough = gain.mean() > DISTINCT_SIGMAS * np.std(gain, ddof=1) / math.sqrt(len(gain))
-    return float(f"{best:.3g}") if enough else None
+    known = TorqueChannel.none(equations.joints) if before is None else before
+    reach_s = [
+        (float(early), max(AFTER_STANDSTILL_S, float(late)))
+        for early, late in zip(known.before_s, known.after_s, strict=True)
+    ]
+    fits: dict[ChannelKind, list[JointChannel]] = {}
+    for kind in kinds:
+        starts: list[dict[ChannelValue, float]] = [START_S] * equations.joints
+        if kind == "delay + lag" and "lag" in fits:
+            starts = [{"delay": 0.0, "lag": max(fit.values_s["lag"], 0.002)} for fit in fits["lag"]]
+        fits[kind] = [
+            fit_joint(
+                JointEquations(equations, j, terms[j], reach_s[j], block_s),
+                {key: starts[j][key] for key in KINDS[kind]},
+            )
+            for j in range(equations.joints)
+        ]
+    chosen = _kind({kind: _all_errors(own) for kind, own in fits.items()})
+    return _kept(fits[chosen], fits["none"])
 
 
-def choose_delays(
-    robot: RobotDescription,
-    signals: Sequence[SmoothedSignals],
-    options: EstimationOptions | None = None,
-    *,
-    folds: int = FOLDS,
-) -> TorqueChannel:
-    """Return by how much each joint's torque is late, zero where the data do not show it.
+def _all_errors(fits: Sequence[JointChannel]) -> FloatArray:
+    return np.concatenate([fit.errors for fit in fits])
+
+
+def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
+    """Return the simplest kind that is distinctly better than none, as far as any is."""
+    none = errors["none"]
+    shown = [
+        kind
+        for kind, own in errors.items()
+        if kind == "none" or Gain.between(none, own).exceeds(KIND_SIGMAS, 0.0)
+    ]
+    return shown[simplest([errors[kind] for kind in shown], KIND_SIGMAS, LEAST_KIND_GAIN)]
+
+
+def _kept(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
+    """Return the values that are distinct from zero and inside their range.
+
+    A filter of the torque passes the jumps of friction, too. What fits better away from reversals
+    only, such as an elastic joint, is no filter of the torque: that joint has none.
+    """
+    found = np.zeros((6, len(fits)))
+    for j, fit in enumerate(fits):
+        filters = "delay" not in fit.values_s or "lag" in fit.values_s
+        if fit.moving_error > (FILTER_SHARE if filters else 1.0) * none[j].moving_error:
+            continue
+        for place, key in enumerate(("delay", "lag", "width")):
+            value, sigma = fit.values_s.get(key, 0.0), fit.sigma_s.get(key, 0.0)
+            inside = key != "delay" or abs(value) < 0.98 * LONGEST_DELAY_S
+            if inside and abs(value) > DISTINCT_SIGMAS * sigma:
+                found[2 * place : 2 * place + 2, j] = value, sigma
+    return TorqueChannel(*found)
+
+
+@dataclass(frozen=True, eq=False)
+class JointEquations:
+    """Equations of one joint alone.
+
+    Attributes
+    ----------
+    all : CandidateEquations
+        The recordings.
+    joint : int
+        The joint, from 0.
+    terms : sequence of Column
+        Its friction columns.
+    reach_s : (float, float)
+        As for `CandidateEquations.rows`.
+    block_s : float
+        Length of a block that is left out [s].
+    """
+
+    all: CandidateEquations
+    joint: int
+    terms: Sequence[Column]
+    reach_s: tuple[float, float]
+    block_s: float
+
+    def rows(self, responses: Sequence[ComplexArray]) -> JointRows:
+        """Return the rows after a channel."""
+        return self.all.rows(self.joint, self.terms, responses, self.reach_s, self.block_s)
+
+    def moving_error(
+        self, responses: Sequence[ComplexArray], places: IntArray, theta: FloatArray
+    ) -> float:
+        """Return the mean squared error of some parameters on all rows at which the joint moves."""
+        squares = []
+        for piece, response in zip(self.all.pieces, responses, strict=True):
+            use = self.all.moving(piece, self.joint)
+            torque = piece.back(self._model(piece, places, theta) * response)
+            squares.append((piece.back(piece.torque[:, self.joint]) - torque)[use] ** 2)
+        return float(np.mean(np.concatenate(squares)))
+
+    def _model(self, piece: Piece, places: IntArray, theta: FloatArray) -> ComplexArray:
+        names: Sequence[Column] = ("rigid", *self.terms)
+        columns = np.concatenate([piece.of(self.joint, name) for name in names], axis=1)
+        return np.asarray(columns[:, places] @ theta)
+
+    def through(
+        self, responses: Sequence[Sequence[ComplexArray]], places: IntArray, theta: FloatArray
+    ) -> FloatArray:
+        """Return the torque of some parameters after several responses, (rows, responses)."""
+        found = []
+        for piece, own in zip(self.all.pieces, responses, strict=True):
+            use = self.all.used(piece, self.joint, self.reach_s)
+            model = self._model(piece, places, theta)
+            found.append(np.stack([piece.back(model * each)[use] for each in own], axis=1))
+        return np.concatenate(found)
+
+
+def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> JointChannel:
+    """Fit the channel of one joint, with all its linear parameters.
 
     Parameters
     ----------
-    robot : RobotDescription
-        The robot with all its terms: what friction does at a reversal resembles a delay.
-    signals : sequence of SmoothedSignals
-        The recordings of the training runs; their `torque_bandwidth_hz` is kept.
-    options : EstimationOptions, optional
-        The other terms of the model.
-    folds : int
-        Parts that the recordings are cut into.
-
-    Raises
-    ------
-    EstimationError
-        The recordings are too short, or do not show the model.
+    equations : JointEquations
+        Its equations.
+    start : dict
+        The values that are fitted, and their starting values [s].
     """
-    options = options or EstimationOptions()
-    parts = [thinned(run) for run in signals]
-    fitted = fit_smoothed(robot, parts, options)
-    plain = replace(fitted, problem=replace(fitted.problem, sliding_alone=True))
-    try:
-        return _delays_beside(plain, parts, folds)
-    except EstimationError:  # too little is left away from the reversals
-        nothing = np.zeros(len(robot.joints))
-        return TorqueChannel(nothing, nothing, parts[0].torque_bandwidth_hz)
+    values, free = dict(start), tuple(start)
+    independent: IntArray | None = None
+    slopes = np.empty((0, 0))
+    for _ in range(MOST_STEPS if free else 1):
+        channels = [_responses(piece.frequency_hz, values) for piece in equations.all.pieces]
+        rows = equations.rows([own[0] for own in channels])
+        if independent is None:
+            independent = _independent(rows.columns)
+        basis = np.linalg.qr(rows.columns[:, independent])
+        theta = np.linalg.solve(basis.R, basis.Q.T @ rows.torque_nm)
+        rest = rows.torque_nm - basis.Q @ (basis.Q.T @ rows.torque_nm)
+        if not free:
+            slopes = np.empty((len(rest), 0))
+            break
+        slopes = equations.through([own[1:] for own in channels], independent, theta)
+        slopes -= basis.Q @ (basis.Q.T @ slopes)
+        step = np.linalg.lstsq(slopes, rest, rcond=None)[0]
+        for key, by in zip(free, np.clip(step, -LARGEST_STEP_S, LARGEST_STEP_S), strict=True):
+            # Beside a lag a delay is not negative: together they would mimic a zero-phase filter.
+            lowest = 0.0 if "lag" in free else -LONGEST_DELAY_S
+            low, high = (
+                (lowest, LONGEST_DELAY_S) if key == "delay" else (SHORTEST_LAG_S, LONGEST_LAG_S)
+            )
+            values[key] = float(np.clip(values[key] + by, low, high))
+        if np.all(np.abs(step) < SETTLED_S):
+            break
+    moved, errors = _left_out(np.column_stack([basis.Q, slopes]), rows.torque_nm, rows.block)
+    sigma = deviations(moved[:, moved.shape[1] - len(free) :])
+    last = [own[0] for own in channels]
+    moving_error = equations.moving_error(last, independent, theta)
+    return JointChannel(values, dict(zip(free, sigma.tolist(), strict=True)), errors, moving_error)
 
 
-def _delays_beside(
-    plain: FittedSignals, parts: Sequence[SmoothedSignals], folds: int
-) -> TorqueChannel:
-    """Return the delays of the torques of a fit's recordings, beside all that was fitted."""
-    n, bandwidth_hz = len(plain.robot.joints), parts[0].torque_bandwidth_hz
-    fitted, delay_s, sigma_s = plain, np.zeros(n), np.zeros(n)
-    for _ in range(ROUNDS):
-        step_s, sigma_s = steps_beside(fitted, _slope(fitted))
-        delay_s = np.clip(delay_s + step_s, -LONGEST_DELAY_S, LONGEST_DELAY_S)
-        channel = TorqueChannel(delay_s, sigma_s, bandwidth_hz)
-        runs = tuple(
-            replace(run, signals=channel.undelayed(part))
-            for run, part in zip(plain.problem.runs, parts, strict=True)
-        )
-        fitted = replace(plain, problem=replace(plain.problem, runs=runs))
-    shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
-    shown &= np.abs(delay_s) < LONGEST_DELAY_S
-    shown &= distinctly_better(held_out_errors(plain, fitted, folds))
-    return TorqueChannel(delay_s * shown, sigma_s * shown, bandwidth_hz)
+def _responses(frequency_hz: FloatArray, values: dict[ChannelValue, float]) -> list[ComplexArray]:
+    """Return the response (bins,), and how it changes with each of the values, in their order."""
+    s = 2j * np.pi * frequency_hz
+    delay, lag, width = (values.get(key, 0.0) for key in ("delay", "lag", "width"))
+    response = np.exp(-s * delay) / ((1.0 + s * lag) * (1.0 - (s * width) ** 2))
+    by: dict[ChannelValue, ComplexArray] = {
+        "delay": -s * response,
+        "lag": -s / (1.0 + s * lag) * response,
+        "width": 2.0 * s**2 * width / (1.0 - (s * width) ** 2) * response,
+    }
+    return [response, *(by[key] for key in values)]
 
 
-def _slope(fitted: FittedSignals) -> FloatArray:
-    """Return how each joint's torque changes with its delay: minus its own rate [N m/s]."""
-    rates = []
-    for run in fitted.problem.runs:
-        edges = np.flatnonzero(np.diff(run.signals.segment)) + 1
-        pieces = np.split(run.signals.torque_nm, edges)
-        rates += [np.gradient(piece, run.signals.sample_period_s, axis=0) for piece in pieces]
-    return -np.concatenate(rates)
+def _independent(columns: FloatArray) -> IntArray:
+    """Return columns that are independent of each other, in their order."""
+    size = np.linalg.norm(columns, axis=0)
+    live = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
+    triangle, order = qr(columns[:, live] / size[live], mode="r", pivoting=True)
+    diagonal = np.abs(np.diagonal(triangle))
+    return np.sort(live[order[: int(np.count_nonzero(diagonal > RANK * diagonal[0]))]])
+
+
+def _left_out(
+    columns: FloatArray, torque_nm: FloatArray, block: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how the solution changes without each block, and the block's mean squared error."""
+    gram = columns.T @ columns
+    residual = torque_nm - columns @ np.linalg.solve(gram, columns.T @ torque_nm)
+    moved, errors = [], []
+    for number in np.unique(block):
+        own = block == number
+        x = columns[own]
+        change = np.linalg.lstsq(gram - x.T @ x, x.T @ residual[own], rcond=1e-10)[0]
+        moved.append(change)
+        errors.append(np.mean((residual[own] + x @ change) ** 2))
+    return np.array(moved), np.array(errors)

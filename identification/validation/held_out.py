@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -17,10 +16,9 @@ from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.smoothed_fit import weighted_by_residuals
 from identification.model.torque_columns import torque_structure
 from identification.regression.least_squares import Triangle
+from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 
 FOLDS: Final = 6
-FEWEST_SECONDS: Final = 4
-DISTINCT_SIGMAS: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +77,8 @@ def held_out_errors(
 def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[float | None, ...]:
     """Return a nonlinear parameter of each joint where the data show it, None elsewhere.
 
-    They show it where the richer model has it and is worth having, and where it is two standard
-    deviations from zero and at no bound.
+    They show it where the richer model has it and is worth having, and where it is distinct from
+    zero and at no bound.
 
     Parameters
     ----------
@@ -91,7 +89,7 @@ def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[flo
     symbol : str
         What the parameter's name begins with.
     """
-    names, worth = richer.model.nonlinear_names, worth_having(errors)
+    names, worth = richer.model.nonlinear_names, joints_that_gain(*errors)
     values: list[float | None] = []
     for joint, worthy in zip(richer.robot.joint_names, worth, strict=True):
         if not worthy or f"{symbol}_{joint}" not in names:
@@ -172,41 +170,3 @@ def _joined(triangles: Sequence[Triangle]) -> Triangle:
     rows = sum(triangle.rows for triangle in triangles)
     first = triangles[0]
     return Triangle.empty(first.parameters, first.columns).add(factor[:, :-1], factor[:, -1], rows)
-
-
-def worth_having(errors: FloatArray) -> BoolArray:
-    """Return the joints on which the richer model gains more than one standard error, (n,).
-
-    The standard error is that of the difference, second by second.
-
-    Parameters
-    ----------
-    errors : ndarray, shape (2, seconds, n)
-        As of `held_out_errors`.
-    """
-    gain = errors[0] - errors[1]
-    seconds = np.sum(~np.isnan(gain), axis=0)
-    worth = np.zeros(gain.shape[1], dtype=bool)
-    for j in np.flatnonzero(seconds >= FEWEST_SECONDS):
-        own = gain[~np.isnan(gain[:, j]), j]
-        worth[j] = own.mean() > np.std(own, ddof=1) / math.sqrt(len(own))
-    return worth
-
-
-def distinctly_better(errors: FloatArray) -> BoolArray:
-    """Return the joints whose errors' logarithm falls by more than two standard errors, (n,).
-
-    What gains in a few strong events alone does not.
-
-    Parameters
-    ----------
-    errors : ndarray, shape (2, events, n)
-        Mean squared errors of a simpler and a richer model; NaN where nothing counts.
-    """
-    gain = np.log(errors[0] / errors[1])
-    better = np.zeros(gain.shape[1], dtype=bool)
-    for j, own in enumerate(gain.T):
-        told = own[~np.isnan(own)]
-        if len(told) >= FEWEST_SECONDS:
-            better[j] = told.mean() > DISTINCT_SIGMAS * np.std(told, ddof=1) / math.sqrt(len(told))
-    return better

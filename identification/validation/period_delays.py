@@ -5,8 +5,7 @@ more parameter a joint beside all others (Gauss-Newton), found with the reversal
 friction is what a delay resembles most, and what it does is known least. What remains tells them
 apart by frequency and by pose: viscous friction turns no inertia and no gravity.
 
-A joint's delay is taken where it is two standard deviations from zero, and where the logarithm of
-the error on bins left out falls by more than two standard errors. It is below a quarter of the
+A joint's delay is taken by the rules of `nested_choice`. It is below a quarter of the
 shortest period in the band: a longer one turns the highest bins by more than a right angle, and the
 step that is linear in it does not lead there.
 """
@@ -20,19 +19,20 @@ from typing import Final
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
+from acquisition.processing.torque_channel import TorqueChannel
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.equations.base_wrench import both_parts
 from identification.equations.bins import BinEquations, with_free_reversals
-from identification.equations.torque_channel import TorqueChannel
 from identification.equations.whitened import WhitenedEquations, bin_clusters, whiten
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import EstimationOptions
 from identification.regression.intervals import changes, jackknife
 from identification.regression.least_squares import Solution, Triangle, solve
-from identification.validation.held_out import DISTINCT_SIGMAS, distinctly_better
+from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 
+KIND_SIGMAS: Final = 2.0
 MOST_STEPS: Final = 10
 SETTLED_SIGMAS: Final = 0.01
 LONGEST_SHARE: Final = 0.25
@@ -76,8 +76,8 @@ def choose_period_delays(
     errors = [_left_out(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)]
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
     shown &= np.abs(delay_s) < longest_s
-    shown &= distinctly_better(np.array(errors))
-    return TorqueChannel(delay_s * shown, sigma_s * shown)
+    shown &= joints_that_gain(*errors, sigmas=KIND_SIGMAS)
+    return TorqueChannel.of_delays(delay_s * shown, sigma_s * shown)
 
 
 def _found(

@@ -1,10 +1,9 @@
 """Which joints' friction remembers where it came from: chosen by the data, as other terms are.
 
-With presliding the samples at rest and at reversal can be predicted. A joint gets it where that
-lowers its squared error on parts of the recordings that a fit has not seen, rest and reversal
-included, by more than one standard error of the difference, second by second (Breiman and others
-1984). By the same rule only a share of its friction gives way, and the rest holds at once.
-Stribeck friction is left out meanwhile: at reversals it stands for what gives way. The parameters
+With presliding the samples at rest and at reversal can be predicted. A joint gets it if its error
+on parts of the recordings that a fit has not seen, rest and reversal included, falls by the rules
+of `nested_choice`. By the same rules only a share of its friction gives way, and the rest holds at
+once. Stribeck friction was chosen before, from rows away from reversals. The parameters
 that are not linear are those of all data in every fold. A distance that the data do not tell from
 zero, a share that they do not tell from zero and one, and what ends at a bound, is not taken.
 """
@@ -23,14 +22,9 @@ from config.robot.robot import RobotDescription
 from identification.equations.segments import thinned
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.validation.held_out import (
-    DISTINCT_SIGMAS,
-    FOLDS,
-    held_out_errors,
-    shown_values,
-    worth_having,
-)
-from identification.validation.stribeck_choice import with_stribeck
+from identification.validation.held_out import FOLDS, held_out_errors, shown_values
+from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
+from identification.validation.robot_terms import with_presliding
 
 STARTS: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 """Presliding distances from which the fit begins [rad or m]: each joint from its best."""
@@ -77,7 +71,7 @@ def choose_presliding(
     Parameters
     ----------
     robot : RobotDescription
-        The robot with its other friction terms; Stribeck friction is left out.
+        The robot with its other friction terms.
     signals : sequence of SmoothedSignals
         The recordings of the training runs. They are `thinned`.
     options : EstimationOptions, optional
@@ -91,7 +85,7 @@ def choose_presliding(
         The recordings are too short, or do not show the model.
     """
     options, n = options or EstimationOptions(), len(robot.joints)
-    robot = with_stribeck(with_presliding(robot, [None] * n), [None] * n)
+    robot = with_presliding(robot, [None] * n)
     parts = [thinned(run) for run in signals]
     plain = fit_smoothed(robot, parts, options)
     whole, partly = (
@@ -107,7 +101,7 @@ def choose_presliding(
         shown_values(richer.estimate(), own, "dp")
         for richer, own in zip((whole, partly), errors, strict=True)
     ]
-    better = worth_having(held_out_errors(whole, partly, folds))
+    better = joints_that_gain(*held_out_errors(whole, partly, folds))
     shares = [
         share if worth and distance is not None else None
         for share, worth, distance in zip(
@@ -122,37 +116,6 @@ def choose_presliding(
         tuple(share or 1.0 for share in shares),
         np.stack([rms[k, :, j] for j, k in enumerate(use)], axis=1),
     )
-
-
-def with_presliding(
-    robot: RobotDescription,
-    distances: Sequence[float | None],
-    shares: Sequence[float] | None = None,
-) -> RobotDescription:
-    """Return a robot with presliding on the joints that have a distance [rad or m], no others.
-
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    distances : sequence of float or None
-        One a joint.
-    shares : sequence of float, optional
-        Share of each joint's friction that gives way; all of it by default.
-    """
-    joints = []
-    shares = shares or [1.0] * len(distances)
-    for joint, distance, share in zip(robot.joints, distances, shares, strict=True):
-        friction = tuple(term for term in joint.friction if term != "presliding")
-        update: dict[str, object] = {"friction": friction}
-        if distance is not None:
-            update = {
-                "friction": (*friction, "presliding"),
-                "presliding_distance": distance,
-                "presliding_share": share,
-            }
-        joints.append(joint.model_copy(update=update))
-    return robot.model_copy(update={"joints": tuple(joints)})
 
 
 def _shares(partly: FittedSignals, errors: FloatArray) -> list[float | None]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
-from dynamics.model.memory import presliding, with_memory
+from dynamics.model.memory import presliding
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.deconvolution import smoothed_recording
+from identification.equations.parallel_filter import ParallelFilter
 from identification.estimation.estimate import Estimate, predict
 from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
@@ -55,8 +57,8 @@ class Validation:
         Where the signals were low-passed, and the speed from which samples count.
     limits_percent : tuple of float, or None
         The largest relative errors allowed.
-    torque_bandwidth_hz : float or None
-        Where the model's torque is low-passed besides, as that of its own recording was.
+    channel : TorqueChannel or None
+        Delay and filter that the model's torque passes, as that of its own recording did.
     remembering : tuple of str
         Joints whose friction has memory: standstill and reversal are predicted, too.
     """
@@ -77,7 +79,7 @@ class Validation:
     cutoff_hz: float
     standstill_rad_s: float
     limits_percent: tuple[float, ...] | None = None
-    torque_bandwidth_hz: float | None = None
+    channel: TorqueChannel | None = None
     remembering: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -172,21 +174,13 @@ def validate(
         )
     signals = smoothed_recording(recording, cutoff_hz)
     if estimate.channel is not None:
-        signals = estimate.channel.undelayed(signals)
+        signals = replace(signals, channel=estimate.channel)
     if estimate.warming is not None:
         signals = estimate.warming.warmed(estimate.robot, signals)
+    shared = ParallelFilter(signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
-    conditions = with_memory(estimate.model, signals.position, warmth, signals.segment)
-    predicted = predict(
-        estimate, signals.position, signals.velocity, signals.acceleration, conditions
-    )
-    predicted = _held(predicted, signals)
-    for number in np.unique(signals.segment):
-        rows = signals.segment == number
-        predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
-        if signals.torque_bandwidth_hz is not None:
-            step_s, narrow_hz = signals.sample_period_s, signals.torque_bandwidth_hz
-            predicted[rows] = low_pass(predicted[rows], step_s, narrow_hz)
+    conditions = shared.conditions(estimate.model, warmth)
+    predicted = _predicted(estimate, shared, conditions)
     moving = moves(estimate.model, signals.velocity, standstill_rad_s)
     if not moving.any():
         raise DataQualityError(
@@ -218,7 +212,7 @@ def validate(
         cutoff_hz=cutoff_hz,
         standstill_rad_s=standstill_rad_s,
         limits_percent=limits_percent,
-        torque_bandwidth_hz=signals.torque_bandwidth_hz,
+        channel=estimate.channel,
         remembering=tuple(names[own.joint] for own in presliding(estimate.model)),
     )
 
@@ -244,28 +238,33 @@ def relative_of_both(one: Validation, other: Validation) -> FloatArray:
     )
 
 
-def _held(predicted: FloatArray, signals: SmoothedSignals) -> FloatArray:
-    """Return torques held as the recording's are renewed, (samples, n)."""
-    source = signals.unfiltered
-    if source is None or source.torque_row is None or signals.unfiltered_row is None:
-        return predicted
-    renewed = source.torque_row[signals.unfiltered_row]
-    at = np.searchsorted(signals.unfiltered_row, renewed)
-    return np.asarray(np.take_along_axis(predicted, at, axis=0))
+def _predicted(estimate: Estimate, shared: ParallelFilter, conditions: Conditions) -> FloatArray:
+    """Return the torques of a recording's rows, recorded and low-passed as the measured ones."""
+    signals, source = shared.signals, shared.source
+    motion = (source.position, source.velocity, source.acceleration)
+    predicted = predict(estimate, *motion, conditions)
+    for number in np.unique(source.segment):
+        rows = slice(*np.searchsorted(source.segment, [number, number + 1]))
+        joints = range(predicted.shape[1])
+        recorded = [shared.recorded(predicted[rows, j : j + 1], j, rows) for j in joints]
+        whole = np.concatenate(recorded, axis=1)
+        predicted[rows] = low_pass(whole, source.sample_period_s, signals.cutoff_hz)
+    return predicted if signals.unfiltered_row is None else predicted[signals.unfiltered_row]
 
 
 def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
     """Return where friction depends on the recorded motion alone, (samples, n).
 
-    What is not known spreads with the low-passes that the prediction went through: for a period
-    of the lowest cut-off it is seen.
+    What is not known spreads with the low-pass and the channel that the prediction went through:
+    for a period of the cut-off, and for as long as the channel lasts, it is seen.
     """
-    memory, found = conditions.memory, np.ones(signals.position.shape, dtype=bool)
+    source = signals.unfiltered or signals
+    memory, found = conditions.memory, np.ones(source.position.shape, dtype=bool)
     if memory is not None:
-        lowest_hz = min(signals.cutoff_hz, signals.torque_bandwidth_hz or math.inf)
-        rows = math.ceil(1.0 / (lowest_hz * signals.sample_period_s))
-        found[:, list(memory.joints)] = memory.known_through(signals.segment, rows)
-    return found
+        channel_s = 0.0 if signals.channel is None else float(signals.channel.after_s.max())
+        rows = math.ceil((1.0 / signals.cutoff_hz + channel_s) / source.sample_period_s)
+        found[:, list(memory.joints)] = memory.known_through(source.segment, rows)
+    return found if signals.unfiltered_row is None else found[signals.unfiltered_row]
 
 
 def _rms(values: FloatArray, use: BoolArray) -> FloatArray:

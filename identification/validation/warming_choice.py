@@ -26,8 +26,9 @@ from identification.equations.time_domain import time_blocks
 from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.validation.friction_trials import with_friction
-from identification.validation.held_out import FOLDS, held_out_errors, worth_having
+from identification.validation.held_out import FOLDS, held_out_errors
+from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
+from identification.validation.robot_terms import with_friction
 from identification.validation.steps_beside import steps_beside
 
 SHORTEST_S: Final = 20.0
@@ -37,7 +38,6 @@ SHORTEST_RECORDING_S: Final = 60.0
 STEP: Final = 2.0
 ROUNDS: Final = 3
 EVENTS: Final = 30
-DISTINCT_SIGMAS: Final = 3.0
 _CLASSICAL: Final[tuple[FrictionTerm, ...]] = ("coulomb", "viscous", "offset")
 
 
@@ -93,7 +93,7 @@ def choose_warming(
     shown &= warming.time_constant_s - margin_s > 0.0
     shown &= warming.time_constant_s + margin_s < longest_s
     shown &= warming.time_constant_s > SHORTEST_S
-    shown &= worth_having(held_out_errors(plain, full, folds))
+    shown &= joints_that_gain(*held_out_errors(plain, full, folds))
     if not shown.any():
         return None
     return replace(

@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
@@ -26,7 +27,6 @@ from identification.equations.bus_delay import without_implausible
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.segments import period_signals, unfiltered_period
 from identification.equations.time_domain import time_runs
-from identification.equations.torque_channel import TorqueChannel
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
@@ -34,12 +34,13 @@ from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, u
 from identification.estimation.options import EstimationOptions
 from identification.model.still_joints import JERK_SHARE, refuse_still, still_joints
 from identification.validation.asked_terms import asked_findings
-from identification.validation.channel_choice import choose_bandwidth, choose_delays
-from identification.validation.friction_selection import Comparison, Watch, choose_friction
+from identification.validation.model_choice import (
+    DELAYS_ALONE,
+    ModelChoice,
+    Watch,
+    choose_model,
+)
 from identification.validation.period_delays import choose_period_delays
-from identification.validation.presliding_choice import choose_presliding
-from identification.validation.stribeck_choice import choose_stribeck
-from identification.validation.warming_choice import choose_warming
 from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
@@ -96,7 +97,7 @@ def estimate_runs(
     how: EstimationRequest | None = None,
     *,
     robot: RobotDescription | None = None,
-    chosen: Comparison | None = None,
+    chosen: ModelChoice | None = None,
 ) -> Identified:
     """Estimate from runs of one robot, all periodic or all not.
 
@@ -113,7 +114,7 @@ def estimate_runs(
     """
     how = how or EstimationRequest()
     robot = robot or one_robot(data)
-    channel = None if chosen is None else chosen.channel
+    channel = None if chosen is None or not chosen.channel.changes else chosen.channel
     warming = None if chosen is None else chosen.warming
     payload = [item.folder.run_id in how.loaded for item in data]
     run_ids = tuple(item.folder.run_id for item in data)
@@ -160,7 +161,7 @@ def estimate_runs(
 
 def compare_friction(
     data: Sequence[RunData], how: EstimationRequest, watch: Watch | None = None
-) -> Comparison:
+) -> ModelChoice:
     """Choose the friction terms of each joint by these runs alone.
 
     Raises
@@ -178,75 +179,31 @@ def compare_friction(
     model, speed = how.options.model.build(robot), how.options.standstill_rad_s
     still = still_joints(model, motions, speed, JERK_SHARE)
     refuse_still(still, "friction cannot be chosen (--choose)")
-    if data[0].is_periodic:
-        return _compare_periods(robot, data, how, watch)
-    known = all(item.clock is None or item.clock.is_known for item in data)
-    alike = len({run.sample_period_s for run in signals}) == 1
-    if alike and known:
-        bandwidth_hz = choose_bandwidth(robot, signals, how.options)
-        signals = [replace(run, torque_bandwidth_hz=bandwidth_hz) for run in signals]
-    comparison = _compare(robot, signals, how, watch)
-    if not alike:
-        return comparison
-    warming = choose_warming(comparison.robot(robot), signals, how.options)
-    comparison = replace(comparison, warming=warming)
-    if not known:
-        return comparison
-    signals = warmed(signals, robot, warming)
-    channel = choose_delays(comparison.robot(robot), signals, how.options)
-    return _with_channel(comparison, channel, signals[0].sample_period_s)
-
-
-def _with_channel(
-    comparison: Comparison, channel: TorqueChannel, sample_period_s: float
-) -> Comparison:
-    """Return a comparison with what the torque went through, less delays that no bus explains."""
-    channel, refused_s = without_implausible(channel, sample_period_s)
-    return replace(
-        comparison,
-        channel=channel if channel.changes else None,
-        refused_delay_s=tuple(refused_s.tolist()) if refused_s.any() else (),
-    )
-
-
-def _compare_periods(
-    robot: RobotDescription, data: Sequence[RunData], how: EstimationRequest, watch: Watch | None
-) -> Comparison:
-    """Choose friction terms by mean periods, once more where torques turn out to be late.
-
-    What is late looks like friction that remembers, and the other way round.
-    """
-    averages = averages_of(data)
-    comparison = _compare(robot, signals_of(data, how), how, watch)
     if not all(item.clock is None or item.clock.is_known for item in data):
-        return comparison
-    period_s = averages[0].sample_period_s
-    channel = choose_period_delays(comparison.robot(robot), averages, how.options)
-    if without_implausible(channel, period_s)[0].changes:
-        channel = without_implausible(channel, period_s)[0]
-        comparison = _compare(robot, signals_of(data, how, channel), how, watch)
-        channel = choose_period_delays(comparison.robot(robot), averages, how.options)
-    return _with_channel(comparison, channel, period_s)
+        return choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
+    if data[0].is_periodic:
+        return _chosen_by_periods(robot, data, how, watch)
+    chosen = choose_model(robot, signals, how.options, watch=watch)
+    channel, refused_s = without_implausible(chosen.channel, signals[0].sample_period_s)
+    if refused_s.any():
+        chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
+        return replace(chosen, refused_delay_s=tuple(refused_s.tolist()))
+    return replace(chosen, channel=channel)
 
 
-def _compare(
-    robot: RobotDescription,
-    signals: Sequence[SmoothedSignals],
-    how: EstimationRequest,
-    watch: Watch | None,
-) -> Comparison:
-    """Choose friction terms, and which joints have memory and Stribeck friction besides."""
-    comparison = choose_friction(
-        robot,
-        signals,
-        options=how.options.model,
-        standstill_rad_s=how.options.standstill_rad_s,
-        watch=watch,
-    )
-    memory = choose_presliding(comparison.robot(robot), signals, how.options)
-    comparison = replace(comparison, presliding=memory)
-    slow = choose_stribeck(comparison.robot(robot), signals, how.options)
-    return replace(comparison, stribeck=slow)
+def _chosen_by_periods(
+    robot: RobotDescription, data: Sequence[RunData], how: EstimationRequest, watch: Watch | None
+) -> ModelChoice:
+    """Choose by mean periods: on their bins a delay is exact, and no filter is looked for."""
+    averages = averages_of(data)
+    signals = signals_of(data, how)
+    chosen = choose_model(robot, signals, how.options, kinds=DELAYS_ALONE, watch=watch)
+    channel = choose_period_delays(chosen.robot(robot), averages, how.options)
+    channel, refused_s = without_implausible(channel, averages[0].sample_period_s)
+    if not refused_s.any():
+        return replace(chosen, channel=channel)
+    chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
+    return replace(chosen, refused_delay_s=tuple(refused_s.tolist()))
 
 
 def check_otherwise(
@@ -330,13 +287,13 @@ def signals_of(
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed recordings in time: of periodic ones the mean period.
 
-    What the torque went through is taken out where it is known.
+    The model's torque passes the channel of the recorded one, if that is known.
     """
     if data[0].is_periodic:
         averages = averages_of(data, channel)
         return [period_signals(average, how.options.band_hz) for average in averages]
     signals = [smoothed_recording(item.recording, how.options.band_hz) for item in data]
-    return signals if channel is None else [channel.undelayed(each) for each in signals]
+    return [replace(each, channel=channel) for each in signals]
 
 
 def averages_of(

@@ -26,7 +26,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
-from identification.validation.friction_selection import FRICTION_CANDIDATES, Comparison
+from identification.validation.model_choice import STEPS, ModelChoice
 from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
 from rid_daq.jobs.identification_job import (
@@ -277,11 +277,10 @@ def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, .
     return ids
 
 
-def _chosen(data: tuple[RunData, ...], how: EstimationRequest, console: Console) -> Comparison:
-    total = float(len(FRICTION_CANDIDATES) + 1)
-    with console.progress("Comparing models", total, "models") as shown:
+def _chosen(data: tuple[RunData, ...], how: EstimationRequest, console: Console) -> ModelChoice:
+    with console.progress("Choosing the model", float(STEPS), "steps") as shown:
         return compare_friction(
-            data, how, lambda done, _, terms: shown.update(float(done), f"next: {terms}")
+            data, how, lambda done, _, name: shown.update(float(done), f"next: {name}")
         )
 
 

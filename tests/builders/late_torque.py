@@ -13,7 +13,7 @@ from acquisition.recording.recording import Recording
 from config.load import LoadedCell
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 
 CLASSICAL: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
 FOUND_M = (2.8e-4, 2.8e-4, 3.4e-4)

@@ -14,7 +14,7 @@ from config.load import load_robot
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 
 STEP_S = 0.005
 CUTOFF_HZ = 10.0

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from acquisition.processing.smoothing import low_pass
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimate import Estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions

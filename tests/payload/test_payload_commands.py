@@ -13,10 +13,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.runs.catalogue import find_run
 from config.load import load_cell
 from identification.choices import LoadFormat
-from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from acquisition.processing.periods import PeriodAverage
 from config.errors import ConfigError, EstimationError
@@ -61,7 +61,7 @@ class PayloadRequest:
             return ""
         if model.warming is not None:
             return "how joints warm up"
-        narrow = model.channel is not None and model.channel.bandwidth_hz is not None
+        narrow = model.channel is not None and model.channel.filters
         return "that torques were low-passed" if narrow else ""
 
 
@@ -86,7 +86,7 @@ def payload_runs(
         return periodic_runs([item.average for item in data], loaded, payload_request)
     signals = [smoothed_recording(item.recording, payload_request.band_hz) for item in data]
     if model is not None and model.channel is not None:
-        signals = [model.channel.undelayed(each) for each in signals]
+        signals = [replace(each, channel=model.channel) for each in signals]
     if model is not None and model.warming is not None:
         signals = [model.warming.warmed(model.robot, each) for each in signals]
     return SmoothedRuns(tuple(signals), tuple(loaded), payload_request.standstill_rad_s)

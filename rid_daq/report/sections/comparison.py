@@ -1,7 +1,8 @@
-"""`ComparisonSection`: candidates of friction terms, and which was chosen for each joint."""
+"""`ComparisonSection`: the friction terms and the torque channel that `--choose` found."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rid_daq.report.formats import number
@@ -9,35 +10,8 @@ from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
-    from identification.validation.friction_selection import Comparison
+    from identification.validation.model_choice import ModelChoice
     from identification.validation.presliding_choice import PreslidingChoice
-    from identification.validation.stribeck_choice import StribeckChoice
-
-
-_BESIDES = ("presliding", "stribeck", "temperature")
-"""What is chosen beside the candidates."""
-
-
-class FrictionTrial(Section):
-    """One candidate.
-
-    Attributes
-    ----------
-    terms : tuple of str
-        Friction of every joint; empty where each joint has its own.
-    error : tuple of float
-        RMS error on what the fit left out, one a joint [N m or N].
-    parameters : int
-        Their number.
-    aic, bic : float
-        Akaike's and the Bayesian information criterion.
-    """
-
-    terms: Texts
-    error: Numbers
-    parameters: int
-    aic: float
-    bic: float
 
 
 class MemoryTrial(Section):
@@ -69,64 +43,47 @@ class MemoryTrial(Section):
         )
 
 
-class StribeckTrial(Section):
-    """What friction that is larger at low speed is worth, beside memory.
-
-    Attributes
-    ----------
-    speed : tuple of float or None
-        Stribeck speed of each joint that has it [rad/s or m/s].
-    without, with_stribeck : tuple of float
-        RMS error of each joint on what the fit left out [N m or N].
-    """
-
-    speed: tuple[float | None, ...]
-    without: Numbers
-    with_stribeck: Numbers
-
-    def sentences(self, joints: Texts) -> Texts:
-        """Say what was found."""
-        return tuple(
-            f"The friction of {joint} is larger at low speed, with a Stribeck speed of"
-            f" {number(speed, 3)}: the RMS error on parts left out is {number(after, 4)} with it"
-            f" and {number(before, 4)} without."
-            for joint, speed, before, after in zip(
-                joints, self.speed, self.without, self.with_stribeck, strict=True
-            )
-            if speed is not None
-        )
-
-
 class ChannelTrial(Section):
-    """What the recorded torque went through.
+    """Delay and filter of the recorded torque.
 
     Attributes
     ----------
-    bandwidth_hz : float or None
-        Where it was low-passed; None for nowhere that the recording shows.
-    delay_s, delay_sigma_s : tuple of float
-        By how much each joint's torque is late, with its standard deviation; 0 where nothing was
-        found [s].
+    kind : str
+        Kind of channel.
+    delay_s, delay_sigma_s, lag_s, lag_sigma_s, width_s, width_sigma_s : tuple of float
+        Of each joint, as in `TorqueChannel`; 0 if nothing was found [s].
     """
 
-    bandwidth_hz: float | None
+    kind: str
     delay_s: Numbers
     delay_sigma_s: Numbers
+    lag_s: Numbers
+    lag_sigma_s: Numbers
+    width_s: Numbers
+    width_sigma_s: Numbers
 
     def sentences(self, joints: Texts) -> Texts:
-        """Say what was found."""
+        """Return one sentence for each value that was found."""
         said = []
-        if self.bandwidth_hz is not None:
-            said.append(
-                f"The torque was low-passed at {number(self.bandwidth_hz, 3)} Hz before it was"
-                " recorded: the model's torque is, too, where they are compared."
-            )
-        said += [
-            f"The torque of {joint} is {number(1e3 * abs(late), 3)} ms"
-            f" {'late' if late > 0.0 else 'early'} (± {number(1e3 * sigma, 2)} ms)."
-            for joint, late, sigma in zip(joints, self.delay_s, self.delay_sigma_s, strict=True)
-            if late
-        ]
+        for j, joint in enumerate(joints):
+            if late := self.delay_s[j]:
+                said.append(
+                    f"The torque of {joint} is {number(1e3 * abs(late), 3)} ms"
+                    f" {'late' if late > 0.0 else 'early'}"
+                    f" (± {number(3e3 * self.delay_sigma_s[j], 2)} ms, 3 sigma)."
+                )
+            if lag := self.lag_s[j]:
+                said.append(
+                    f"The torque of {joint} passed a first-order filter with a time constant of"
+                    f" {number(1e3 * lag, 3)} ms ({number(0.5 / math.pi / lag, 3)} Hz;"
+                    f" ± {number(3e3 * self.lag_sigma_s[j], 2)} ms, 3 sigma)."
+                )
+            if width := self.width_s[j]:
+                said.append(
+                    f"The torque of {joint} passed a zero-phase filter with a width of"
+                    f" {number(1e3 * width, 3)} ms (±"
+                    f" {number(3e3 * self.width_sigma_s[j], 2)} ms, 3 sigma)."
+                )
         return tuple(said)
 
 
@@ -155,23 +112,23 @@ class WarmingTrial(Section):
 
 
 class ComparisonSection(Section):
-    """How candidates of friction terms compare, and what was chosen.
+    """The chosen model, and what it gains over Coulomb and viscous friction.
 
     Attributes
     ----------
     joints : tuple of str
         The joints' names.
     chosen : dict of tuple of str
-        The terms of each joint, by its name.
-    trials : tuple of FrictionTrial
-        The candidates, and last what was chosen, all joints together.
+        The friction terms of each joint, by its name.
+    plain, with_terms : tuple of float
+        RMS error of each joint on parts left out of the fit, with Coulomb and viscous friction and
+        with the chosen terms [N m or N].
+    stribeck_speed : tuple of float or None
+        Stribeck speed of each joint that has one [rad/s or m/s].
     memory : MemoryTrial or None
-        The same of friction with memory; None in results of earlier versions.
-    stribeck : StribeckTrial or None
-        The same of Stribeck friction; None in results of earlier versions, which had it among the
-        candidates.
+        Presliding; None if the data do not identify it.
     channel : ChannelTrial or None
-        What the recorded torque went through; None where nothing was found.
+        Delay and filter of the recorded torque; None if nothing was found.
     warming : WarmingTrial or None
         How joints warm up; None where no friction shows it.
     refused_delay_s : tuple of float or None
@@ -181,66 +138,61 @@ class ComparisonSection(Section):
 
     joints: Texts
     chosen: dict[str, Texts]
-    trials: tuple[FrictionTrial, ...]
+    plain: Numbers
+    with_terms: Numbers
+    stribeck_speed: tuple[float | None, ...]
     memory: MemoryTrial | None = None
-    stribeck: StribeckTrial | None = None
     channel: ChannelTrial | None = None
     warming: WarmingTrial | None = None
     refused_delay_s: Numbers | None = None
 
     @classmethod
-    def of(cls, comparison: Comparison) -> ComparisonSection:
-        """Return how candidates compare."""
+    def of(cls, choice: ModelChoice) -> ComparisonSection:
+        """Return the section of a choice."""
+        plain, with_terms = choice.error_nm.tolist()
         return cls(
-            joints=comparison.joint_names,
-            chosen=dict(zip(comparison.joint_names, _terms(comparison), strict=True)),
-            trials=tuple(
-                FrictionTrial.taken(trial, error=trial.error_nm)
-                for trial in (*comparison.trials, comparison.combined)
-            ),
-            memory=None if comparison.presliding is None else _memory(comparison.presliding),
-            stribeck=None if comparison.stribeck is None else _slow(comparison.stribeck),
-            channel=(
-                None if comparison.channel is None else ChannelTrial.taken(comparison.channel)
-            ),
-            warming=(
-                None if comparison.warming is None else WarmingTrial.taken(comparison.warming)
-            ),
-            refused_delay_s=comparison.refused_delay_s or None,
+            joints=choice.joint_names,
+            chosen=dict(zip(choice.joint_names, _terms(choice), strict=True)),
+            plain=tuple(plain),
+            with_terms=tuple(with_terms),
+            stribeck_speed=choice.stribeck_rad_s,
+            memory=None if choice.presliding is None else _memory(choice.presliding),
+            channel=ChannelTrial.taken(choice.channel) if choice.channel.changes else None,
+            warming=None if choice.warming is None else WarmingTrial.taken(choice.warming),
+            refused_delay_s=choice.refused_delay_s or None,
         )
 
-    def _has(self, joint: str, terms: Texts) -> bool:
-        return tuple(term for term in self.chosen[joint] if term not in _BESIDES) == terms
-
     def print(self, console: Console) -> None:
-        """Print the candidates, and what each is chosen for."""
+        """Print the chosen terms and what they gain."""
         console.say("Friction terms, judged on parts of the runs that each fit left out:")
         console.table(
-            ("friction terms", *self.joints, "AIC", "BIC", "chosen for"),
+            ("axis", "friction terms", "plain", "chosen", "Stribeck speed"),
             [
                 (
-                    ", ".join(trial.terms) or "each joint its own",
-                    *(number(error, 4) for error in trial.error),
-                    f"{trial.aic:.0f}",
-                    f"{trial.bic:.0f}",
-                    ", ".join(joint for joint in self.joints if self._has(joint, trial.terms)),
+                    joint,
+                    ", ".join(self.chosen[joint]),
+                    number(plain, 4),
+                    number(chosen, 4),
+                    "-" if speed is None else number(speed, 3),
                 )
-                for trial in self.trials
+                for joint, plain, chosen, speed in zip(
+                    self.joints, self.plain, self.with_terms, self.stribeck_speed, strict=True
+                )
             ],
         )
         console.say(
-            "RMS error on moving samples [N m or N]. Each joint has the simplest terms within one"
-            " standard error of its best."
+            "RMS error on moving samples [N m or N], plain: coulomb, viscous. A term is kept only"
+            " if it is distinct from zero and the error falls by more than its standard error."
         )
-        if self.memory is not None:
-            console.say("Friction with memory, judged with standstill and reversal:")
+        if self.memory is not None and any(d is not None for d in self.memory.distance):
+            console.say("Friction with presliding, judged with standstill and reversal:")
             console.table(
                 ("RMS error", *self.joints),
                 [
-                    ("without memory", *(number(e, 4) for e in self.memory.without)),
-                    ("with memory", *(number(e, 4) for e in self.memory.with_memory)),
+                    ("without presliding", *(number(e, 4) for e in self.memory.without)),
+                    ("with presliding", *(number(e, 4) for e in self.memory.with_memory)),
                     (
-                        "presliding distance, where it is chosen",
+                        "presliding distance, if it is chosen",
                         *("-" if d is None else number(d, 3) for d in self.memory.distance),
                     ),
                     (
@@ -249,34 +201,22 @@ class ComparisonSection(Section):
                     ),
                 ],
             )
-        if self.stribeck is not None:
-            for sentence in self.stribeck.sentences(self.joints):
-                console.say(sentence)
-        if self.warming is not None:
-            for sentence in self.warming.sentences(self.joints):
-                console.say(sentence)
-        if self.channel is not None:
-            for sentence in self.channel.sentences(self.joints):
+        for trial in (self.warming, self.channel):
+            for sentence in () if trial is None else trial.sentences(self.joints):
                 console.say(sentence)
 
 
-def _terms(comparison: Comparison) -> list[Texts]:
-    memory = comparison.presliding
-    distances = (None,) * len(comparison.chosen) if memory is None else memory.distances
-    slow = comparison.stribeck
-    speeds = (None,) * len(comparison.chosen) if slow is None else slow.speeds
-    warming = comparison.warming
-    warms = (False,) * len(comparison.chosen) if warming is None else warming.joints.tolist()
+def _terms(choice: ModelChoice) -> list[Texts]:
+    presliding, warming = choice.presliding, choice.warming
+    distances = (None,) * len(choice.terms) if presliding is None else presliding.distances
+    warms = (False,) * len(choice.terms) if warming is None else warming.joints.tolist()
     return [
         (
-            *(term for term in terms if term != "stribeck" or slow is None),
+            *terms,
             *(() if distance is None else ("presliding",)),
-            *(() if speed is None else ("stribeck",)),
             *(("temperature",) if warm else ()),
         )
-        for terms, distance, speed, warm in zip(
-            comparison.chosen, distances, speeds, warms, strict=True
-        )
+        for terms, distance, warm in zip(choice.terms, distances, warms, strict=True)
     ]
 
 
@@ -288,8 +228,3 @@ def _memory(choice: PreslidingChoice) -> MemoryTrial:
         with_memory=tuple(remembering),
         share=choice.shares,
     )
-
-
-def _slow(choice: StribeckChoice) -> StribeckTrial:
-    without, slow = choice.error_nm.tolist()
-    return StribeckTrial(speed=choice.speeds, without=tuple(without), with_stribeck=tuple(slow))

@@ -226,10 +226,10 @@ class TruthCase(Section):
 def _besides(validation: Validation) -> str:
     """Say what else the errors rest on, after the sentence of the samples."""
     said = ""
-    if validation.torque_bandwidth_hz is not None:
+    if validation.channel is not None and validation.channel.changes:
         said += (
-            f" The model's recording had its torque low-passed at"
-            f" {validation.torque_bandwidth_hz:g} Hz, and so is what the model predicts."
+            f" The predicted torque passes the torque channel of the model's recording"
+            f" ({validation.channel.kind})."
         )
     if validation.remembering:
         errors = ", ".join(number(error, 3) for error in validation.all_samples_percent)

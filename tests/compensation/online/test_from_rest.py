@@ -27,7 +27,7 @@ from dynamics.geometry.kinematics import Chain
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 from tests.builders.streamed_arm import streamed
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from identification.equations.bus_delay import (
     refused_delay_findings,
     without_implausible,
 )
-from identification.equations.torque_channel import TorqueChannel
+from acquisition.processing.torque_channel import TorqueChannel
 
 
 def test_two_slow_cycles_and_two_rows_are_plausible() -> None:

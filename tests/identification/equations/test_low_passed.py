@@ -16,8 +16,7 @@ from identification.equations import low_passed
 from identification.equations.low_passed import KeptColumns, LowPassedColumns
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.torque_columns import torque_columns
-from identification.validation.friction_trials import with_friction
-from identification.validation.presliding_choice import with_presliding
+from identification.validation.robot_terms import with_friction, with_presliding
 from tests.builders.remembering_arm import CUTOFF_HZ, STEP_S, arm, motion, signals_of
 
 WAY = motion(4.0, 3)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identification.validation.friction_selection import choose_friction
 
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
@@ -19,8 +20,7 @@ from identification.equations.time_domain import TimeRun, rows_of, time_blocks
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
-from identification.validation.friction_selection import choose_friction
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 from tests.builders.remembering_arm import CLASSICAL, arm
 
 STEP_S = 0.002

@@ -17,7 +17,7 @@ from dynamics.terms.conditions import Conditions
 from identification.estimation.at_temperature import at_temperature, by_temperature
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_smoothed
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 from tests.builders.remembering_arm import arm
 from tests.builders.warming_arm import motion, recording
 

@@ -24,7 +24,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.procedures import identify_payload
 from identification.payload.smoothed_runs import SmoothedRuns
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 
 FIGURES = json.loads(Path(__file__).with_name("ur10e_figures.json").read_text())
 CUTOFF_HZ = 9.4

@@ -9,7 +9,7 @@ from acquisition.recording.recording import Recording
 from config.robot.friction_terms import FrictionTerm
 from identification.estimation.options import EstimationOptions
 from identification.validation.asked_terms import asked_findings
-from identification.validation.friction_trials import with_friction
+from identification.validation.robot_terms import with_friction
 from tests.builders.remembering_arm import CLASSICAL, arm, measured, motion
 
 WAY = motion(40.0, 1)

@@ -7,24 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from identification.validation.friction_selection import CLASSICAL, choose_friction
 from scipy.interpolate import CubicSpline
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.load import LoadedCell
 from identification.equations.deconvolution import without_torque_filter
-from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
 from identification.export.function import python_function
 from identification.export.model import ExportModel
 from identification.validation.channel_choice import choose_bandwidth, choose_delays
-from identification.validation.friction_selection import CLASSICAL, choose_friction
-from identification.validation.presliding_choice import with_presliding as with_distances
+from identification.validation.robot_terms import with_presliding as with_distances
 from tests.builders import late_torque
 from tests.builders.late_torque import FOUND_M, MOTION, robot_of
 from tests.builders.remembering_arm import (

@@ -11,6 +11,7 @@ import pytest
 
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
 from config.load import LoadedCell
@@ -18,11 +19,10 @@ from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from identification.equations.bins import with_free_reversals
-from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import fit_periodic
 from identification.validation.period_delays import choose_period_delays
-from identification.validation.presliding_choice import with_presliding
+from identification.validation.robot_terms import with_presliding
 from tests.builders.late_torque import FOUND_M, MOTION, late, robot_of
 from tests.identification.conftest import CYCLE_S
 

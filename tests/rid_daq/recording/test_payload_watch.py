@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from acquisition.processing.periods import PeriodAverage
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.session.early_stop import NewPeriods
 from config.errors import ConfigError, EstimationError
 from config.load import load_cell, load_robot
-from identification.equations.torque_channel import TorqueChannel
 from identification.estimation.estimate import Estimate
 from identification.payload.procedures import PayloadOptions
 from rid_daq.jobs.payload.payload_job import PayloadRequest

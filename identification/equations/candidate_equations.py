@@ -1,0 +1,374 @@
+"""`CandidateEquations`: the torque equations of recordings with every candidate column.
+
+Torque and columns pass one compact low-pass; the columns pass the joint's torque channel besides.
+Both are done on the spectrum, which ends at the low-pass's fourth zero: a transform back gives the
+few rows that hold the band. The velocity's sign is filtered as every other column is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.torque_channel import PADDING_S, ComplexArray, with_padding
+from acquisition.processing.unfiltered import UnfilteredSignals
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import EstimationError
+from dynamics.model.robot_model import RobotModel, regressor
+from dynamics.model.standstill import standstill
+from dynamics.terms.conditions import Conditions
+from identification.model.base_parameters import BaseParameters
+
+CUTOFF_HZ: Final = 8.0
+"""Highest -3 dB frequency of the low-pass: encoder noise is below the effects of a channel."""
+KERNEL_PERIODS: Final = 0.72
+"""Length of a Hann window with -3 dB at 1 Hz [s]."""
+ZEROS: Final = 4.0
+ROW_S: Final = 0.005
+"""Period at which columns are computed: a reversal is known to half of it."""
+EDGE_S: Final = 0.5
+LONGEST_S: Final = 300.0
+"""Length of recordings that is used: the rest is left out, in equal parts of all of them."""
+SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
+"""Stribeck speeds that are tried [rad/s or m/s]."""
+
+Source = SmoothedSignals | UnfilteredSignals
+Column = str | tuple[str, float]
+"""Name of a friction column; ("stribeck", speed) and its derivative ("slope", speed)."""
+
+LINEAR: Final[tuple[Column, ...]] = (
+    "coulomb", "viscous", "offset", "cubic", "cube_root", "load",
+)  # fmt: skip
+ALL_COLUMNS: Final[tuple[Column, ...]] = (
+    *LINEAR,
+    *(("stribeck", speed) for speed in SPEEDS_RAD_S),
+    *(("slope", speed) for speed in SPEEDS_RAD_S),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One segment of a recording without a gap.
+
+    Attributes
+    ----------
+    rigid : ndarray, shape (rows, n, p)
+        Columns of the model without friction, not filtered.
+    speed, load_nm : ndarray, shape (rows, n)
+        Speed of the actuators, and the torque that their gears transmit.
+    step_s : float
+        Time between rows [s].
+    torque : ndarray, shape (bins, n)
+        Spectrum of the low-passed torque.
+    low_pass : ndarray, shape (bins,)
+        Gain of the low-pass.
+    length : int
+        Rows of the padded segment; its period is `length` times `step_s`.
+    slow : ndarray of bool, shape (rows, n)
+        True if the actuator is too slow for its friction to be known.
+    held : ndarray of int64, shape (rows, n), or None
+        Row at which each torque was new, if the source renews it seldom.
+    """
+
+    rigid: FloatArray
+    speed: FloatArray
+    load_nm: FloatArray
+    step_s: float
+    torque: ComplexArray
+    low_pass: FloatArray
+    length: int
+    slow: BoolArray
+    held: IntArray | None = None
+    spectra: dict[tuple[int, Column], ComplexArray] = field(default_factory=dict)
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies of the spectrum, shape (bins,)."""
+        return np.arange(len(self.low_pass)) / (self.length * self.step_s)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Times of the rows that the transform back gives, from the first row of the piece."""
+        count = 2 * (len(self.low_pass) - 1)
+        return np.arange(count) * (self.length * self.step_s / count)
+
+    def back(self, spectrum: ComplexArray) -> FloatArray:
+        """Return the rows of a spectrum, at `time_s`."""
+        count = 2 * (len(self.low_pass) - 1)
+        return np.asarray(np.fft.irfft(spectrum, count, axis=0) * (count / self.length))
+
+    def spectrum(self, values: FloatArray) -> ComplexArray:
+        """Return the spectrum (bins, any) of columns, low-passed."""
+        bins = np.fft.rfft(with_padding(values, self.length), axis=0)[: len(self.low_pass)]
+        return np.asarray(bins * self.low_pass[:, np.newaxis])
+
+    def of(self, joint: int, column: Column) -> ComplexArray:
+        """Return the spectrum of a joint's column, or of all its columns without friction."""
+        key = (joint, column)
+        if key not in self.spectra:
+            if column == "rigid":
+                values = self.rigid[:, joint]
+            else:
+                values = _friction(column, self.speed[:, joint], self.load_nm[:, joint])
+            if self.held is not None:
+                values = values[self.held[:, joint]]
+            self.spectra[key] = self.spectrum(values.reshape(len(self.rigid), -1))
+        return self.spectra[key]
+
+
+def _friction(column: Column, v: FloatArray, load_nm: FloatArray) -> FloatArray:
+    """Return a friction column of a joint, (rows,)."""
+    direction = np.sign(v)
+    match column:
+        case "coulomb":
+            return direction
+        case "viscous":
+            return v
+        case "offset":
+            return np.ones_like(v)
+        case "cubic":
+            return np.asarray(v**3)
+        case "cube_root":
+            return np.cbrt(v)
+        case "load":
+            return direction * np.abs(load_nm)
+        case ("stribeck", float(speed)):
+            return np.asarray(direction * np.exp(-np.abs(v) / speed))
+        case ("slope", float(speed)):
+            share = np.abs(v) / speed
+            return np.asarray(direction * share * np.exp(-share))
+        case _:
+            raise EstimationError(f"unknown friction column {column}")
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """Rows of one joint's equations.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (rows, p + columns)
+        The columns without friction, then the friction columns asked for.
+    torque_nm : ndarray, shape (rows,)
+        Torque [N m or N].
+    block : ndarray of int64, shape (rows,)
+        Stretch of time that a row belongs to, counted over all recordings.
+    """
+
+    columns: FloatArray
+    torque_nm: FloatArray
+    block: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateEquations:
+    """Equations of all recordings.
+
+    Attributes
+    ----------
+    model : RobotModel
+        The robot without friction, with gears that lose nothing.
+    base : BaseParameters
+        Its parameters that can be identified.
+    pieces : tuple of Piece
+        The recordings, segment by segment.
+    starts_s : tuple of float
+        Start of each piece on a common time axis, for the blocks [s].
+    cutoff_hz : float
+        -3 dB frequency of the low-pass.
+    """
+
+    model: RobotModel
+    base: BaseParameters
+    pieces: tuple[Piece, ...]
+    starts_s: tuple[float, ...]
+    cutoff_hz: float
+
+    @classmethod
+    def of(
+        cls,
+        model: RobotModel,
+        base: BaseParameters,
+        signals: Sequence[SmoothedSignals],
+        standstill_rad_s: float,
+    ) -> CandidateEquations:
+        """Compute the columns of some recordings.
+
+        Parameters
+        ----------
+        model, base : RobotModel, BaseParameters
+            The robot without friction, and its parameters that can be identified.
+        signals : sequence of SmoothedSignals
+            Recordings, not low-passed beyond `cutoff_hz` of theirs.
+        standstill_rad_s : float
+            Speed from which on a joint moves [rad/s or m/s].
+        """
+        slowest = standstill(model, standstill_rad_s)
+        step_s = max(run.sample_period_s for run in signals)
+        cutoff_hz = min(CUTOFF_HZ, 0.09 / step_s, *map(_highest_cutoff_hz, signals))
+        total_s = sum(len(run) * run.sample_period_s for run in signals)
+        share = min(1.0, LONGEST_S / total_s)
+        pieces, starts_s, start_s = [], [], 0.0
+        for run in signals:
+            source = run.unfiltered or run
+            for rows in _segments(source, share):
+                pieces.append(_piece(model, base, source, rows, slowest, cutoff_hz))
+                starts_s.append(start_s)
+                start_s += (rows.stop - rows.start) * source.sample_period_s
+        if not pieces:
+            raise EstimationError(
+                f"no stretch of the recordings is longer than {4.0 * EDGE_S:g} s without a gap:"
+                " a choice of terms needs longer ones"
+            )
+        return cls(model, base, tuple(pieces), tuple(starts_s), cutoff_hz)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.model.joint_names)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of all pieces [s]."""
+        return sum(len(piece.rigid) * piece.step_s for piece in self.pieces)
+
+    def with_load(self, values: FloatArray) -> CandidateEquations:
+        """Return equations whose gears transmit what these base parameters say."""
+        pieces = []
+        for piece in self.pieces:
+            load_nm = piece.rigid @ values
+            kept = {key: own for key, own in piece.spectra.items() if key[1] != "load"}
+            pieces.append(replace(piece, load_nm=load_nm, spectra=kept))
+        return replace(self, pieces=tuple(pieces))
+
+    def rows(
+        self,
+        joint: int,
+        columns: Sequence[Column],
+        responses: Sequence[ComplexArray],
+        reach_s: tuple[float, float],
+        block_s: float,
+    ) -> JointRows:
+        """Return the rows of a joint at which its friction is known.
+
+        Parameters
+        ----------
+        joint : int
+            The joint, from 0.
+        columns : sequence of Column
+            Friction columns.
+        responses : sequence of ndarray, shape (bins,)
+            Frequency response of the joint's channel, one a piece.
+        reach_s : (float, float)
+            How long before and after standstill rows are left out, beyond the low-pass [s].
+        block_s : float
+            Length of a block [s].
+        """
+        parts = [
+            self._piece_rows(piece, start_s, joint, columns, response, reach_s, block_s)
+            for piece, start_s, response in zip(self.pieces, self.starts_s, responses, strict=True)
+        ]
+        return JointRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+    def _piece_rows(
+        self,
+        piece: Piece,
+        start_s: float,
+        joint: int,
+        columns: Sequence[Column],
+        response: ComplexArray,
+        reach_s: tuple[float, float],
+        block_s: float,
+    ) -> tuple[FloatArray, FloatArray, IntArray]:
+        use = self.used(piece, joint, reach_s)
+        spectrum = np.concatenate(
+            [piece.of(joint, column) for column in ("rigid", *columns)], axis=1
+        )
+        matrix = piece.back(spectrum * response[:, np.newaxis])[use]
+        torque = piece.back(piece.torque[:, joint])[use]
+        block = np.floor((start_s + piece.time_s[use]) / block_s).astype(np.int64)
+        return matrix, torque, block
+
+    def moving(self, piece: Piece, joint: int) -> BoolArray:
+        """Return the rows of a piece at which a joint moves, (rows of the band,)."""
+        rows, time_s = len(piece.slow), piece.time_s
+        at = np.clip(np.round(time_s / piece.step_s).astype(np.int64), 0, rows - 1)
+        inside = (time_s > EDGE_S) & (time_s < rows * piece.step_s - EDGE_S)
+        return np.asarray(~piece.slow[at, joint] & inside)
+
+    def used(self, piece: Piece, joint: int, reach_s: tuple[float, float]) -> BoolArray:
+        """Return the rows of a piece at which a joint's friction is known, (rows of the band,)."""
+        kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
+        rows, time_s = len(piece.slow), piece.time_s
+        counts = np.concatenate([[0], np.cumsum(piece.slow[:, joint])])
+        # What happens within the low-pass' reach counts, and after it what the channel remembers.
+        first = np.floor((time_s - kernel_s - reach_s[1]) / piece.step_s).astype(np.int64)
+        last = np.ceil((time_s + kernel_s + reach_s[0]) / piece.step_s).astype(np.int64)
+        clear = counts[np.clip(last + 1, 0, rows)] == counts[np.clip(first, 0, rows)]
+        end_s = rows * piece.step_s
+        return np.asarray(clear & (time_s > EDGE_S) & (time_s < end_s - EDGE_S))
+
+
+def _highest_cutoff_hz(run: SmoothedSignals) -> float:
+    """Return the highest cut-off that suits a recording, or a mean period known up to its own."""
+    if run.unfiltered is not None:
+        return math.inf
+    return KERNEL_PERIODS / 2.0 * run.cutoff_hz  # the first zero of the window is there
+
+
+def _segments(run: Source, share: float) -> Iterator[slice]:
+    """Yield the rows of a recording's segments that are long enough; of each the first share."""
+    edges = np.flatnonzero(np.diff(run.segment, prepend=-1, append=-1))
+    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        rows = int(share * (end - start))
+        if rows * run.sample_period_s > 4.0 * EDGE_S:
+            yield slice(start, start + rows)
+
+
+def _piece(
+    model: RobotModel,
+    base: BaseParameters,
+    run: Source,
+    rows: slice,
+    slowest: FloatArray,
+    cutoff_hz: float,
+) -> Piece:
+    held = run.torque_row if isinstance(run, UnfilteredSignals) else None
+    stride = 1 if held is not None else max(1, math.floor(ROW_S / run.sample_period_s + 1e-6))
+    count = (rows.stop - rows.start) // stride
+    rows = slice(rows.start, rows.start + count * stride)
+    thin = slice(rows.start, rows.stop, stride)
+    step_s = stride * run.sample_period_s
+    length = count + math.ceil(PADDING_S / step_s)
+    motion = (run.position[thin], run.velocity[thin], run.acceleration[thin])
+    conditions = Conditions(payload=False)
+    rigid = base.columns(regressor(model, *motion, conditions))
+    length_s = length * step_s
+    kernel_s = KERNEL_PERIODS / cutoff_hz
+    highest_hz = min(ZEROS / kernel_s, 0.5 / step_s)
+    frequency_hz = np.arange(math.floor(highest_hz * length_s) + 1) / length_s
+    low_pass = _hann(frequency_hz * kernel_s)
+    torque = np.fft.rfft(with_padding(run.torque_nm[rows], length * stride), axis=0)
+    speed = model.actuator_speed(run.velocity[thin])
+    return Piece(
+        rigid=rigid,
+        speed=speed,
+        load_nm=np.zeros_like(speed),
+        step_s=step_s,
+        torque=torque[: len(low_pass)] * low_pass[:, np.newaxis] / stride,
+        low_pass=low_pass,
+        length=length,
+        slow=np.abs(speed) < slowest,
+        held=None if held is None else np.maximum(held[rows] - rows.start, 0),
+    )
+
+
+def _hann(periods: FloatArray) -> FloatArray:
+    """Return the gain of a Hann window of unit length and sum at a frequency in 1 / length."""
+    away = np.where(np.isclose(periods, 1.0), 0.5, 1.0 / (1.0 - np.square(periods) + 1e-300))
+    return np.where(np.isclose(periods, 1.0), 0.5, np.sinc(periods) * away)

@@ -1,0 +1,200 @@
+"""`choose_model`: a recording's torque channel and a robot's friction, chosen from the data.
+
+The channel is found before friction, beside flexible friction, and again after friction with the
+chosen terms. Presliding and warm-up, which need nonlinear fits, are tried last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.torque_channel import ChannelKind, TorqueChannel
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
+from identification.equations.candidate_equations import CandidateEquations
+from identification.equations.warming import Warming
+from identification.estimation.options import EstimationOptions
+from identification.model.base_parameters import base_parameters
+from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_channel
+from identification.validation.friction_choice import (
+    PLAIN,
+    FrictionChoice,
+    Grams,
+    Terms,
+    choose_terms,
+    columns_of,
+    name_of,
+)
+from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
+from identification.validation.robot_terms import with_friction, with_stribeck
+from identification.validation.warming_choice import choose_warming
+
+BLOCK_S: Final = 2.0
+SHORTEST_BLOCK_S: Final = 1.0
+BLOCKS: Final = 20
+ROUNDS: Final = 2
+STEPS: Final = 4
+"""What `watch` is told of: channel, friction, presliding, warm-up."""
+DELAYS_ALONE: Final[tuple[ChannelKind, ...]] = ("none", "delay")
+
+Watch = Callable[[int, int, str], None]
+"""Called with the number of finished steps, the number of steps, and the next step's name."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelChoice:
+    """The chosen model.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Base to flange.
+    terms : tuple of tuple of str
+        Friction terms of each joint, without presliding and temperature.
+    stribeck_rad_s : tuple of float or None
+        Stribeck speed of each joint that has one [rad/s or m/s].
+    error_nm : ndarray, shape (2, n)
+        RMS error of each joint on blocks left out of the fit, with the plain model (Coulomb and
+        viscous friction) and with the chosen terms, both after the channel [N m or N].
+    channel : TorqueChannel
+        Delay and filter of the recorded torque.
+    presliding : PreslidingChoice or None
+        Joints with presliding; None if the data do not identify it.
+    warming : Warming or None
+        Joints that warm up; None if none shows it.
+    refused_delay_s : tuple of float
+        Delays of each joint's torque that no bus explains and that are not in `channel`, 0 for the
+        other joints [s]; empty if there is none.
+    """
+
+    joint_names: tuple[str, ...]
+    terms: tuple[tuple[FrictionTerm, ...], ...]
+    stribeck_rad_s: tuple[float | None, ...]
+    error_nm: FloatArray
+    channel: TorqueChannel
+    presliding: PreslidingChoice | None = None
+    warming: Warming | None = None
+    refused_delay_s: tuple[float, ...] = ()
+
+    def robot(self, robot: RobotDescription) -> RobotDescription:
+        """Return a robot with the chosen friction."""
+        robot = with_stribeck(with_friction(robot, self.terms), self.stribeck_rad_s)
+        robot = robot if self.presliding is None else self.presliding.robot(robot)
+        return robot if self.warming is None else self.warming.robot(robot)
+
+
+def choose_model(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions | None = None,
+    *,
+    kinds: Sequence[ChannelKind] = tuple(KINDS),
+    watch: Watch | None = None,
+) -> ModelChoice:
+    """Choose the torque channel and each joint's friction.
+
+    Parameters
+    ----------
+    robot : RobotDescription
+        The robot; its own friction terms do not count.
+    signals : sequence of SmoothedSignals
+        The recordings of the training runs; never those of the validation.
+    options : EstimationOptions, optional
+        The other terms of the model, and the speed from which on a joint moves.
+    kinds : sequence of str
+        Kinds of channel to try, from the simplest to the richest; the first is "none".
+    watch : callable, optional
+        Told of the progress.
+
+    Raises
+    ------
+    EstimationError
+        The recordings do not identify the plain model.
+    """
+    options = options or EstimationOptions()
+    tell = watch or (lambda done, steps, name: None)
+    tell(0, STEPS, "torque channel and friction")
+    chosen = _channel_and_friction(robot, signals, options, kinds)
+    known = [replace(run, channel=chosen.channel) for run in signals]
+    tell(2, STEPS, "presliding")
+    with suppress(EstimationError):  # a candidate that cannot be identified is skipped
+        presliding = choose_presliding(chosen.robot(robot), known, options)
+        chosen = replace(chosen, presliding=presliding)
+    tell(3, STEPS, "warm-up")
+    with suppress(EstimationError):
+        chosen = replace(chosen, warming=choose_warming(chosen.robot(robot), known, options))
+    return chosen
+
+
+def _channel_and_friction(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+    kinds: Sequence[ChannelKind],
+) -> ModelChoice:
+    plain = replace(options.model, friction=False, friction_terms=None, nonlinear=None)
+    model = plain.build(robot)
+    base = base_parameters(model)
+    equations = CandidateEquations.of(model, base, signals, options.standstill_rad_s)
+    n, terms = equations.joints, (PLAIN,) * equations.joints
+    block_s = float(np.clip(equations.duration_s / BLOCKS, SHORTEST_BLOCK_S, BLOCK_S))
+    grams = _grams(equations, TorqueChannel.none(n), block_s)
+    equations = _with_load(equations, grams, terms)
+    channel = choose_channel(equations, [FLEXIBLE] * n, block_s, kinds)
+    for _ in range(ROUNDS):
+        equations = _with_load(equations, _grams(equations, channel, block_s), terms)
+        grams = _grams(equations, channel, block_s)
+        friction = choose_terms(grams)
+        equations = _with_load(equations, grams, friction.terms)
+        columns = [columns_of(own) for own in friction.terms]
+        before, channel = channel, choose_channel(equations, columns, block_s, kinds, channel)
+        settled = channel.kind == before.kind and friction.terms == terms
+        terms = friction.terms
+        if settled:
+            break
+    return _choice(robot, friction, channel, grams.scale_nm)
+
+
+def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float) -> Grams:
+    try:
+        return Grams.of(equations, channel, block_s)
+    except np.linalg.LinAlgError:
+        raise EstimationError(
+            "the motion does not identify the plain model (Coulomb and viscous friction): record a"
+            " motion that moves every joint"
+        ) from None
+
+
+def _with_load(
+    equations: CandidateEquations, grams: Grams, terms: Sequence[Terms]
+) -> CandidateEquations:
+    """Return equations whose gears transmit what a fit of some terms says."""
+    fit = grams.fit(terms)
+    values = np.zeros(len(equations.base))
+    values[grams.rigid] = fit.values[: len(grams.rigid)]
+    rotor = np.array([name.startswith(("Ia", "Im")) for name in equations.base.names])
+    return equations.with_load(np.where(rotor, 0.0, values))
+
+
+def _choice(
+    robot: RobotDescription, friction: FrictionChoice, channel: TorqueChannel, scale_nm: FloatArray
+) -> ModelChoice:
+    speeds = tuple(
+        next((term[1] for term in own if isinstance(term, tuple)), None) for own in friction.terms
+    )
+    errors = [np.nanmean(fit.errors, axis=0) for fit in (friction.plain, friction.fit)]
+    return ModelChoice(
+        joint_names=robot.joint_names,
+        terms=tuple(tuple(name_of(term) for term in own) for own in friction.terms),
+        stribeck_rad_s=speeds,
+        error_nm=np.sqrt(errors) * scale_nm,
+        channel=channel,
+    )
