@@ -228,7 +228,7 @@ def drive(name: str, kind: MotionKind, seed: int, friction: Friction, duration_s
         out[:, k] = q, half + 0.5 * STEP_S * a, command
         half = half + STEP_S * a
         q = q + STEP_S * half
-    time_s = STEP_S * np.arange(len(position))
+    time_s: FloatArray = STEP_S * np.arange(len(position), dtype=np.float64)
     return Driven(time_s, out[0], out[1], out[2])
 
 

@@ -9,7 +9,6 @@ from typing import Final, get_args
 
 import numpy as np
 import pytest
-from identification.validation.friction_selection import FRICTION_CANDIDATES
 
 from config.errors import ConfigError
 from config.formats.eds import parse_eds
@@ -19,7 +18,6 @@ from dynamics.model.robot_model import RobotModel
 from identification.model.base_parameters import base_parameters
 
 ROOT: Final = Path(__file__).parents[1]
-NUMBERS: Final = ("eight", "nine", "ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen")
 IMPORTED: Final = {"pin": "pin (Pinocchio)", "python-can": "python-can", "dask": "Dask"}
 
 
@@ -27,9 +25,8 @@ def read(path: str) -> str:
     return (ROOT / "docs" / path).read_text(encoding="utf-8")
 
 
-def test_choose_compares_as_many_sets_as_the_guide_says_and_knows_every_friction_term() -> None:
+def test_the_guide_to_models_knows_every_friction_term() -> None:
     guide = read("guide/choose-the-model.md")
-    assert f"compares {NUMBERS[len(FRICTION_CANDIDATES) - 8]} sets" in " ".join(guide.split())
     words = set(re.findall(r"[a-z_]+", guide))
     assert not [term for term in get_args(FrictionTerm) if term not in words]
 

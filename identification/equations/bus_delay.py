@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from config.arrays import FloatArray
 from acquisition.processing.torque_channel import TorqueChannel
+from config.arrays import FloatArray
 
 SLOWEST_BUS_CYCLE_S: Final = 0.01
 CYCLES: Final = 2.0

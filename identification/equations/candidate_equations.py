@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from acquisition.processing.torque_channel import PADDING_S, ComplexArray, with_
 from acquisition.processing.unfiltered import UnfilteredSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
+from config.robot.friction_terms import FrictionTerm
 from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.model.standstill import standstill
 from dynamics.terms.conditions import Conditions
@@ -38,7 +39,8 @@ SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
 """Stribeck speeds that are tried [rad/s or m/s]."""
 
 Source = SmoothedSignals | UnfilteredSignals
-Column = str | tuple[str, float]
+Column = FrictionTerm | tuple[Literal["stribeck", "slope"], float]
+Rigid = Literal["rigid"]
 """Name of a friction column; ("stribeck", speed) and its derivative ("slope", speed)."""
 
 LINEAR: Final[tuple[Column, ...]] = (
@@ -84,18 +86,19 @@ class Piece:
     length: int
     slow: BoolArray
     held: IntArray | None = None
-    spectra: dict[tuple[int, Column], ComplexArray] = field(default_factory=dict)
+    spectra: dict[tuple[int, Column | Rigid], ComplexArray] = field(default_factory=dict)
 
     @property
     def frequency_hz(self) -> FloatArray:
         """Frequencies of the spectrum, shape (bins,)."""
-        return np.arange(len(self.low_pass)) / (self.length * self.step_s)
+        bins = np.arange(len(self.low_pass), dtype=np.float64)
+        return np.asarray(bins / (self.length * self.step_s))
 
     @property
     def time_s(self) -> FloatArray:
         """Times of the rows that the transform back gives, from the first row of the piece."""
         count = 2 * (len(self.low_pass) - 1)
-        return np.arange(count) * (self.length * self.step_s / count)
+        return np.arange(count, dtype=np.float64) * (self.length * self.step_s / count)
 
     def back(self, spectrum: ComplexArray) -> FloatArray:
         """Return the rows of a spectrum, at `time_s`."""
@@ -107,7 +110,7 @@ class Piece:
         bins = np.fft.rfft(with_padding(values, self.length), axis=0)[: len(self.low_pass)]
         return np.asarray(bins * self.low_pass[:, np.newaxis])
 
-    def of(self, joint: int, column: Column) -> ComplexArray:
+    def of(self, joint: int, column: Column | Rigid) -> ComplexArray:
         """Return the spectrum of a joint's column, or of all its columns without friction."""
         key = (joint, column)
         if key not in self.spectra:
@@ -286,9 +289,8 @@ class CandidateEquations:
         block_s: float,
     ) -> tuple[FloatArray, FloatArray, IntArray]:
         use = self.used(piece, joint, reach_s)
-        spectrum = np.concatenate(
-            [piece.of(joint, column) for column in ("rigid", *columns)], axis=1
-        )
+        names: tuple[Column | Rigid, ...] = ("rigid", *columns)
+        spectrum = np.concatenate([piece.of(joint, column) for column in names], axis=1)
         matrix = piece.back(spectrum * response[:, np.newaxis])[use]
         torque = piece.back(piece.torque[:, joint])[use]
         block = np.floor((start_s + piece.time_s[use]) / block_s).astype(np.int64)

@@ -23,11 +23,13 @@ from identification.equations.candidate_equations import (
     Column,
     JointRows,
     Piece,
+    Rigid,
 )
 from identification.validation.nested_choice import DISTINCT_SIGMAS, Gain, deviations, simplest
 
 ChannelValue = Literal["delay", "lag", "width"]
 
+VALUES: Final[tuple[ChannelValue, ...]] = ("delay", "lag", "width")
 KINDS: Final[dict[ChannelKind, tuple[ChannelValue, ...]]] = {
     "none": (),
     "delay": ("delay",),
@@ -147,7 +149,7 @@ def _kept(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueC
         filters = "delay" not in fit.values_s or "lag" in fit.values_s
         if fit.moving_error > (FILTER_SHARE if filters else 1.0) * none[j].moving_error:
             continue
-        for place, key in enumerate(("delay", "lag", "width")):
+        for place, key in enumerate(VALUES):
             value, sigma = fit.values_s.get(key, 0.0), fit.sigma_s.get(key, 0.0)
             inside = key != "delay" or abs(value) < 0.98 * LONGEST_DELAY_S
             if inside and abs(value) > DISTINCT_SIGMAS * sigma:
@@ -195,7 +197,7 @@ class JointEquations:
         return float(np.mean(np.concatenate(squares)))
 
     def _model(self, piece: Piece, places: IntArray, theta: FloatArray) -> ComplexArray:
-        names: Sequence[Column] = ("rigid", *self.terms)
+        names: tuple[Column | Rigid, ...] = ("rigid", *self.terms)
         columns = np.concatenate([piece.of(self.joint, name) for name in names], axis=1)
         return np.asarray(columns[:, places] @ theta)
 
@@ -222,12 +224,12 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
         The values that are fitted, and their starting values [s].
     """
     values, free = dict(start), tuple(start)
-    independent: IntArray | None = None
+    independent: IntArray = np.zeros(0, dtype=np.int64)
     slopes = np.empty((0, 0))
     for _ in range(MOST_STEPS if free else 1):
         channels = [_responses(piece.frequency_hz, values) for piece in equations.all.pieces]
         rows = equations.rows([own[0] for own in channels])
-        if independent is None:
+        if not len(independent):
             independent = _independent(rows.columns)
         basis = np.linalg.qr(rows.columns[:, independent])
         theta = np.linalg.solve(basis.R, basis.Q.T @ rows.torque_nm)

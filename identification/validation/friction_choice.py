@@ -53,9 +53,9 @@ CANDIDATES: Final[tuple[Terms, ...]] = (
 """Terms that are tried together beside those that a joint has."""
 
 
-def name_of(column: Column) -> str:
+def name_of(column: Column) -> FrictionTerm:
     """Return the friction term of a column."""
-    return column if isinstance(column, str) else column[0]
+    return column if isinstance(column, str) else "stribeck"
 
 
 def columns_of(terms: Sequence[Column]) -> Terms:
@@ -150,7 +150,7 @@ class Grams:
     @property
     def width(self) -> int:
         """Number of columns without friction, identified or not."""
-        return self.gram.shape[2] - 1 - len(ALL_COLUMNS)
+        return int(self.gram.shape[2]) - 1 - len(ALL_COLUMNS)
 
     def _with_identified(self) -> Grams:
         """Return them with the columns without friction that are independent of all others."""

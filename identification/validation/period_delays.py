@@ -76,7 +76,7 @@ def choose_period_delays(
     errors = [_left_out(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)]
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
     shown &= np.abs(delay_s) < longest_s
-    shown &= joints_that_gain(*errors, sigmas=KIND_SIGMAS)
+    shown &= joints_that_gain(errors[0], errors[1], sigmas=KIND_SIGMAS)
     return TorqueChannel.of_delays(delay_s * shown, sigma_s * shown)
 
 

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from acquisition.processing.smoothing import low_pass
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
@@ -25,8 +24,8 @@ from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
 from rid_daq.runs.run_data import RunData
 
 LATE_S = np.array([0.004, 0.006, 0.005, 0.004, -0.003, 0.0])
-LATE = TorqueChannel(LATE_S, np.full(6, 1e-4))
-NARROW = TorqueChannel(np.zeros(6), np.zeros(6), bandwidth_hz=1.0)
+LATE = TorqueChannel.of_delays(LATE_S, np.full(6, 1e-4))
+NARROW = replace(TorqueChannel.none(6), width_s=np.full(6, 0.1))
 OPTIONS = ModelOptions(rotors=False)
 
 
@@ -37,7 +36,7 @@ def late(torque_nm: FloatArray, step_s: float) -> FloatArray:
 
 
 def narrow(torque_nm: FloatArray, step_s: float) -> FloatArray:
-    return low_pass(torque_nm, step_s, 1.0)
+    return NARROW.through(torque_nm, step_s)
 
 
 @pytest.mark.parametrize("periodic", [True, False])
@@ -71,5 +70,5 @@ def test_what_a_model_says_of_torques_holds_for_a_payload(
     known = sigmas_off(changed, replace(model, channel=channel))
     unknown = sigmas_off(changed, model)
     # Where between two rows friction turns round recurs in every period of a narrow torque.
-    assert np.abs(known).max() < (3.0 if channel.bandwidth_hz is None else 5.0)
+    assert np.abs(known).max() < (5.0 if channel.filters else 3.0)
     assert np.abs(unknown - sigmas_off(true, model)).max() > 1.0, "there is something to know"

@@ -287,7 +287,7 @@ def test_what_cannot_be_meant_is_refused_in_words(
 def test_a_model_of_another_robot_is_refused_whatever_it_says_of_late_torques(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    late = TorqueChannel(np.full(3, 0.004), np.full(3, 1e-4))
+    late = TorqueChannel.of_delays(np.full(3, 0.004), np.full(3, 1e-4))
     model = workshop / "three_axes.json"
     write_estimate(model, replace(known(load_cell("ir361"), {}), channel=late))
     assert run(identify(workshop, "--loaded", "loaded", "--model", str(model))) == 2

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identification.validation.friction_selection import choose_friction
 
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
@@ -20,6 +19,7 @@ from identification.equations.time_domain import TimeRun, rows_of, time_blocks
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
+from identification.validation.model_choice import choose_model
 from identification.validation.robot_terms import with_friction
 from tests.builders.remembering_arm import CLASSICAL, arm
 
@@ -110,9 +110,8 @@ def test_friction_is_estimated_without_bias(signals: SmoothedSignals) -> None:
 
 
 def test_friction_is_chosen_without_bias(signals: SmoothedSignals) -> None:
-    chosen = choose_friction(arm(), [signals], candidates=[CLASSICAL, (*CLASSICAL, "offset")])
+    chosen = choose_model(arm(), [signals])
     assert [joint.friction for joint in chosen.robot(arm()).joints] == [CLASSICAL] * 3
-    assert np.all(chosen.trials[0].error_nm < 1e-4)
 
 
 def test_temperature_passes_the_filter_with_its_columns() -> None:

@@ -53,7 +53,7 @@ def test_delays_of_parts_of_a_sample_come_back(
     assert np.all(channel.delay_s != 0.0)
     assert np.all(np.abs(error_ms) < 2e3 * channel.delay_sigma_s)
     assert np.all(channel.delay_sigma_s < 0.00015)
-    assert channel.bandwidth_hz is None
+    assert not channel.filters
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -134,7 +134,7 @@ def test_a_period_in_time_gives_the_estimate_of_one_that_never_was_late(
     cell: LoadedCell, sticking: Recording
 ) -> None:
     by_ms = (4.0, 0.0, -3.0)
-    channel = TorqueChannel(1e-3 * np.array(by_ms), np.zeros(3))
+    channel = TorqueChannel.of_delays(1e-3 * np.array(by_ms), np.zeros(3))
     delayed = average_periods(late(sticking, by_ms))
     in_time = channel.undelayed_period(delayed)
     whole = average_periods(sticking)

@@ -125,7 +125,7 @@ def says_of_time(what: str) -> Estimate:
     """Return a model that says what no mean period shows."""
     if what == "how joints warm up":
         return by_temperature(load_cell("ir361"), measured=False)
-    narrow = TorqueChannel(np.zeros(3), np.zeros(3), bandwidth_hz=3.0)
+    narrow = replace(TorqueChannel.none(3), width_s=np.full(3, 0.05))
     return replace(known(load_cell("ir361"), {}), channel=narrow)
 
 
