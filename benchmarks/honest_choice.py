@@ -199,7 +199,7 @@ def recording(case: Case, driven: Driven, number: int, robot: RobotDescription) 
     rows = np.arange(0, len(position), STRIDE)
     if case.effect == "repeats":
         rows = np.repeat(rows, np.where(np.arange(len(rows)) % 11 == 10, 2, 1))
-    time_s = STRIDE * STEP_S * np.arange(len(rows))
+    time_s: FloatArray = STRIDE * STEP_S * np.arange(len(rows), dtype=np.float64)
     if case.effect == "repeats":
         speed = make_interp_spline(driven.time_s, driven.position, k=5)(driven.time_s, 1)
         samples = Samples(time_s, position[rows], np.round(speed[rows] / 1e-4) * 1e-4, torque[rows])

@@ -1,0 +1,135 @@
+"""The torque channel and the friction of simulated arms come back, and nothing else does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from acquisition.processing.torque_channel import TorqueChannel
+from benchmarks.honest_choice import (
+    BAND_HZ,
+    DURATION_S,
+    FRICTIONS,
+    TUNING_SEEDS,
+    Case,
+    cases,
+    recording,
+)
+from benchmarks.known_arms import ARMS, drive
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.file import read_estimate, write_estimate
+from identification.validation.model_choice import ModelChoice, choose_model
+from tests.builders.remembering_arm import arm, with_presliding
+from tests.builders.remembering_arm import motion as remembering_motion
+from tests.builders.remembering_arm import recording as remembering_recording
+
+AVERAGE_ROWS = 20  # 80 ms
+PLAIN = ("coulomb", "viscous")
+
+
+def robot() -> RobotDescription:
+    return ARMS["three"].description()
+
+
+@cache
+def signals(case: Case) -> tuple[SmoothedSignals, ...]:
+    runs = (
+        drive("three", "points", 10 * case.seed + k, FRICTIONS[case.friction], DURATION_S)
+        for k in range(2)
+    )
+    return tuple(
+        smooth_nonperiodic(recording(case, driven, k, robot()), BAND_HZ)
+        for k, driven in enumerate(runs)
+    )
+
+
+def friction(choice: ModelChoice) -> list[tuple[str, ...]]:
+    return [joint.friction for joint in choice.robot(robot()).joints]
+
+
+def test_load_and_stribeck_friction_are_found_together() -> None:
+    choice = choose_model(robot(), signals(Case("three", "both", "none", 1)))
+    assert [set(own) for own in friction(choice)] == [{*PLAIN, "load", "stribeck"}] * 3
+    assert not choice.channel.changes
+    assert np.all(choice.error_nm[1] < 0.5 * choice.error_nm[0])
+    assert choice.stribeck_rad_s == pytest.approx([0.08] * 3, rel=0.5)
+
+
+def test_delays_are_found_before_friction_with_an_interval() -> None:
+    case = Case("three", "plain", "delay", 1)
+    choice = choose_model(robot(), signals(case))
+    assert friction(choice) == [PLAIN] * 3
+    assert choice.channel.kind == "delay"
+    error_s = np.abs(choice.channel.delay_s - case.delays_s())
+    np.testing.assert_array_less(error_s, 3.0 * choice.channel.delay_sigma_s + 1e-12)
+
+
+def test_a_filter_is_not_explained_by_friction() -> None:
+    choice = choose_model(robot(), signals(Case("three", "plain", "lag5", 1)))
+    assert friction(choice) == [PLAIN] * 3
+    assert choice.channel.kind == "lag"
+    np.testing.assert_allclose(choice.channel.lag_s, 1.0 / (10.0 * np.pi), rtol=0.05)
+
+
+def averaged(run: SmoothedSignals) -> SmoothedSignals:
+    """Return a recording whose torque is a moving average over 80 ms, as a PLC's scope writes."""
+    assert run.unfiltered is not None
+    torque = run.unfiltered.torque_nm
+    before = np.repeat(torque[:1], AVERAGE_ROWS, axis=0)
+    window = np.full(AVERAGE_ROWS, 1.0 / AVERAGE_ROWS)
+    mean = lfilter(window, 1.0, np.vstack([before, torque]), axis=0)[AVERAGE_ROWS:]
+    return replace(run, unfiltered=replace(run.unfiltered, torque_nm=mean))
+
+
+def test_a_moving_average_is_not_explained_by_friction() -> None:
+    case = Case("three", "plain", "none", 1)
+    choice = choose_model(robot(), [averaged(run) for run in signals(case)])
+    assert friction(choice) == [PLAIN] * 3
+    assert choice.channel.filters
+
+
+def test_without_a_known_clock_no_channel_is_fitted() -> None:
+    choice = choose_model(robot(), signals(Case("three", "plain", "delay", 1)), kinds=("none",))
+    assert not choice.channel.changes
+
+
+def test_a_recording_too_short_for_a_choice_is_refused() -> None:
+    run = signals(Case("three", "plain", "none", 1))[0]
+    assert run.unfiltered is not None
+    rows = slice(0, 300)
+    short = replace(
+        run.unfiltered,
+        **{
+            name: getattr(run.unfiltered, name)[rows]
+            for name in ("time_s", "position", "velocity", "acceleration", "torque_nm", "segment")
+        },
+    )
+    with pytest.raises(EstimationError):
+        choose_model(robot(), [replace(run, unfiltered=short)])
+
+
+def test_tuning_and_judging_share_no_seed() -> None:
+    quick = list(cases(TUNING_SEEDS, quick=True))
+    assert len({case.seed for case in quick}) == 1
+    assert len(list(cases(TUNING_SEEDS, quick=False))) == 84
+
+
+def test_an_estimate_keeps_its_channel(tmp_path: Path) -> None:
+    way = remembering_motion(30.0, 1)
+    estimate = estimate_smoothed(with_presliding((1,), 0.01), [remembering_recording({}, way)])
+    values: list[FloatArray] = [np.full(3, 1e-3 * k) for k in range(1, 7)]
+    write_estimate(tmp_path / "model.json", replace(estimate, channel=TorqueChannel(*values)))
+    found = read_estimate(tmp_path / "model.json").channel
+    assert found is not None
+    np.testing.assert_array_equal(found.lag_s, values[2])
+    np.testing.assert_array_equal(found.width_sigma_s, values[5])
+    assert arm().joint_names == estimate.robot.joint_names
