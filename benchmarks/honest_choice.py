@@ -31,7 +31,7 @@ from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.validation.model_choice import ModelChoice, choose_model
-from identification.validation.torque_prediction import validate
+from identification.validation.torque_prediction import relative_of_both, validate
 
 Effect = Literal["none", "delay", "lag8", "lag5", "zero5", "repeats"]
 
@@ -240,8 +240,11 @@ def judge(case: Case, tally: Tally) -> str:
 
 
 def _ratio(model: Estimate, plain: Estimate, run: Recording) -> FloatArray:
-    """Return each joint's prediction error with a model over that with the plain one."""
-    errors = [validate(each, run, cutoff_hz=BAND_HZ).rms_nm for each in (model, plain)]
+    """Return each joint's prediction error with a model over that with the plain one.
+
+    Both count on the rows that count for both.
+    """
+    errors = relative_of_both(*(validate(each, run, cutoff_hz=BAND_HZ) for each in (model, plain)))
     return np.asarray(errors[0] / errors[1])
 
 

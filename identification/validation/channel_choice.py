@@ -50,7 +50,7 @@ SETTLED_S: Final = 1e-5
 MOST_STEPS: Final = 9
 AFTER_STANDSTILL_S: Final = 0.16
 """Rows left out after standstill: five times the slowest filter that is looked for."""
-FILTER_SHARE: Final = 0.9
+FILTER_SHARE: Final = 0.65
 """Share of the squared error on all moving rows that a filter leaves at most."""
 RANK: Final = 1e-7
 FLEXIBLE: Final[tuple[Column, ...]] = (

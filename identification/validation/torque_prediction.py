@@ -153,7 +153,8 @@ def validate(
     cutoff_hz : float
         Cut-off of the low-pass, for measured and predicted torque alike [Hz].
     standstill_rad_s : float
-        Samples of a joint slower than this do not count for it.
+        Samples of a joint slower than this do not count for it; a torque that is late counts from
+        when the joint moved.
     limits_percent : tuple of float, optional
         Largest relative error of each joint for the verdict.
     noise_nm : ndarray, shape (n,), optional
@@ -181,7 +182,7 @@ def validate(
     warmth = Conditions(temperature_k=signals.temperature_k)
     conditions = shared.conditions(estimate.model, warmth)
     predicted = _predicted(estimate, shared, conditions)
-    moving = moves(estimate.model, signals.velocity, standstill_rad_s)
+    moving = _seen_moving(moves(estimate.model, signals.velocity, standstill_rad_s), signals)
     if not moving.any():
         raise DataQualityError(
             f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"
@@ -236,6 +237,24 @@ def relative_of_both(one: Validation, other: Validation) -> FloatArray:
             for each, use in zip((one, other), rows, strict=True)
         ]
     )
+
+
+def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
+    """Return where joints move and did when the recorded torque acted, (samples, n).
+
+    A late torque of a joint that begins to move is still that of the joint at rest.
+    """
+    seen = moving.copy()
+    if signals.channel is None:
+        return seen
+    late_s = signals.channel.delay_s + signals.channel.lag_s
+    for j, rows in enumerate(np.round(late_s / signals.sample_period_s).astype(int).tolist()):
+        for shift in range(1, abs(rows) + 1):
+            after, before = seen[shift:, j], moving[:-shift, j]
+            if rows < 0:
+                after, before = seen[:-shift, j], moving[shift:, j]
+            after &= before
+    return seen
 
 
 def _predicted(estimate: Estimate, shared: ParallelFilter, conditions: Conditions) -> FloatArray:
