@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.signal import bilinear, filtfilt, lfilter
 
 from acquisition.clock.judgement import judge_clock
+from acquisition.clock.report import Clock
 from acquisition.clock.samples import Samples
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import smooth_nonperiodic
@@ -30,6 +31,7 @@ from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
+from identification.validation.channel_choice import KINDS
 from identification.validation.model_choice import ModelChoice, choose_model
 from identification.validation.torque_prediction import relative_of_both, validate
 
@@ -188,8 +190,14 @@ def recorded_torque(case: Case, torque_nm: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def recording(case: Case, driven: Driven, number: int, robot: RobotDescription) -> Recording:
-    """Return what a logger writes: 250 Hz, encoder steps and noise, and the case's effect."""
+def recording(
+    case: Case, driven: Driven, number: int, robot: RobotDescription
+) -> tuple[Recording, bool]:
+    """Return what a logger writes, and True if its clock is known.
+
+    250 Hz, encoder steps and noise, and the case's effect; a clock with repeated rows is judged.
+    """
+    known = True
     random = np.random.default_rng([case.seed, 4, number])
     torque = recorded_torque(case, driven.torque_nm)
     rms = np.sqrt(np.mean(torque**2, axis=0))
@@ -205,8 +213,9 @@ def recording(case: Case, driven: Driven, number: int, robot: RobotDescription) 
         samples = Samples(time_s, position[rows], np.round(speed[rows] / 1e-4) * 1e-4, torque[rows])
         judged = judge_clock(samples, robot)
         rows, time_s = rows[judged.kept], judged.time_s
+        known = judged.report.clock is not Clock.UNKNOWN
     count = len(rows)
-    return Recording(
+    found = Recording(
         joint_names=robot.joint_names,
         time_s=time_s,
         position=position[rows],
@@ -216,6 +225,7 @@ def recording(case: Case, driven: Driven, number: int, robot: RobotDescription) 
         sample_index=np.arange(count, dtype=np.int64),
         source="import",
     )
+    return found, known
 
 
 def judge(case: Case, tally: Tally) -> str:
@@ -223,12 +233,14 @@ def judge(case: Case, tally: Tally) -> str:
     robot, friction = ARMS[case.arm].description(), FRICTIONS[case.friction]
     first: MotionKind = "points" if case.seed % 2 else "sines"
     kinds: tuple[MotionKind, ...] = (first, "points", "points", "sines")
-    runs = [
+    recorded = [
         recording(case, drive(case.arm, kind, 10 * case.seed + k, friction, DURATION_S), k, robot)
         for k, kind in enumerate(kinds)
     ]
+    runs = [run for run, _ in recorded]
     signals = [smooth_nonperiodic(run, BAND_HZ) for run in runs[:2]]
-    chosen = choose_model(robot, signals)
+    clocks_known = all(known for _, known in recorded[:2])
+    chosen = choose_model(robot, signals, kinds=tuple(KINDS) if clocks_known else ("none",))
     channel = chosen.channel if chosen.channel.changes else None
     plain = estimate_smoothed(robot, signals)
     known = [replace(run, channel=channel) for run in signals]

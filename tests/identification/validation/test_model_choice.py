@@ -47,7 +47,7 @@ def signals(case: Case) -> tuple[SmoothedSignals, ...]:
         for k in range(2)
     )
     return tuple(
-        smooth_nonperiodic(recording(case, driven, k, robot()), BAND_HZ)
+        smooth_nonperiodic(recording(case, driven, k, robot())[0], BAND_HZ)
         for k, driven in enumerate(runs)
     )
 
