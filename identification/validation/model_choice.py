@@ -20,7 +20,9 @@ from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.equations.candidate_equations import CandidateEquations
+from identification.equations.segments import thinned
 from identification.equations.warming import Warming
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_channel
@@ -33,6 +35,7 @@ from identification.validation.friction_choice import (
     columns_of,
     name_of,
 )
+from identification.validation.held_out import held_out_errors, shown_values
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
 from identification.validation.robot_terms import with_friction, with_stribeck
 from identification.validation.warming_choice import choose_warming
@@ -127,11 +130,55 @@ def choose_model(
     tell(2, STEPS, "presliding")
     with suppress(EstimationError):  # a candidate that cannot be identified is skipped
         presliding = choose_presliding(chosen.robot(robot), known, options)
-        chosen = replace(chosen, presliding=presliding)
+        chosen = _stribeck_beside(replace(chosen, presliding=presliding), robot, known, options)
     tell(3, STEPS, "warm-up")
     with suppress(EstimationError):
         chosen = replace(chosen, warming=choose_warming(chosen.robot(robot), known, options))
     return chosen
+
+
+def _stribeck_beside(
+    chosen: ModelChoice,
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+) -> ModelChoice:
+    """Return a choice whose joints with presliding have Stribeck friction only if shown again.
+
+    At a reversal the two look alike.
+    """
+    assert chosen.presliding is not None
+    both = [
+        speed is not None and distance is not None
+        for speed, distance in zip(chosen.stribeck_rad_s, chosen.presliding.distances, strict=True)
+    ]
+    if not any(both):
+        return chosen
+    speeds = [
+        None if twice else speed for twice, speed in zip(both, chosen.stribeck_rad_s, strict=True)
+    ]
+    without = replace(
+        chosen,
+        stribeck_rad_s=tuple(speeds),
+        terms=tuple(
+            tuple(term for term in own if not twice or term != "stribeck")
+            for own, twice in zip(chosen.terms, both, strict=True)
+        ),
+    )
+    parts = [thinned(run) for run in signals]
+    plain, full = (fit_smoothed(each.robot(robot), parts, options) for each in (without, chosen))
+    shown = shown_values(full.estimate(), held_out_errors(plain, full), "vs")
+    kept = [not twice or value is not None for twice, value in zip(both, shown, strict=True)]
+    return replace(
+        chosen,
+        stribeck_rad_s=tuple(
+            speed if keep else None for speed, keep in zip(chosen.stribeck_rad_s, kept, strict=True)
+        ),
+        terms=tuple(
+            old if keep else new
+            for old, new, keep in zip(chosen.terms, without.terms, kept, strict=True)
+        ),
+    )
 
 
 def _channel_and_friction(

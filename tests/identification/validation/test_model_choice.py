@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.processing.torque_channel import TorqueChannel
@@ -85,8 +84,8 @@ def averaged(run: SmoothedSignals) -> SmoothedSignals:
     assert run.unfiltered is not None
     torque = run.unfiltered.torque_nm
     before = np.repeat(torque[:1], AVERAGE_ROWS, axis=0)
-    window = np.full(AVERAGE_ROWS, 1.0 / AVERAGE_ROWS)
-    mean = lfilter(window, 1.0, np.vstack([before, torque]), axis=0)[AVERAGE_ROWS:]
+    total = np.cumsum(np.vstack([before, torque]), axis=0)
+    mean = (total[AVERAGE_ROWS:] - total[:-AVERAGE_ROWS]) / AVERAGE_ROWS
     return replace(run, unfiltered=replace(run.unfiltered, torque_nm=mean))
 
 
