@@ -26,7 +26,7 @@ WIDTH_PERIODS: Final = 4.0
 ADVANCE_PERIODS: Final = 2.0
 """Widths after and before an event that a zero-phase filter spreads most of it over."""
 PADDING_S: Final = 0.5
-"""Shortest stretch that a signal is extended by at its end before it is filtered."""
+"""Shortest time that a signal is extended by at its end before it is filtered."""
 
 
 @dataclass(frozen=True, eq=False)

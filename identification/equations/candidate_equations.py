@@ -160,7 +160,7 @@ class JointRows:
     torque_nm : ndarray, shape (rows,)
         Torque [N m or N].
     block : ndarray of int64, shape (rows,)
-        Stretch of time that a row belongs to, counted over all recordings.
+        Block of time that a row belongs to, counted over all recordings.
     """
 
     columns: FloatArray

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from config.arrays import BoolArray, FloatArray
 
@@ -38,8 +37,7 @@ def deviations(changes: FloatArray) -> FloatArray:
         How each value changes without a block.
     """
     count = len(changes)
-    level = norm.cdf(DISTINCT_SIGMAS)
-    widened = student.ppf(level, max(count - 1, 1)) / DISTINCT_SIGMAS
+    widened = stdtrit(max(count - 1, 1), ndtr(DISTINCT_SIGMAS)) / DISTINCT_SIGMAS
     return np.asarray(widened * np.sqrt((count - 1) / count * np.sum(changes**2, axis=0)))
 
 

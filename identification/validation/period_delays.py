@@ -5,7 +5,8 @@ more parameter a joint beside all others (Gauss-Newton), found with the reversal
 friction is what a delay resembles most, and what it does is known least. What remains tells them
 apart by frequency and by pose: viscous friction turns no inertia and no gravity.
 
-A joint's delay is taken by the rules of `nested_choice`. It is below a quarter of the
+A joint's delay is taken if it is two standard deviations from zero and the logarithm of the error
+on bins left out falls by more than two standard errors. It is below a quarter of the
 shortest period in the band: a longer one turns the highest bins by more than a right angle, and the
 step that is linear in it does not lead there.
 """
@@ -30,9 +31,9 @@ from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import EstimationOptions
 from identification.regression.intervals import changes, jackknife
 from identification.regression.least_squares import Solution, Triangle, solve
-from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
+from identification.validation.nested_choice import joints_that_gain
 
-KIND_SIGMAS: Final = 2.0
+DISTINCT_SIGMAS: Final = 2.0
 MOST_STEPS: Final = 10
 SETTLED_SIGMAS: Final = 0.01
 LONGEST_SHARE: Final = 0.25
@@ -76,7 +77,7 @@ def choose_period_delays(
     errors = [_left_out(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)]
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
     shown &= np.abs(delay_s) < longest_s
-    shown &= joints_that_gain(errors[0], errors[1], sigmas=KIND_SIGMAS)
+    shown &= joints_that_gain(errors[0], errors[1], sigmas=DISTINCT_SIGMAS, least=0.0)
     return TorqueChannel.of_delays(delay_s * shown, sigma_s * shown)
 
 

@@ -12,12 +12,11 @@ from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
-from dynamics.model.memory import presliding
+from dynamics.model.memory import presliding, with_memory
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.deconvolution import smoothed_recording
-from identification.equations.parallel_filter import ParallelFilter
 from identification.estimation.estimate import Estimate, predict
 from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
@@ -178,10 +177,18 @@ def validate(
         signals = replace(signals, channel=estimate.channel)
     if estimate.warming is not None:
         signals = estimate.warming.warmed(estimate.robot, signals)
-    shared = ParallelFilter(signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
-    conditions = shared.conditions(estimate.model, warmth)
-    predicted = _predicted(estimate, shared, conditions)
+    conditions = with_memory(estimate.model, signals.position, warmth, signals.segment)
+    predicted = predict(
+        estimate, signals.position, signals.velocity, signals.acceleration, conditions
+    )
+    segments = [signals.segment == number for number in np.unique(signals.segment)]
+    if estimate.channel is not None:
+        for rows in segments:
+            predicted[rows] = estimate.channel.through(predicted[rows], signals.sample_period_s)
+    predicted = _held(predicted, signals)
+    for rows in segments:
+        predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
     moving = _seen_moving(moves(estimate.model, signals.velocity, standstill_rad_s), signals)
     if not moving.any():
         raise DataQualityError(
@@ -257,18 +264,14 @@ def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
     return seen
 
 
-def _predicted(estimate: Estimate, shared: ParallelFilter, conditions: Conditions) -> FloatArray:
-    """Return the torques of a recording's rows, recorded and low-passed as the measured ones."""
-    signals, source = shared.signals, shared.source
-    motion = (source.position, source.velocity, source.acceleration)
-    predicted = predict(estimate, *motion, conditions)
-    for number in np.unique(source.segment):
-        rows = slice(*np.searchsorted(source.segment, [number, number + 1]))
-        joints = range(predicted.shape[1])
-        recorded = [shared.recorded(predicted[rows, j : j + 1], j, rows) for j in joints]
-        whole = np.concatenate(recorded, axis=1)
-        predicted[rows] = low_pass(whole, source.sample_period_s, signals.cutoff_hz)
-    return predicted if signals.unfiltered_row is None else predicted[signals.unfiltered_row]
+def _held(predicted: FloatArray, signals: SmoothedSignals) -> FloatArray:
+    """Return torques held as the recording's are renewed, (samples, n)."""
+    source = signals.unfiltered
+    if source is None or source.torque_row is None or signals.unfiltered_row is None:
+        return predicted
+    renewed = source.torque_row[signals.unfiltered_row]
+    at = np.searchsorted(signals.unfiltered_row, renewed)
+    return np.asarray(np.take_along_axis(predicted, at, axis=0))
 
 
 def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
@@ -277,13 +280,12 @@ def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
     What is not known spreads with the low-pass and the channel that the prediction went through:
     for a period of the cut-off, and for as long as the channel lasts, it is seen.
     """
-    source = signals.unfiltered or signals
-    memory, found = conditions.memory, np.ones(source.position.shape, dtype=bool)
+    memory, found = conditions.memory, np.ones(signals.position.shape, dtype=bool)
     if memory is not None:
         channel_s = 0.0 if signals.channel is None else float(signals.channel.after_s.max())
-        rows = math.ceil((1.0 / signals.cutoff_hz + channel_s) / source.sample_period_s)
-        found[:, list(memory.joints)] = memory.known_through(source.segment, rows)
-    return found if signals.unfiltered_row is None else found[signals.unfiltered_row]
+        rows = math.ceil((1.0 / signals.cutoff_hz + channel_s) / signals.sample_period_s)
+        found[:, list(memory.joints)] = memory.known_through(signals.segment, rows)
+    return found
 
 
 def _rms(values: FloatArray, use: BoolArray) -> FloatArray:
