@@ -146,7 +146,9 @@ class TorqueChannel:
         longest_s = float(np.max(self.after_s + self.before_s, initial=0.0))
         padding = int(np.ceil(max(PADDING_S, 2.0 * longest_s) / sample_period_s))
         spectrum = np.fft.rfft(with_padding(values, rows + padding), axis=0)
-        frequency_hz: FloatArray = np.asarray(np.fft.rfftfreq(rows + padding, sample_period_s))
+        frequency_hz: FloatArray = np.asarray(
+            np.fft.rfftfreq(rows + padding, sample_period_s), dtype=np.float64
+        )
         response = self.response(frequency_hz)
         spectrum *= response if values.ndim == 2 else response[:, :, np.newaxis]
         return np.asarray(np.fft.irfft(spectrum, n=rows + padding, axis=0)[:rows])

@@ -134,7 +134,7 @@ def _all_errors(fits: Sequence[JointChannel]) -> FloatArray:
 def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
     """Return the simplest kind that is distinctly better than none, as far as any is."""
     none = errors["none"]
-    shown = [
+    shown: list[ChannelKind] = [
         kind
         for kind, own in errors.items()
         if kind == "none" or Gain.between(none, own).exceeds(KIND_SIGMAS, 0.0)
@@ -229,14 +229,16 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
     """
     values, free = dict(start), tuple(start)
     independent: IntArray = np.zeros(0, dtype=np.int64)
-    slopes = np.empty((0, 0))
-    for _ in range(MOST_STEPS if free else 1):
+    steps = 0
+    while True:
         channels = [_responses(piece.frequency_hz, values) for piece in equations.all.pieces]
         rows = equations.rows([own[0] for own in channels])
         if not len(independent):
             independent = _independent(rows.columns)
         basis = np.linalg.qr(rows.columns[:, independent])
-        theta = np.linalg.solve(basis.R, basis.Q.T @ rows.torque_nm)
+        theta: FloatArray = np.asarray(
+            np.linalg.solve(basis.R, basis.Q.T @ rows.torque_nm), dtype=np.float64
+        )
         rest = rows.torque_nm - basis.Q @ (basis.Q.T @ rows.torque_nm)
         if not free:
             slopes = np.empty((len(rest), 0))
@@ -251,7 +253,8 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
                 (lowest, LONGEST_DELAY_S) if key == "delay" else (SHORTEST_LAG_S, LONGEST_LAG_S)
             )
             values[key] = float(np.clip(values[key] + by, low, high))
-        if np.all(np.abs(step) < SETTLED_S):
+        steps += 1
+        if steps == MOST_STEPS or np.all(np.abs(step) < SETTLED_S):
             break
     moved, errors = _left_out(np.column_stack([basis.Q, slopes]), rows.torque_nm, rows.block)
     sigma = deviations(moved[:, moved.shape[1] - len(free) :])

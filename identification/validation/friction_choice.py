@@ -366,8 +366,8 @@ def _weakest(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Colu
     weak: list[tuple[float, int, Column]] = []
     for j, own in enumerate(chosen):
         for term in own[len(PLAIN) :]:
-            left = tuple(other for other in own if other != term)
-            fit = grams.fit([left if i == j else each for i, each in enumerate(chosen)])
+            left: Terms = tuple(other for other in own if other != term)
+            fit = grams.fit([*chosen[:j], left, *chosen[j + 1 :]])
             gain = Gain.between(fit.errors[:, j], now.errors[:, j])
             if not (_is_shown(now, j, term) and gain.exceeds()):
                 weak.append((abs(now.distance(j, term)), j, term))

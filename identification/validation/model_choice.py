@@ -196,7 +196,9 @@ def _channel_and_friction(
     grams = _grams(equations, TorqueChannel.none(n), block_s)
     equations = _with_load(equations, grams, terms)
     channel = choose_channel(equations, [FLEXIBLE] * n, block_s, kinds)
-    for _ in range(ROUNDS):
+    rounds = 0
+    while True:
+        rounds += 1
         equations = _with_load(equations, _grams(equations, channel, block_s), terms)
         grams = _grams(equations, channel, block_s)
         friction = choose_terms(grams)
@@ -205,7 +207,7 @@ def _channel_and_friction(
         before, channel = channel, choose_channel(equations, columns, block_s, kinds, channel)
         settled = channel.kind == before.kind and friction.terms == terms
         terms = friction.terms
-        if settled:
+        if settled or rounds == ROUNDS:
             break
     return _choice(robot, friction, channel, grams.scale_nm)
 
