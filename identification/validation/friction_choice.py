@@ -39,6 +39,9 @@ Terms = tuple[Column, ...]
 PLAIN: Final[Terms] = ("coulomb", "viscous")
 ROUNDS: Final = 4
 MOST_ELIMINATIONS: Final = 12
+CLEAR_SIGMAS: Final = 2.0
+CLEAR_GAIN: Final = 0.1
+CLEAR_GAIN_SIGMAS: Final = 3.0
 MOST_INFLATION: Final = 1e9
 """Largest factor by which other columns may inflate a value's variance: 1e9 is no information."""
 RANK: Final = 1e-7
@@ -328,15 +331,15 @@ def _trials(grams: Grams, chosen: Sequence[Terms], joint: int) -> Iterator[tuple
 
 def _best(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
     """Return the fewest terms to add to a joint's that are not worse than the best; () for none."""
-    good = [
-        (extra, fit)
-        for extra, fit in _trials(grams, chosen, joint)
-        if _is_braking(fit, joint)
-        and all(_is_shown(fit, joint, term) for term in extra)
-        and Gain.between(now.errors[:, joint], fit.errors[:, joint]).exceeds(
-            least=LEAST_GAIN * len(extra)
-        )
-    ]
+    good = []
+    for extra, fit in _trials(grams, chosen, joint):
+        found = Gain.between(now.errors[:, joint], fit.errors[:, joint])
+        if (
+            _is_braking(fit, joint)
+            and all(_is_shown(fit, joint, term, found) for term in extra)
+            and found.exceeds(least=LEAST_GAIN * len(extra))
+        ):
+            good.append((extra, fit))
     if not good:
         return ()
 
@@ -354,11 +357,16 @@ def _is_braking(fit: Fit, joint: int) -> bool:
     return all(fit.value(joint, term) > 0.0 for term in PLAIN)
 
 
-def _is_shown(fit: Fit, joint: int, term: Column) -> bool:
-    """Return True if a term is distinct from zero, and positive if it must be."""
+def _is_shown(fit: Fit, joint: int, term: Column, gain: Gain) -> bool:
+    """Return True if a term is distinct from zero, and positive if it must be.
+
+    A term that clearly lowers the error on data left out of the fit needs less: few blocks, as in
+    half a minute of data, give wide deviations.
+    """
     if name_of(term) in _POSITIVE and fit.value(joint, term) <= 0.0:
         return False
-    return abs(fit.distance(joint, term)) > DISTINCT_SIGMAS
+    clear = gain.exceeds(CLEAR_GAIN_SIGMAS, CLEAR_GAIN)
+    return abs(fit.distance(joint, term)) > (CLEAR_SIGMAS if clear else DISTINCT_SIGMAS)
 
 
 def _weakest(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Column] | None:
@@ -369,7 +377,7 @@ def _weakest(grams: Grams, chosen: Sequence[Terms], now: Fit) -> tuple[int, Colu
             left: Terms = tuple(other for other in own if other != term)
             fit = grams.fit([*chosen[:j], left, *chosen[j + 1 :]])
             gain = Gain.between(fit.errors[:, j], now.errors[:, j])
-            if not (_is_shown(now, j, term) and gain.exceeds()):
+            if not (_is_shown(now, j, term, gain) and gain.exceeds()):
                 weak.append((abs(now.distance(j, term)), j, term))
     if not weak:
         return None
