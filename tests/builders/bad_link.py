@@ -85,11 +85,14 @@ class BadLink:
         self._listens.set()
         self._loop.run_forever()
         server.close()
+        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # what was just accepted is known now
         self._end_all()
         while tasks := asyncio.all_tasks(self._loop):
             for task in tasks:
                 task.cancel()
             self._loop.run_until_complete(asyncio.wait(tasks))
+        self._end_all()
+        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # transports close in the loop
         self._loop.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

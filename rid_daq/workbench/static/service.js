@@ -154,11 +154,12 @@ function reconnect() {
   setTimeout(connect, AGAIN_MS, false);
 }
 
-// True if the service answers now; it is not asked if it was heard just now.
+// True if the service answers now; it is not asked if both channels work and it was heard just now.
 async function answers() {
-  if (reach.requests && performance.now() - Math.max(valuesAt, answeredAt) < FRESH_MS) return true;
+  const at = performance.now();
+  if (reach.values && reach.requests && at - Math.max(valuesAt, answeredAt) < FRESH_MS) return true;
   await look();
-  return performance.now() - answeredAt < FRESH_MS;
+  return answeredAt >= at;
 }
 
 // Go to another page of ours. A page that cannot be reached would be the browser's own, without STOP.
