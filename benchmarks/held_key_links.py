@@ -26,7 +26,6 @@ class Way(Protocol):
 
     def arrived(self, now_s: float) -> list[Told]:
         """Return the messages that have arrived since the last look."""
-        ...
 
 
 class DisturbedWay:
