@@ -23,9 +23,11 @@ class Way(Protocol):
 
     def send(self, now_s: float, told: Told) -> None:
         """Send a message."""
+        ...
 
     def arrived(self, now_s: float) -> list[Told]:
         """Return the messages that have arrived since the last look."""
+        ...
 
 
 class DisturbedWay:
