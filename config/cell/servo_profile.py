@@ -34,6 +34,8 @@ Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
 
 BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
 
+_STATUSWORD: Final = "6041h:00"
+_MAKERS_STATUS_BITS: Final = 1 << 8 | 1 << 14 | 1 << 15
 _INCREMENTS: Final = ("increments_per_s", 1.0)
 RATINGS_AGREE: Final = 1.6
 """By which factor the torque constant may differ from rated torque over rated current."""
@@ -70,6 +72,38 @@ class ExtraSetting(ConfigModel):
     written: bool = True
 
 
+class ReferencedBits(ConfigModel):
+    """Bits of an object that say that a drive has been homed since its encoder lost its position.
+
+    The drive is referenced if the object, masked by `mask`, is `value`; without `value`, if all
+    bits of the mask are set. Of 6041h only bits 8, 14 and 15 can be used: CiA 402 leaves no other
+    to the manufacturer, and bit 12 means "homing attained" in homing mode alone.
+    """
+
+    object: ObjectName
+    bits: Literal[8, 16, 32] = 16
+    mask: Annotated[int, Field(gt=0, lt=2**32)]
+    value: Unsigned32 | None = None
+
+    @model_validator(mode="after")
+    def _within_object(self) -> Self:
+        if self.mask >> self.bits:
+            raise ValueError(f"mask {self.mask} does not fit the object's {self.bits} bits")
+        if self.wanted & ~self.mask:
+            raise ValueError(f"value {self.wanted} has bits outside mask {self.mask}")
+        if self.object == _STATUSWORD and self.mask & ~_MAKERS_STATUS_BITS:
+            raise ValueError(
+                f"mask {self.mask} of 6041h uses bits that CiA 402 defines; use bit 8 (256),"
+                " 14 (16384) or 15 (32768), by the drive's manual, or another object"
+            )
+        return self
+
+    @property
+    def wanted(self) -> int:
+        """The masked bits of a drive that is referenced."""
+        return self.mask if self.value is None else self.value
+
+
 class ServoProfile(ConfigModel):
     """One family of drives, or what a cell file adds for one drive.
 
@@ -99,6 +133,9 @@ class ServoProfile(ConfigModel):
     brakes and precharge included. `follows_bit: false` is for a drive that never sets bit 12 of
     6041h (drive follows the command value).
 
+    `referenced` names the bits that say that the drive has been homed. A drive that says that it is
+    not is refused; without the key, nothing is known of it.
+
     `watch` is how drive and computer notice each other's silence: by heartbeats (1016h, 1017h), or,
     of a drive without 1016h, by life guarding (100Ch, 100Dh), in which it is asked for its state.
 
@@ -127,6 +164,7 @@ class ServoProfile(ConfigModel):
     cycle_time_written: bool = True
     enable_timeout_s: Annotated[Positive, Plausible(0.1, 60.0, "s")] = 4.0
     follows_bit: bool = True
+    referenced: ReferencedBits | None = None
     watch: Watch = "heartbeat"
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()

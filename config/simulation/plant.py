@@ -75,7 +75,7 @@ class SimulatedAxis(ConfigModel):
     Friction and torques are the motor's, at the link side of its gear; the rotor's inertia is as it
     spins, and the link side's where `gear_ratio` is 1. The velocity loop is
     tau = K_p (1 + 1/(T_i s)) of the velocity error, with the current loop a first-order lag behind
-    it.
+    it. `referenced: false` is an axis that has not been homed, if its drive can say so.
     """
 
     rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 1e4, "kg m² or kg")]
@@ -90,6 +90,7 @@ class SimulatedAxis(ConfigModel):
     torque_noise_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
     brake_torque_nm: Annotated[Positive, Plausible(1e-4, 1e6, "N m")]
     initial_position: Annotated[float, Plausible(0.0, 50.0, "rad or m")] = 0.0
+    referenced: bool = True
 
 
 class SimulatedSpring(ConfigModel):

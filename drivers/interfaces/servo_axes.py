@@ -91,6 +91,8 @@ class DriveSetting:
         in allow_drive_without_watchdog) or ``"shown"``.
     next_action : str
         What to do where it is red; empty where that follows from the object alone.
+    code : str
+        Stable name of the refusal if it is red; empty for settings without one of their own.
     """
 
     joint: str
@@ -101,6 +103,7 @@ class DriveSetting:
     found: str
     verdict: Literal["ok", "red", "allowed", "shown"]
     next_action: str = ""
+    code: str = ""
 
 
 @dataclass(eq=False, slots=True)

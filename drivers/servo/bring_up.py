@@ -136,16 +136,23 @@ def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
 
 def refuse_red(settings: Iterable[DriveSetting]) -> None:
     """Raise `PreflightError`, naming every setting that is not as required."""
-    red = [
+    red = [setting for setting in settings if setting.verdict == "red"]
+    told = [
         f"{s.joint} (node {s.node_id}): {s.name} {s.object_name} is {s.found},"
         f" required: {s.required}" + (f" ({s.next_action})" if s.next_action else "")
-        for s in settings
-        if s.verdict == "red"
+        for s in red
     ]
     if red:
         raise PreflightError(
-            "; ".join(red) + ". Nothing is moved; correct the drive or the cell file"
+            "; ".join(told) + ". Nothing is moved; correct the drive or the cell file",
+            code=common_code(setting.code for setting in red),
         )
+
+
+def common_code(codes: Iterable[str]) -> str:
+    """Return the code that all of some refusals have; empty if they differ."""
+    distinct = set(codes)
+    return distinct.pop() if len(distinct) == 1 else ""
 
 
 def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:

@@ -105,6 +105,14 @@ def eds_findings(
         lack = _lack(torque, found)
         if lack is not None:
             findings.append(_finding(torque, *lack, found))
+    if profile.referenced is not None:
+        bits = Requirement(
+            *object_address(profile.referenced.object), profile.referenced.bits // 8, "referenced"
+        )
+        found = eds.get(bits.index, bits.subindex)
+        lack = _lack(bits, found)
+        if lack is not None:
+            findings.append(_finding(bits, *lack, found))
     return tuple(findings)
 
 

@@ -1,5 +1,9 @@
 """`PositionCounter`: how a drive's position counts and wraps; `PositionTargets`, counted so.
 
+`reference_setting` says if its zero is known. CiA 402 has no bit for that outside homing mode: the
+drive's profile names the manufacturer's bits (`referenced`). A drive without them can have a zero
+that the cell file states (`position_zero_counts`), as with an absolute encoder.
+
 A drive without a velocity mode gets the sum of its velocities, from where its axis was when it was
 switched on. While it is not, its set-point is where it stands: power moves nothing.
 """
@@ -8,17 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from config.cell.cell import DriveAxis
-from drivers.canopen.sdo import SdoAbort, object_name
+from config.cell.fixed_pdo import object_address
+from config.cell.servo_profile import ReferencedBits
+from drivers.canopen.sdo import SdoAbort, abort_text, object_name
 from drivers.interfaces.servo_axes import DriveSetting
-from drivers.servo.sdo_port import SdoPort
+from drivers.servo.sdo_port import SdoPort, is_missing
 
 POSITION_RANGE = 0x607B
 _INT32 = (-(1 << 31), (1 << 31) - 1)
+
+REFERENCED: Final = "position reference"
+NOT_REFERENCED: Final = "RID-DRIVE-NOT-REFERENCED"
+
+_POSITION: Final = (0x6064, 0)
+_HOME = (
+    "home the drive with its own tool, then run `rid-daq check` again; if its encoder is absolute"
+    " and the bits do not apply, set `referenced: null` in the axis's servo and state"
+    " position_zero_counts"
+)
+_CORRECT = "correct `referenced` in the axis's servo by the drive's manual"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +102,59 @@ def counter_setting(axis: DriveAxis, counter: PositionCounter, needed: float) ->
         f"{counter.size} ({counter.lowest} to {counter.highest})",
         "ok" if needed < counter.size else "red",
         "widen 607Bh in the drive's own tool, or narrow the position limits in the robot file",
+    )
+
+
+def reference_setting(
+    port: SdoPort, axis: DriveAxis, referenced: ReferencedBits | None
+) -> DriveSetting:
+    """Return the line that says whether a drive is referenced.
+
+    Parameters
+    ----------
+    port : SdoPort
+        The drive.
+    axis : DriveAxis
+        Its axis in the cell file.
+    referenced : ReferencedBits or None
+        The bits of its profile that say it; None if it has none.
+
+    Raises
+    ------
+    DeviceTimeoutError, TransportError
+        The drive does not answer, or the bus is gone.
+    """
+    if referenced is None:
+        stated = "position_zero_counts" in axis.model_fields_set
+        found = (
+            f"zero stated in the cell file (position_zero_counts {axis.position_zero_counts})"
+            if stated
+            else "not known"
+        )
+        return DriveSetting(
+            axis.joint, axis.node_id, object_name(*_POSITION), REFERENCED, "", found, "shown"
+        )
+    address = object_address(referenced.object)
+    required = f"referenced ({referenced.object} & {referenced.mask:X}h = {referenced.wanted:X}h)"
+    try:
+        held = port.read_int(*address) & referenced.mask
+    except SdoAbort as abort:
+        missing = "not in this drive" if is_missing(abort) else abort_text(abort.code)
+        found, good, advice = missing, False, _CORRECT
+    else:
+        good = held == referenced.wanted
+        found = f"{'referenced' if good else 'not referenced'}, by the drive ({held:X}h)"
+        advice = _HOME
+    return DriveSetting(
+        axis.joint,
+        axis.node_id,
+        referenced.object,
+        REFERENCED,
+        required,
+        found,
+        "ok" if good else "red",
+        "" if good else advice,
+        "" if good else NOT_REFERENCED,
     )
 
 

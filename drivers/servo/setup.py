@@ -31,7 +31,7 @@ from drivers.device_text import printable
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits, MotorRatings, PowerState, state_of, torque_setting
-from drivers.servo.position_counter import counter_setting, read_counter
+from drivers.servo.position_counter import counter_setting, read_counter, reference_setting
 from drivers.servo.requirements import (
     INCREMENTS,
     LIFE_TIME_FACTOR,
@@ -127,6 +127,7 @@ class DriveSetup:
         motor, units = self._read_units()
         if motor is not None and units is not None:
             self._configure(motor, units)
+        self._settings.append(reference_setting(self._port, self._axis, self._profile.referenced))
         self._check_state()
         return self._result(units)
 

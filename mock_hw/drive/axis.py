@@ -135,6 +135,9 @@ class DrivenAxis:
         limit = profile.torque_limit or TorqueObject(object=object_name(*od.TORQUE_LIMIT))
         self._limit = object_address(limit.object)
         self._rated_per_limit = 1e-3 * motor.nm_per_unit(limit) / permille_nm
+        bits = profile.referenced
+        of_status = bits is not None and bits.object == object_name(*od.STATUSWORD)
+        self._status_bits = identity.referenced_bits if of_status else 0
         self._moved_s = now_s
         self.following = FollowingError(objects, clock)
 
@@ -162,7 +165,7 @@ class DrivenAxis:
     def refresh(self) -> None:
         """Write into the objects what is true of power stage and axis now."""
         objects, port = self._objects, self._port
-        objects[od.STATUSWORD] = self._power.statusword()
+        objects[od.STATUSWORD] = self._power.statusword() | self._status_bits
         objects[od.MODE_DISPLAY] = objects[od.MODE]
         objects[od.POSITION] = _wrap(port.position_counts())
         velocity = round(port.velocity_counts_s() / self._counts_per_unit)

@@ -96,6 +96,8 @@ class DriveIdentity:
         The motor's rated torque [mN m].
     profile : ServoProfile
         Its objects and its units.
+    referenced : bool
+        True if the drive has been homed.
     """
 
     node_id: int
@@ -103,6 +105,7 @@ class DriveIdentity:
     gear: Fraction
     rated_torque_mnm: int
     profile: ServoProfile = _CIA402
+    referenced: bool = True
 
     def __post_init__(self) -> None:
         largest = max(self.gear.numerator, self.gear.denominator)
@@ -131,7 +134,16 @@ class DriveIdentity:
             gear,
             round(1000.0 * simulated.rated_motor_torque_nm),
             cell.servo_of(axis),
+            simulated.referenced,
         )
+
+    @property
+    def referenced_bits(self) -> int:
+        """What the object of the profile's `referenced` holds, for a drive that has it."""
+        bits = self.profile.referenced
+        if bits is None:
+            return 0
+        return bits.wanted if self.referenced else ~bits.wanted & bits.mask
 
     @property
     def motor(self) -> MotorRatings:
@@ -256,6 +268,10 @@ def _makers_entries(identity: DriveIdentity) -> Iterator[Entry]:
         code = _CODES[extra.bits].lower() if extra.value < 0 else _CODES[extra.bits]
         value = 0 if extra.written else extra.value
         yield Entry(*object_address(extra.object), "by its family", code, value, "rw")
+    bits = profile.referenced
+    if bits is not None and bits.object != object_name(*STATUSWORD):
+        held = identity.referenced_bits
+        yield Entry(*object_address(bits.object), "referenced", _CODES[bits.bits], held)
 
 
 def _communication_entries(identity: DriveIdentity) -> Iterator[Entry]:

@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from config.errors import PreflightError, RidDaqError
 from config.load import load_cell
+from drivers.servo.bring_up import common_code
 from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
 from rid_daq.preflight.check_words import say_all, say_devices
 from rid_daq.preflight.last_pose import PoseRule
@@ -83,7 +84,8 @@ def perform(request: CheckRequest, console: Console) -> None:
     console.verdict(False, f"Cell {loaded.config.name} is not ready: no motion.")
     failure: RidDaqError = PreflightError(
         f"cell {loaded.config.name}: red lines in the preflight: {len(red)}; the actions are named"
-        " above"
+        " above",
+        code=common_code(line.code for line in red),
     )
     if problem is not None and not (red and isinstance(problem, PreflightError)):
         failure = problem

@@ -28,7 +28,11 @@ Verdict = Literal["ok", "red", "allowed", "shown"]
 
 @dataclass(frozen=True)
 class CheckLine:
-    """One line of the preflight: what was measured, what is required, what to do if red."""
+    """One line of the preflight: what was measured, what is required, what to do if red.
+
+    `code` is the stable name of the refusal if it is red, empty for lines without one of their own.
+    A line with a `headline` is shown under this name even if it is not red.
+    """
 
     where: str
     what: str
@@ -37,6 +41,8 @@ class CheckLine:
     verdict: Verdict
     next_action: str = ""
     of_drive: bool = False
+    code: str = ""
+    headline: str = ""
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:

@@ -12,7 +12,7 @@ _COLUMNS = ("", "what", "found", "required")
 
 
 def say_devices(console: Console, lines: Sequence[CheckLine]) -> None:
-    """Write one line a device, and below it each of its lines that is red or was only allowed.
+    """Write one line a device, with its headline; below it each line that is red or only allowed.
 
     Parameters
     ----------
@@ -83,4 +83,5 @@ def _summary(lines: Sequence[CheckLine]) -> str:
         return f"{line.what}: {line.found}{limit}"
     if not required:
         return f"{len(lines)} things read, none required"
-    return f"{held} of {len(required)} requirements hold"
+    headlines = [f"; {line.headline}: {line.found}" for line in lines if line.headline]
+    return f"{held} of {len(required)} requirements hold{''.join(headlines)}"

@@ -10,6 +10,7 @@ from config.errors import DriverError, PreflightError, RidDaqError
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.interfaces.servo_axes import DriveSetting
+from drivers.servo.position_counter import REFERENCED
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.bus_check import CheckLine, sender_lines, watch_lines
 from rid_daq.preflight.drive_advice import next_action
@@ -71,6 +72,8 @@ def _setting(setting: DriveSetting) -> CheckLine:
         verdict=setting.verdict,
         next_action=next_action(setting) if setting.verdict == "red" else "",
         of_drive=True,
+        code=setting.code,
+        headline=setting.name if setting.name == REFERENCED else "",
     )
 
 

@@ -78,7 +78,14 @@ class ObedientCell(can.BusABC):
 
     channel_info = "obedient"
 
-    def __init__(self, cell: CellConfig, robot: RobotDescription, increments: int) -> None:
+    def __init__(
+        self,
+        cell: CellConfig,
+        robot: RobotDescription,
+        increments: int,
+        *,
+        referenced: bool = True,
+    ) -> None:
         super().__init__("obedient")
         self.now_s = 0.0
         self.simulated_clock = Clock(self)
@@ -94,7 +101,7 @@ class ObedientCell(can.BusABC):
             gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
             profile = cell.servo_of(axis)
             own = round(profile.encoder_increments or increments)
-            identity = DriveIdentity(axis.node_id, own, gear, rated_mnm, profile)
+            identity = DriveIdentity(axis.node_id, own, gear, rated_mnm, profile, referenced)
             units = AxisUnits.of_motor(identity.motor, profile, joint.gear_ratio, axis.direction)
             middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
             self.units.append(units)

@@ -125,7 +125,7 @@ def test_the_five_mistakes_of_the_exercise_are_told_one_after_the_other(
         assert "The zero position of axis1 is off: add 60" in said[1]
 
         change(robot, "gravity_m_s2: [0.0, 0.0, 9.81]", "gravity_m_s2: [9.81, 0.0, 0.0]")
-        change(cell, "position_zero_counts: 0 ", "position_zero_counts: 165205 ")
+        change(cell, "# position_zero_counts: 0 ", "position_zero_counts: 165205 ")
         assert document("record", str(cell), str(motion))[0] == 0
         code, identified = document("identify", "latest")
         assert code == 0

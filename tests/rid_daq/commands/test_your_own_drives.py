@@ -44,6 +44,31 @@ def test_a_drive_without_6007h_is_ready_by_its_trial(
 
 
 @pytest.mark.slow
+def test_a_drive_that_says_it_is_not_homed_stops_check_and_record(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", str(tmp_path / "mine")]) == 0
+    cell, plant = tmp_path / "mine" / "cell.yaml", tmp_path / "mine" / "plant.yaml"
+    told = read_named("ir361", "plants", None)[0].decode()
+    first = told.index("initial_position")
+    plant.write_text(told[:first] + "referenced: false\n    " + told[first:])
+    bits = "servo: {referenced: {object: 6041h:00, mask: 32768}}\n"
+    cell.write_text(cell.read_text().replace("plant: ir361", "plant: plant.yaml") + bits)
+    capsys.readouterr()
+    words = [str(cell), "--json", "--runs", str(tmp_path / "runs")]
+    assert run(["check", *words, "--seconds", "0.1"]) == 3
+    lines = [line for line in document(capsys)["lines"] if "position reference" in line["what"]]
+    assert [(line["verdict"], line["code"]) for line in lines] == [
+        ("red", "RID-DRIVE-NOT-REFERENCED"),
+        ("ok", ""),
+        ("ok", ""),
+    ]
+    motion = tmp_path / "mine" / "validation.yaml"
+    assert run(["record", str(cell), str(motion), *words[1:]]) == 3
+    assert "RID-DRIVE-NOT-REFERENCED" in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_drives_with_life_guarding_are_ready_by_their_trial(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from rid_daq.preflight.bus_check import CheckLine, Verdict
@@ -38,6 +40,14 @@ def test_a_device_is_a_line_and_below_it_what_is_red_or_was_only_allowed(
         "  RED     gear: 153:1, required 100",
         "          mend gear",
         "  allowed watch: none, required one",
+    ]
+
+
+def test_a_headline_is_shown_even_if_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
+    reference = line("axis1, node 1", "6064h:00 position reference", "not known", verdict="shown")
+    say_devices(Console(), [*LINES[1:3], replace(reference, headline="position reference")])
+    assert capsys.readouterr().out.splitlines() == [
+        "ok      axis1, node 1: 1 of 1 requirements hold; position reference: not known",
     ]
 
 
