@@ -102,7 +102,9 @@ class Joint(ConfigModel):
     estimate of the gear's efficiency starts (5.16, 5.17); without it the gear loses nothing.
     `torque_constant_nm_per_a` is torque at the link side, gear included, per ampere of the motor,
     at `reference_temperature_k`; `torque_constant_per_k` is by which share of itself it changes per
-    kelvin (magnets: some -0.001 1/K), which drives do not know.
+    kelvin (magnets: some -0.001 1/K), which drives do not know. `stiffness_nm_rad` is the torsional
+    stiffness of gear and bearings at the gear's output [N m/rad; N/m of a prismatic joint]:
+    encoders at the motors do not see that bending, and `tracking` estimates it. No model uses it.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
@@ -120,6 +122,9 @@ class Joint(ConfigModel):
     presliding_share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     reference_temperature_k: Temperature = 298.15
     armature: bool = False
+    stiffness_nm_rad: (
+        Annotated[Positive, Plausible(10.0, 1e9, "N m/rad", Plausible(10.0, 1e12, "N/m"))] | None
+    ) = None
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
 
     @model_validator(mode="after")

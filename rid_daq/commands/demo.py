@@ -79,7 +79,7 @@ def _print(console: Console, result: Result) -> None:
         before = "–" if motion.before is None else f"{1e3 * motion.before.mean_m:.3f}"
         console.say(
             f"{motion.sentence} Mean distance {before} mm before,"
-            f" {1e3 * motion.after.mean_m:.3f} mm after pre-compensation."
+            f" {1e3 * motion.after.mean_m:.3f} mm after pre-compensation, at the motor encoders."
         )
     driven = None if result.retiming is None else result.retiming.driven
     if driven is not None:

@@ -177,7 +177,7 @@ def run_path_chapter(
     assert by is not None
     more = f" {_loop_sentence(loops, by.tuning)}"
     return PathChapter(
-        tracking=TrackingSection.of([followed(*pair) for pair in pairs], robot, more),
+        tracking=TrackingSection.of([followed(*pair, robot) for pair in pairs], robot, more),
         precompensation=by,
         runs=tuple(
             RunSection.of(role, motion.describe(), run.measured.tally, robot)

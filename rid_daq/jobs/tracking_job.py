@@ -81,7 +81,8 @@ def track_runs(request: TrackingRequest, console: Console) -> Tracked:
     robot = first.data.robot
     notes = report_lacks(console, [one.data for one in (*driven, *others)])
     for one in (*driven, *others):
-        if one.data.robot != robot:
+        other_tool = one.data.robot.tool_offset_m != robot.tool_offset_m
+        if one.data.robot.differences(robot) or other_tool:
             raise ConfigError(
                 f"run {one.run_id} is of robot {one.data.robot.name!r}, or of another state of its"
                 f" file, run {first.run_id} of {robot.name!r}: compare runs of one"
@@ -95,7 +96,7 @@ def track_runs(request: TrackingRequest, console: Console) -> Tracked:
             )
     for one, before in pairs:
         _require_order(one, before)
-    section = TrackingSection.of([followed(*pair) for pair in pairs], robot)
+    section = TrackingSection.of([followed(*pair, robot) for pair in pairs], robot)
     result = result_of(first.data, notes).updated(
         title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
     )

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from acquisition.motion.samples import Phase
+from compensation.feedforward.deflection import Deflection, deflection
 from compensation.feedforward.tracking_error import TrackingError, tracking_error
+from config.arrays import BoolArray
 from config.errors import DataQualityError
+from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from rid_daq.report.sections.tracking import FollowedMotion, FollowedRun
 from rid_daq.runs.motion_runs import MotionRun
 from rid_daq.runs.run_data import RunData
 
 
-def followed(after: MotionRun, before: MotionRun | None) -> FollowedMotion:
+def followed(after: MotionRun, before: MotionRun | None, robot: RobotDescription) -> FollowedMotion:
     """Compare what was reached with what was wanted, in one run or two of a motion.
 
     Parameters
@@ -20,6 +25,8 @@ def followed(after: MotionRun, before: MotionRun | None) -> FollowedMotion:
         The run, with compensation.
     before : MotionRun or None
         The same motion without, where there is such a run.
+    robot : RobotDescription
+        The stiffness of its gears.
 
     Raises
     ------
@@ -27,13 +34,16 @@ def followed(after: MotionRun, before: MotionRun | None) -> FollowedMotion:
         A run says nothing of where the robot should have been.
     """
     step_s = after.cell.cycle_time_s
+
+    def run_of(run: MotionRun) -> FollowedRun:
+        data = run.data
+        return FollowedRun(error_of(data), _period(data), step_s, deflection_of(data, robot))
+
     return FollowedMotion.of(
         after.motion.describe(),
         after.use,
-        FollowedRun(error_of(after.data), _period(after.data), step_s),
-        None
-        if before is None
-        else FollowedRun(error_of(before.data), _period(before.data), step_s),
+        run_of(after),
+        None if before is None else run_of(before),
     )
 
 
@@ -45,8 +55,7 @@ def error_of(data: RunData) -> TrackingError:
     DataQualityError
         It has none, or does not say where the robot should have been.
     """
-    recording = data.recording
-    main = (recording.phase == Phase.MAIN) & recording.valid
+    recording, main = data.recording, _main(data)
     if recording.target_position is None or not main.any():
         raise DataQualityError(
             f"run {data.folder.run_id} says nothing of where the robot should have been: a run of"
@@ -54,6 +63,18 @@ def error_of(data: RunData) -> TrackingError:
         )
     chain = Chain.from_description(data.robot)
     return tracking_error(chain, recording.target_position[main], recording.position[main])
+
+
+def deflection_of(data: RunData, robot: RobotDescription) -> Deflection | None:
+    """Return the estimated bending of the gears in a run's main part; None if none is known."""
+    recording, main = data.recording, _main(data)
+    return deflection(robot, recording.position[main], recording.torque_nm[main])
+
+
+def _main(data: RunData) -> BoolArray:
+    """Return the rows of the motion itself that every drive delivered."""
+    recording = data.recording
+    return np.asarray((recording.phase == Phase.MAIN) & recording.valid)
 
 
 def _period(data: RunData) -> slice:

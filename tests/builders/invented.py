@@ -33,7 +33,9 @@ def whole_result() -> dict[str, Any]:
 
     def size(deviation_m: float) -> dict[str, Any]:
         peaks = [2.0 * deviation_m] * 3
-        return {"mean_m": deviation_m, "max_m": 2.0 * deviation_m, "joint_peak": peaks}
+        bending = {"rms_m": 1.1e-3, "max_m": 1.8e-3}
+        size = {"mean_m": deviation_m, "max_m": 2.0 * deviation_m, "joint_peak": peaks}
+        return {**size, "bending": bending}
 
     frequency_hz = [0.1 * i for i in range(1, 200)]
     return {
@@ -181,6 +183,9 @@ def whole_result() -> dict[str, Any]:
         "tracking": {
             "sentence": "Distance between the tool point wanted and reached.",
             "joints": [{"joint": joint, "unit": "rad"} for joint in joints],
+            "unseen": "Bending of gears is not in it.",
+            "with_stiffness": [*joints[:1]],
+            "without_stiffness": [*joints[1:]],
             "motions": [
                 {
                     "sentence": f"Motion of {use}.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rid_daq.jobs.tracking_job import Tracked, TrackingRequest, track_runs
-from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion
+from rid_daq.report.sections.tracking import ENCODERS_AT_MOTORS, ErrorSize, FollowedMotion
 from rid_daq.terminal.console import Console
 
 
@@ -16,6 +16,10 @@ def _print(console: Console, tracked: Tracked) -> None:
     console.document(
         {
             "motions": _motions(tracked),
+            "measured_at": "motor encoders",
+            "unseen": tracked.section.unseen,
+            "with_stiffness": tracked.section.with_stiffness,
+            "without_stiffness": tracked.section.without_stiffness,
             "notes": tracked.notes,
             "report": str(tracked.report),
         }
@@ -42,6 +46,7 @@ def _print(console: Console, tracked: Tracked) -> None:
         ],
     )
     console.verdict(None, tracked.section.verdict.headline)
+    console.say(tracked.section.unseen or ENCODERS_AT_MOTORS)
     console.say(f"Report: {tracked.report}")
 
 
@@ -64,7 +69,13 @@ def _motions(tracked: Tracked) -> list[dict[str, object]]:
 
 def _sizes(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:
     peaks = dict(zip(joints, size.joint_peak, strict=True))
-    return {"mean_m": size.mean_m, "max_m": size.max_m, "joint_peak": peaks}
+    bending = None if size.bending is None else size.bending.model_dump()
+    return {
+        "mean_m": size.mean_m,
+        "max_m": size.max_m,
+        "joint_peak": peaks,
+        "bending": bending,
+    }
 
 
 def _row(motion: FollowedMotion, key: str, ratio: float | None) -> tuple[str, str, str]:

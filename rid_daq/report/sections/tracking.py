@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from pydantic import Strict
@@ -20,6 +20,7 @@ from rid_daq.report.sections.section import Numbers, Section, Texts, rounded, un
 from rid_daq.report.sections.verdict import Check, Verdict
 
 if TYPE_CHECKING:
+    from compensation.feedforward.deflection import Deflection
     from compensation.feedforward.tracking_error import TrackingError
 
 DRAWN_POINTS = 500
@@ -27,6 +28,10 @@ DRAWN_SHARE = 0.12
 SHORTER_PERCENT = 20.0
 MEASURED_PERCENT = 102.0
 CLOSE_AS_BEFORE = 3.0
+ENCODERS_AT_MOTORS: Final = (
+    "The path is computed from the encoders at the motors: it does not contain the bending of gears"
+    " and links, so the tool itself can be farther away."
+)
 STILL_M = 1e-9
 """A tool point that moves less stands still."""
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
@@ -44,11 +49,27 @@ class FollowedRun:
         The rows to draw: the last period, or all.
     sample_period_s : float
         Time between rows [s].
+    deflection : Deflection or None
+        Estimated bending of the gears, if the stiffness of one is known.
     """
 
     error: TrackingError
     drawn: slice
     sample_period_s: float
+    deflection: Deflection | None = None
+
+
+class Bending(Section):
+    """Estimated bending of the gears whose stiffness is known, at the tool point.
+
+    Attributes
+    ----------
+    rms_m, max_m : float
+        RMS and largest value over the motion [m].
+    """
+
+    rms_m: float
+    max_m: float
 
 
 class ErrorSize(Section):
@@ -60,16 +81,22 @@ class ErrorSize(Section):
         Distance of the tool point from its path [m].
     joint_peak : tuple of float
         Largest error of each joint [rad or m].
+    bending : Bending or None
+        What the gears bend the tool by, which none of these contains; None if no stiffness is
+        known.
     """
 
     mean_m: float
     max_m: float
     joint_peak: Numbers
+    bending: Bending | None = None
 
     @classmethod
-    def of(cls, error: TrackingError) -> ErrorSize:
+    def of(cls, run: FollowedRun) -> ErrorSize:
         """Return the size of a run's errors."""
-        return cls.taken(error)
+        bent = run.deflection
+        bending = None if bent is None else Bending(rms_m=bent.rms_m, max_m=bent.max_m)
+        return cls.taken(run.error, bending=bending)
 
 
 class PathCurves(Section):
@@ -154,8 +181,8 @@ class FollowedMotion(Section):
         return cls(
             sentence=sentence,
             use=use,
-            after=ErrorSize.of(one),
-            before=None if other is None else ErrorSize.of(other),
+            after=ErrorSize.of(after),
+            before=None if before is None else ErrorSize.of(before),
             mean_ratio=None if other is None else other.mean_m / max(one.mean_m, 1e-12),
             max_ratio=None if other is None else other.max_m / max(one.max_m, 1e-12),
             drawn=DrawnPaths(
@@ -183,11 +210,18 @@ class TrackingSection(Section):
         The robot's joints.
     motions : tuple of FollowedMotion
         One a motion.
+    unseen : str or None
+        What the encoders do not see, and its size if known; None in results of older versions.
+    with_stiffness, without_stiffness : tuple of str or None
+        Joints whose gear's stiffness the robot file has, and those that are missing.
     """
 
     sentence: str
     joints: tuple[JointUnit, ...]
     motions: tuple[FollowedMotion, ...]
+    unseen: str | None = None
+    with_stiffness: Texts | None = None
+    without_stiffness: Texts | None = None
 
     @classmethod
     def of(
@@ -201,6 +235,9 @@ class TrackingSection(Section):
                 joint=robot.joint_names, unit=[units(joint)[0] for joint in robot.joints]
             ),
             motions=tuple(motions),
+            unseen=f"{ENCODERS_AT_MOTORS} {_bending_words(motions, robot)}",
+            with_stiffness=_joints_with_stiffness(robot, known=True),
+            without_stiffness=_joints_with_stiffness(robot, known=False),
         )
 
     @property
@@ -208,10 +245,11 @@ class TrackingSection(Section):
         """What the report says first; nothing is judged."""
         after = [motion.after.mean_m for motion in self.motions]
         ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio is not None]
-        mean = f"Mean distance from the path {number(1e3 * max(after), 3)} mm"
+        mean = f"Mean distance from the path at the motor encoders {number(1e3 * max(after), 3)} mm"
         mean += " at most" if len(after) > 1 else ""
+        unseen = self.unseen or ENCODERS_AT_MOTORS
         if not ratios:
-            return Verdict.of([], mean, "No run without compensation was given to compare with.")
+            return Verdict.of([], mean, f"No run to compare with was given. {unseen}")
         least = min(ratios)
         if least < 1.0:
             changed = f"error grew {number(1.0 / max(least, 1e-12), 3)} times"
@@ -219,9 +257,30 @@ class TrackingSection(Section):
         else:
             changed = f"error reduced {number(least, 3)} times"
             changed += " at least" if len(ratios) > 1 else ""
-        return Verdict.of(
-            [], f"{mean}: {changed}", "Before and after are two runs of the same motion."
-        )
+        two = "Before and after are two runs of the same motion."
+        return Verdict.of([], f"{mean}: {changed}", f"{two} {unseen}")
+
+
+def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str, ...]:
+    return tuple(
+        joint.name for joint in robot.joints if (joint.stiffness_nm_rad is not None) == known
+    )
+
+
+def _bending_words(motions: Sequence[FollowedMotion], robot: RobotDescription) -> str:
+    """Say how much the gears bend the tool, as far as their stiffness is known."""
+    bent = [motion.after.bending for motion in motions if motion.after.bending is not None]
+    missing = _joints_with_stiffness(robot, known=False)
+    if not bent:
+        return "Its size is not known: the robot file has no stiffness_nm_rad."
+    largest, rms = (max(getattr(each, key) for each in bent) for key in ("max_m", "rms_m"))
+    words = (
+        f"Estimated bending of the gears at the tool: {number(1e3 * largest, 2)} mm at most,"
+        f" {number(1e3 * rms, 2)} mm RMS, from stiffness_nm_rad and the measured motor torques"
+        " (gravity, friction and the motors' own inertia included)."
+    )
+    lacking = f" No stiffness is known of {', '.join(missing)}." if missing else ""
+    return words + lacking
 
 
 def magnification(extent_m: float, deviation_m: float) -> float:
@@ -299,7 +358,8 @@ class DrivenTiming(Section):
             f"Pick and place in {after.moving_s:.4g} s in place of {before.moving_s:.4g} s: at most"
             f" {100.0 * max(after.torque_share):.0f} % of a torque and"
             f" {100.0 * self.base_share:.0f} % of what the base may take; mean distance"
-            f" {1e3 * before.mean_m:.3f} mm before, {1e3 * after.mean_m:.3f} mm after."
+            f" {1e3 * before.mean_m:.3f} mm before, {1e3 * after.mean_m:.3f} mm after, at the motor"
+            " encoders."
         )
 
     @property

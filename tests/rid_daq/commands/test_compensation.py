@@ -102,9 +102,13 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert 1e-3 < motion["against"]["mean_m"] < 3e-3
     assert motion["mean_ratio"] > 10.0
     assert motion["max_ratio"] > 6.0
+    assert found["measured_at"] == "motor encoders"
+    assert found["without_stiffness"] == ["axis1", "axis2", "axis3"]
+    assert motion["bending"] is None
     page = Path(found["report"]).read_text()
     assert "deviation drawn 10 times as large" in page
     assert ": error reduced " in page
+    assert "does not contain the bending" in page
     assert "tuned on it" in page
     assert run(["tracking", "circle", "--against", "compensated", *runs]) == 2
     assert "was driven without compensation: turn them round: " in capsys.readouterr().err

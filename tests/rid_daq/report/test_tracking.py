@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from compensation.feedforward.deflection import deflection
+from compensation.feedforward.tracking_error import tracking_error
+from config.load import load_robot
+from dynamics.geometry.kinematics import Chain
 from rid_daq.report.result import Result
-from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report.sections.tracking import FollowedMotion, FollowedRun, TrackingSection
 
+MEAN = "Mean distance from the path at the motor encoders"
 RESULT = Path(__file__).parent / "results" / "tracking.json"
 
 
@@ -24,16 +30,67 @@ def compared(*ratios: float | None) -> TrackingSection:
 @pytest.mark.parametrize(
     ("ratios", "words"),
     [
-        ((111.0,), "Mean distance from the path 0.0245 mm: error reduced 111 times"),
+        (
+            (111.0,),
+            f"{MEAN} 0.0245 mm: error reduced 111 times",
+        ),
         (
             (30.0, 8.0),
-            "Mean distance from the path 0.0245 mm at most: error reduced 8 times at least",
+            f"{MEAN} 0.0245 mm at most: error reduced 8 times at least",
         ),
-        ((0.01,), "Mean distance from the path 0.0245 mm: error grew 100 times"),
-        ((0.5, 4.0), "Mean distance from the path 0.0245 mm at most: error grew 2 times at most"),
-        ((0.0,), "Mean distance from the path 0.0245 mm: error grew 1·10¹² times"),
-        ((None,), "Mean distance from the path 0.0245 mm"),
+        (
+            (0.01,),
+            f"{MEAN} 0.0245 mm: error grew 100 times",
+        ),
+        (
+            (0.5, 4.0),
+            f"{MEAN} 0.0245 mm at most: error grew 2 times at most",
+        ),
+        (
+            (0.0,),
+            f"{MEAN} 0.0245 mm: error grew 1·10¹² times",
+        ),
+        ((None,), f"{MEAN} 0.0245 mm"),
     ],
 )
 def test_an_error_is_reduced_or_has_grown(ratios: tuple[float | None, ...], words: str) -> None:
     assert compared(*ratios).verdict.headline == words
+
+
+def test_no_verdict_stands_without_what_the_encoders_do_not_see() -> None:
+    for ratios in ((111.0,), (None,)):
+        assert "does not contain the bending" in compared(*ratios).verdict.sentence
+
+
+def bent_run(*stiffness: float | None) -> TrackingSection:
+    """Return the section of a run that stood 0.1 mm off its path, its gears being loaded."""
+    robot = load_robot("ir361")
+    joints = tuple(
+        joint.model_copy(update={"stiffness_nm_rad": each})
+        for joint, each in zip(robot.joints, stiffness, strict=True)
+    )
+    robot = robot.model_copy(update={"joints": joints})
+    position = np.tile([0.1, -0.2, 0.4], (20, 1))
+    error = tracking_error(Chain.from_description(robot), position + 1e-4, position)
+    bent = deflection(robot, position, np.tile([20.0, 200.0, -60.0], (20, 1)))
+    run = FollowedRun(error, slice(None), 0.008, bent)
+    return TrackingSection.of([FollowedMotion.of("A pose.", "plain", run, None)], robot)
+
+
+def test_the_estimated_bending_stands_beside_the_distance() -> None:
+    section = bent_run(None, 6e4, 2e4)
+    (motion,) = section.motions
+    assert motion.after.bending is not None
+    assert motion.after.bending.max_m == pytest.approx(motion.after.bending.rms_m)
+    assert motion.after.bending.max_m > 5.0 * motion.after.max_m
+    assert (section.with_stiffness, section.without_stiffness) == (("axis2", "axis3"), ("axis1",))
+    assert section.unseen is not None
+    assert "mm RMS" in section.unseen
+    assert "No stiffness is known of axis1" in section.unseen
+
+
+def test_an_unknown_stiffness_is_said() -> None:
+    section = bent_run(None, None, None)
+    assert section.motions[0].after.bending is None
+    assert section.without_stiffness == ("axis1", "axis2", "axis3")
+    assert "not known" in (section.unseen or "")

@@ -1,0 +1,126 @@
+"""Bending that motor encoders do not see: the estimate beside the truth of a simulated arm."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.motion.kinds.circle import CircleMotion
+from acquisition.motion.samples import Phase
+from compensation.feedforward.deflection import deflection
+from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.load import load_cell, load_robot, read_named
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain, forward, jacobian
+from mock_hw.plant.plant import Plant
+
+STIFFNESS = (5e4, 6e4, 2e4)
+CYCLE_S = 0.008
+CELL = load_cell("ir361")
+POSITION_GAIN = 10.0
+
+
+def robot_with(*stiffness: float | None) -> RobotDescription:
+    joints = tuple(
+        joint.model_copy(update={"stiffness_nm_rad": each})
+        for joint, each in zip(CELL.robot.joints, stiffness, strict=True)
+    )
+    return CELL.robot.model_copy(update={"joints": joints})
+
+
+def bent_arm() -> Plant:
+    """Return the bundled plant with gears that give."""
+    assert CELL.plant is not None
+    unmodelled = CELL.plant.unmodelled
+    assert unmodelled is not None
+    axes = tuple(
+        axis.model_copy(update={"joint_stiffness_nm_rad": k, "joint_damping_nm_s": 100.0})
+        for axis, k in zip(unmodelled.axes, STIFFNESS, strict=True)
+    )
+    changed = unmodelled.model_copy(update={"axes": axes})
+    return Plant(CELL.robot, CELL.plant.model_copy(update={"unmodelled": changed}))
+
+
+def driven_circle(plant: Plant) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Drive a circle; return positions by the motors' encoders, motor torques, true positions."""
+    circle = CircleMotion(
+        kind="circle",
+        robot="ir361",
+        centre_m=(0.575, -0.078, -1.724),
+        radius_m=0.2,
+        speed_m_s=0.6,
+        near=(0.1, -0.1, 0.4),
+        periods=1,
+    )
+    planned = circle.plan(CELL.robot, CYCLE_S).whole()
+    ratios = [joint.gear_ratio for joint in CELL.robot.joints]
+    per_count = 2.0 * math.pi / (16384 * np.array(ratios))
+    motors, torques, joints = [], [], []
+    on, off = [True] * 3, [False] * 3
+    here = plant.position
+    for _ in range(150):  # to the start of the motion, slowly
+        command = 4.0 * (planned.position[0] - plant.position_counts() * per_count)
+        plant.advance(0.02, command, command, on, off)
+    assert np.abs(plant.position_counts() * per_count - planned.position[0]).max() < 0.01, here
+    for q, v in zip(planned.position, planned.velocity, strict=True):
+        at = plant.position_counts() * per_count
+        motors.append(at)
+        torques.append(plant.measured_torque())
+        joints.append(plant.position)
+        command = v + POSITION_GAIN * (q - at)
+        plant.advance(CYCLE_S, command, command, on, off)
+    main = planned.phase == Phase.MAIN
+    return np.array(motors)[main], np.array(torques)[main], np.array(joints)[main]
+
+
+def test_the_estimate_is_of_the_size_of_the_true_bending() -> None:
+    motors, torques, joints = driven_circle(bent_arm())
+    chain = Chain.from_description(CELL.robot)
+    true = np.linalg.norm(forward(chain, joints) - forward(chain, motors), axis=1)
+    found = deflection(robot_with(*STIFFNESS), motors, torques)
+    assert found is not None
+    true_rms = float(np.sqrt(np.mean(true**2)))
+    assert 1e-3 < true_rms < 3e-3  # a tracking error by the encoders shows none of it
+    assert true_rms < found.rms_m < 1.3 * true_rms  # friction and rotors make it larger
+    assert true.max() < found.max_m < 1.4 * true.max()
+
+
+POSE = np.array([[0.2, -0.3, 0.5], [0.1, 0.4, 0.9]])
+TORQUE = np.array([[10.0, 200.0, -60.0], [-5.0, 150.0, 20.0]])
+
+
+def test_only_gears_of_known_stiffness_count() -> None:
+    found = deflection(robot_with(None, 6e4, None), POSE, TORQUE)
+    assert found is not None
+    assert found.known.tolist() == [False, True, False]
+    assert found.joint[:, [0, 2]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert found.joint[:, 1] == pytest.approx(TORQUE[:, 1] / 6e4)
+    slopes = jacobian(Chain.from_description(CELL.robot), POSE)[:, :3, 1]
+    moved = np.linalg.norm(slopes, axis=1) * np.abs(TORQUE[:, 1]) / 6e4
+    assert found.distance_m == pytest.approx(moved, rel=0.01)
+
+
+def test_without_any_stiffness_there_is_no_estimate() -> None:
+    assert deflection(CELL.robot, POSE, TORQUE) is None
+
+
+def test_a_gear_of_a_coupled_wrist_moves_every_joint_that_its_motor_moves() -> None:
+    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.5, 1.0))
+    robot = robot_with(None, 6e4, None).model_copy(update={"coupling": coupling})
+    found = deflection(robot, POSE, TORQUE)
+    assert found is not None
+    bent = TORQUE[:, 1] / 6e4
+    assert found.joint == pytest.approx(np.stack([0.0 * bent, bent, 0.5 * bent], axis=1))
+
+
+@pytest.mark.parametrize("wrong", ["0.0", "-50000.0", "5.0"])
+def test_a_stiffness_that_no_gear_has_is_refused(tmp_path: Path, wrong: str) -> None:
+    text = read_named("ir361", "robots", None)[0].decode()
+    file = tmp_path / "robot.yaml"
+    file.write_text(text.replace("gear_ratio: 121.0", f"stiffness_nm_rad: {wrong}"))
+    with pytest.raises(ConfigError, match="stiffness_nm_rad"):
+        load_robot(str(file))
