@@ -14,8 +14,9 @@ from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.recording.recording import Recording
 from config.cell.plate import PlateConfig
+from identification.calibration.plate_hypotheses import angles_of, rotation_of
 from identification.calibration.plate_mistake import PlateKind, PlateMistake
-from identification.calibration.plate_search import _angles, _rotation, find_plate_mistake
+from identification.calibration.plate_search import find_plate_mistake
 from identification.calibration.torque_scale import torque_consistency
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic, unsolved_equations
 from identification.estimation.options import EstimationOptions
@@ -65,8 +66,8 @@ def described(average: PeriodAverage, arm: KnownArm) -> Described:
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:
         averages, plate = _described(average, channels, **stated)
         options = EstimationOptions(model=ModelOptions(kind=kind))
-        equations = unsolved_equations(arm.robot, averages, options)
-        mistake = find_plate_mistake(averages, equations, [0.0], plate)
+        equations, model, base = unsolved_equations(arm.robot, averages, options)
+        mistake = find_plate_mistake(averages, equations, [0.0], plate, arm.robot, model, base)
         assert mistake is not None
         return mistake
 
@@ -140,15 +141,18 @@ def test_angles_are_those_of_a_cell_file(
     cell: LoadedCell, angles: tuple[float, float, float]
 ) -> None:
     assert cell.config.plate is not None
-    rotation = _rotation(cell.config.plate.model_copy(update={"rotation_rad": angles}))
-    again = cell.config.plate.model_copy(update={"rotation_rad": _angles(rotation)})
-    np.testing.assert_allclose(_rotation(again), rotation, atol=1e-5)
+    rotation = rotation_of(cell.config.plate.model_copy(update={"rotation_rad": angles}))
+    again = cell.config.plate.model_copy(update={"rotation_rad": angles_of(rotation)})
+    np.testing.assert_allclose(rotation_of(again), rotation, atol=1e-5)
 
 
 def mistake_of(fitted: FittedPeriods, plate: PlateConfig) -> PlateMistake | None:
     problem = fitted.problem
     delays_s = problem.delays_s.tolist()
-    return find_plate_mistake(problem.averages, fitted.equations, delays_s, plate)
+    equations, model, base = fitted.equations, fitted.model, fitted.base
+    return find_plate_mistake(
+        problem.averages, equations, delays_s, plate, fitted.robot, model, base
+    )
 
 
 def _times(channel: int, factor: float) -> Channels:
