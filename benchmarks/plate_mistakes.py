@@ -21,6 +21,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.drawn_arm import drawn_parameters, plausible_weight
 from identification.model.options import ModelOptions
 
+SOUND: Final = "sound"
 SHIFTS_M: Final = (0.05, 0.1, 0.3)
 YAWS_DEG: Final = (5.0, 20.0, 90.0, 180.0)
 FACTORS: Final = (1.2, 0.8, -1.0, 10.0)
@@ -73,7 +74,7 @@ def plate_outcomes(count: int, first_seed: int) -> Iterator[PlateOutcome]:
         truth = equations.shares(wrench_matrix(arm.plate))
         name = arm.robot.name
         found = best_mistake(equations, arm.plate, drawn, plausible)
-        yield PlateOutcome(name, "sound", found is not None, False, False)
+        yield PlateOutcome(name, SOUND, found is not None, False, False)
         for made in _mistakes(arm.plate):
             own = replace(
                 equations,

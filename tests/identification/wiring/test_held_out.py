@@ -21,7 +21,8 @@ PERIOD = 1000  # rows of the motion's period
 
 
 def signals_of(sound: Sound, rows: int | None = None) -> WiredSignals:
-    stated = Stated(sound.robot, sound.time_s[:rows], sound.position[:rows], sound.torque_nm[:rows])
+    signals = (sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
+    stated = Stated(sound.robot, *(each[:rows] for each in signals))
     return WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), 10.0)])
 
 
