@@ -71,7 +71,7 @@ def sources(arms: tuple[str, ...], first_seed: int) -> Iterator[Stated]:
             yield _real(Path(real) / "ur10e")
             continue
         sound = sound_run(robot, np.random.default_rng([first_seed, ARMS.index(arm)]))
-        yield Stated(robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
+        yield Stated.of(sound)
 
 
 def _real(folder: Path) -> Stated:
@@ -170,8 +170,7 @@ def false_alarms(count: int, first_seed: int) -> int:
             random = np.random.default_rng(number)
             start, length = random.uniform(0.0, 20.0), random.uniform(*SHORT_S)
             rows = slice(*np.searchsorted(sound.time_s, (start, start + length)).tolist())
-        signals = (sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
-        stated = Stated(sound.robot, *(each[rows] for each in signals))
+        stated = Stated.of(sound, rows)
         signals = WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), BAND_HZ)])
         driving, weight = impossibilities(signals)
         heavy = weight is not None and not weight.is_plausible

@@ -9,12 +9,14 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.sound_robots import Sound
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import Kind
 
 DEGREE: Final = math.pi / 180.0
+ALL_ROWS: Final = slice(None)
 OTHERS: Final = {"kr15": "ur10e", "ur10e": "kr15"}
 
 
@@ -45,6 +47,17 @@ class Stated:
     gravity_nm: FloatArray
     unit: str = "rad"
     velocity: FloatArray | None = None
+
+    @classmethod
+    def of(cls, sound: Sound, rows: slice = ALL_ROWS) -> Stated:
+        """Return rows of a recording, and its robot's file, as they are."""
+        return cls(
+            sound.robot,
+            sound.time_s[rows],
+            sound.position[rows],
+            sound.torque_nm[rows],
+            sound.gravity_nm[rows],
+        )
 
     @property
     def table(self) -> FloatArray:
@@ -170,13 +183,13 @@ def _of_all(sound: Stated) -> Iterator[Made]:
     in_degrees = replace(sound, position=sound.position / DEGREE)
     yield Made("degrees read as radians", (Kind.POSITION_FACTOR,), (), in_degrees)
     gears = np.array([abs(joint.gear_ratio) for joint in sound.robot.joints])
-    for name, factor in (
+    for name, factors in (
         ("in turns", np.full(len(gears), 0.5 / math.pi)),
         ("in mrad", np.full(len(gears), 1000.0)),
         ("of the motors", gears),
     ):
-        if np.any(factor != 1.0):
-            unit = replace(sound, position=sound.position * factor)
+        if np.any(factors != 1.0):
+            unit = replace(sound, position=sound.position * factors)
             yield Made(f"positions {name}", (Kind.POSITION_FACTOR,), (), unit)
     as_degrees = replace(sound, unit="deg")
     yield Made("radians read as degrees", (Kind.POSITION_FACTOR,), (), as_degrees)
@@ -288,12 +301,12 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
     down = tuple(-each for each in robot.gravity_m_s2)
     yield Made("mounted upside down", (Kind.MOUNTING,), (), of(gravity_m_s2=down))
     size, sign = float(np.linalg.norm(robot.gravity_m_s2)), math.copysign(1, robot.gravity_m_s2[2])
-    for name, degrees, azimuth in (
+    for name, tilt_deg, azimuth_deg in (
         ("a tilt that is not there", 30.0, 90.0),
         ("a tilt of 15 degrees", 15.0, 200.0),
         ("mounted on a wall", 90.0, 0.0),
     ):
-        tilt, turn = degrees * DEGREE, azimuth * DEGREE
+        tilt, turn = tilt_deg * DEGREE, azimuth_deg * DEGREE
         flat, along = size * math.sin(tilt), sign * size * math.cos(tilt)
         gravity = (flat * math.cos(turn), flat * math.sin(turn), along)
         yield Made(name, (Kind.MOUNTING,), (), of(gravity_m_s2=gravity))

@@ -21,8 +21,7 @@ PERIOD = 1000  # rows of the motion's period
 
 
 def signals_of(sound: Sound, rows: int | None = None) -> WiredSignals:
-    signals = (sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
-    stated = Stated(sound.robot, *(each[:rows] for each in signals))
+    stated = Stated.of(sound, slice(rows))
     return WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), 10.0)])
 
 
