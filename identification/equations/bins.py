@@ -187,6 +187,20 @@ def bin_equations(
     )
 
 
+def counted_samples(
+    model: RobotModel, average: PeriodAverage, band_hz: float, standstill_rad_s: float
+) -> BoolArray:
+    """Return at which samples of a mean period `bin_equations` counts each joint, (samples, n).
+
+    At the others the joint's torque is left free.
+    """
+    q, v = mean_motion(average, band_hz)
+    warmth = Conditions(temperature_k=average.temperature_k)
+    conditions = with_memory(model, q, warmth, periodic=True)
+    finer = len(q) // average.samples_per_period
+    return np.asarray(counted(conditions, moving(model, v, standstill_rad_s))[::finer])
+
+
 def with_free_reversals(
     equations: BinEquations, model: RobotModel, average: PeriodAverage, standstill_rad_s: float
 ) -> BinEquations:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
-from config.arrays import FloatArray
-from identification.equations.bins import bin_equations
+from config.arrays import BoolArray, FloatArray
+from identification.equations.bins import bin_equations, counted_samples
+from identification.equations.whitened import whiten
 from identification.estimation.estimate import Estimate
 
 
@@ -22,6 +23,12 @@ class PeriodComparison:
         Time within the period [s].
     measured_nm, predicted_nm : ndarray, shape (K, n)
         Torques [N m or N].
+    fitted_nm : ndarray, shape (K, n)
+        The prediction as the fit has it: plus the torque that it leaves free where a joint does not
+        count [N m or N]. The RMS of measured minus fitted is the estimate's residual.
+    counted : ndarray of bool, shape (K, n)
+        Samples at which a joint counts: it moves faster than the estimate's standstill speed, or
+        its presliding friction is known.
     frequency_hz : ndarray, shape (H + 1,)
         The bins [Hz].
     measured_spectrum_nm, residual_spectrum_nm : ndarray, shape (H + 1, n)
@@ -34,6 +41,8 @@ class PeriodComparison:
     time_s: FloatArray
     measured_nm: FloatArray
     predicted_nm: FloatArray
+    fitted_nm: FloatArray
+    counted: BoolArray
     frequency_hz: FloatArray
     measured_spectrum_nm: FloatArray
     residual_spectrum_nm: FloatArray
@@ -54,15 +63,23 @@ def compare_period(estimate: Estimate, average: PeriodAverage) -> PeriodComparis
         estimate.base,
         average,
         band_hz=estimate.band_hz,
-        standstill_rad_s=0.0,
+        standstill_rad_s=estimate.standstill_rad_s,
         standard=standard,
     )
-    predicted = equations.matrix[:, :, : len(estimate.base)] @ estimate.values
+    columns = slice(0, len(estimate.base))
+    predicted = equations.matrix[:, :, columns] @ estimate.values
+    n = len(predicted)
+    white = whiten(equations, np.zeros((n, n)), uniform=estimate.weighting == "ls")
+    left = [(part.rhs - part.matrix[:, columns] @ estimate.values) * part.sigma for part in white]
     samples = average.samples_per_period
     return PeriodComparison(
         time_s=np.arange(samples, dtype=np.float64) * average.sample_period_s,
         measured_nm=equations.to_time(equations.rhs, samples),
         predicted_nm=equations.to_time(predicted, samples),
+        fitted_nm=equations.to_time(equations.rhs - np.array(left), samples),
+        counted=counted_samples(
+            estimate.model, average, estimate.band_hz, estimate.standstill_rad_s
+        ),
         frequency_hz=np.arange(equations.harmonics + 1) / equations.period_s,
         measured_spectrum_nm=_per_bin(equations.rhs, equations.harmonics),
         residual_spectrum_nm=_per_bin(equations.rhs - predicted, equations.harmonics),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import typer
 
 from rid_daq.recording.accuracy_watch import AccuracyWatch
@@ -13,6 +15,11 @@ from rid_daq.recording.record_job import (
 )
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.terminal.console import Console
+
+SINGLE_PERIODS: Final = (
+    "It is of rows of single periods, with their noise and reversals. The residual that `identify`"
+    " prints is another quantity: of the mean of the periods, with reversals left free."
+)
 
 
 def perform(request: RecordRequest, console: Console) -> None:
@@ -34,6 +41,7 @@ def _print(console: Console, recorded: MotionRecorded) -> None:
     console.say(run.timing_sentence)
     if accuracy is not None and accuracy.running is not None:
         console.say(f"Running estimate: {accuracy.running_sentence()}")
+        console.say(SINGLE_PERIODS)
     for sentence in [] if accuracy is None else accuracy.sentences():
         console.say(sentence)
     if run.print_verdict(console):
@@ -44,6 +52,7 @@ def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, object]:
     running = accuracy.running
     return {
         "relative_percent": None if running is None else running.relative_percent.tolist(),
+        "relative_percent_of": "single periods",
         "reached": accuracy.reached if accuracy.goals else None,
         "periods": accuracy.periods,
         "goals": accuracy.sentences(),

@@ -108,11 +108,11 @@ class AccuracyWatch:
         return self.running_sentence()
 
     def running_sentence(self) -> str:
-        """Say how well the model fits the torques so far; empty before that is known."""
+        """Say what the model leaves of single periods so far; empty before that is known."""
         if self.running is None:
             return ""
         shares = ", ".join(f"{share:.1f}" for share in self.running.relative_percent)
-        return f"the model fits the torques of {self._followed} periods to {shares} %"
+        return f"residual of {self._followed} single periods {shares} % of the torque (RMS)"
 
     def sentences(self) -> list[str]:
         """Say how far each goal is."""

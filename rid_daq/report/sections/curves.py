@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 from pydantic import Strict
 
 from config.robot.robot import RobotDescription
@@ -58,13 +59,13 @@ class TorqueCurves(Section):
         """Return measured and predicted torque over time, and what counts."""
         rows = thinned(len(validation.time_s))
         axes = []
-        unknown = "" if validation.known.all() else ", and friction that is not known yet"
+        unknown = "" if validation.known.all() else ", or friction that is not known yet"
         for i, joint in enumerate(robot.joints):
             error, share = finite(validation.rms_nm[i]), finite(validation.relative_percent[i])
             unit = units(joint)[1]
             caption = "stands still"
             if error is not None and share is not None:
-                caption = f"rms error {error:.3g} {unit}, {share:.3g} % of the torque"
+                caption = f"RMS error (counted) {error:.3g} {unit}, {share:.3g} %"
             axes.append(
                 TorqueCurve(
                     joint=joint.name,
@@ -76,7 +77,8 @@ class TorqueCurves(Section):
                 )
             )
         return cls(
-            sentence=f"Grey: standstill{unknown}, where the error does not count.",
+            sentence=f"Grey: samples that do not count: standstill{unknown}. Every RMS is of the"
+            " other samples; percent are of their RMS torque.",
             time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
             axes=tuple(axes),
         )
@@ -87,21 +89,33 @@ class TorqueCurves(Section):
     ) -> TorqueCurves:
         """Return the torques of a mean of so many periods, with what was fitted to them."""
         rows = thinned(len(comparison.time_s))
-        return cls(
-            sentence=f"The mean of {periods} periods; the model was fitted to it.",
-            time_s=rounded(comparison.time_s[rows], 7),
-            axes=tuple(
+        axes = []
+        for i, joint in enumerate(estimate.robot.joints):
+            unit, counted = units(joint)[1], comparison.counted[:, i]
+            left = (comparison.measured_nm - comparison.fitted_nm)[counted, i]
+            caption = "stands still"
+            if counted.any():
+                caption = f"RMS residual (counted) {np.sqrt(np.mean(left**2)):.3g} {unit}"
+            axes.append(
                 TorqueCurve(
                     joint=joint.name,
-                    unit=units(joint)[1],
-                    caption=f"rms residual of the fit {estimate.residual_nm[i]:.3g}"
-                    f" {units(joint)[1]}",
+                    unit=unit,
+                    caption=caption,
                     measured=rounded(comparison.measured_nm[rows, i]),
-                    predicted=rounded(comparison.predicted_nm[rows, i]),
-                    counted=(1,) * len(comparison.time_s[rows]),
+                    predicted=rounded(comparison.fitted_nm[rows, i]),
+                    counted=tuple(map(int, comparison.counted[rows, i])),
                 )
-                for i, joint in enumerate(estimate.robot.joints)
-            ),
+            )
+        of_run = "" if len(estimate.run_ids) < 2 else " of the first run"
+        return cls(
+            sentence=f"The mean of {periods} periods{of_run} up to"
+            f" {comparison.frequency_hz[-1]:.3g} Hz; the model was fitted to it. Grey: samples that"
+            f" do not count, slower than {estimate.standstill_rad_s:g} rad/s or before presliding"
+            " friction is known; there the fit leaves the torque free. Every RMS is of the other"
+            " samples. The residual in the table of the estimate is over the whole period and all"
+            " runs.",
+            time_s=rounded(comparison.time_s[rows], 7),
+            axes=tuple(axes),
         )
 
 

@@ -328,12 +328,18 @@ def _sentence(estimate: Estimate) -> str:
         else f"{way} by QR in the time domain; the recording is not periodic, so it is low-passed"
         f" without phase shift at {estimate.band_hz:g} Hz instead of averaged"
     )
+    of = (
+        "of the mean of the periods in this band, less the torque that is free near standstill"
+        if estimate.method == "periodic"
+        else "of the low-passed samples that are used"
+    )
     return (
         f"{how}{_OUTPUTS[estimate.options.kind]}: {len(estimate.base)} base parameters from"
         f" {estimate.equations} equations,"
         f" condition number {estimate.condition_number:.3g}. Below"
         f" {estimate.standstill_rad_s:g} rad/s friction is not sign(velocity); such samples are not"
-        f" used for it{pauses} ({left_out} % of each axis). Intervals are by leaving out one part"
+        f" used for it{pauses} ({left_out} % of each axis). Torque and residual are RMS"
+        f" {of}. Intervals are by leaving out one part"
         " of the data after the other (cluster jackknife), so that they hold for model error as"
         " well; what measured noise or white residuals alone would say stands beside them."
     )

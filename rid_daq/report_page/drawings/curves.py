@@ -81,13 +81,15 @@ def torque_figure(time_s: Sequence[float], axis: TorqueCurve, name: str) -> Mark
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 3.5), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-        top.plot(t, np.where(counted, np.nan, predicted), color=FAINT, linewidth=WIDE)
+        still = np.where(counted, np.nan, predicted)
+        (pale,) = top.plot(t, still, color=FAINT, linewidth=WIDE, label="predicted, not counted")
         shown = np.where(counted, predicted, np.nan)
         (wide,) = top.plot(t, shown, color=ORANGE, linewidth=WIDE, label="predicted")
         (thin,) = top.plot(t, measured, color=MEASURED, linewidth=THIN, label="measured")
         top.set_ylabel(f"torque [{as_label(axis.unit)}]")
         above: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
-        top.legend(handles=[thin, wide], ncols=2, **above)
+        handles = [thin, wide] if counted.all() else [thin, wide, pale]
+        top.legend(handles=handles, ncols=3, **above)
         bottom.plot(t, np.where(counted, np.nan, error), color=FAINT, linewidth=0.8)
         bottom.plot(t, np.where(counted, error, np.nan), color=WRONG, linewidth=0.8)
         reach = 1.2 * float(np.max(np.abs(error[counted]), initial=0.0))

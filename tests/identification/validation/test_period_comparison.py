@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
@@ -14,6 +17,7 @@ from identification.equations.segments import period_signals
 from identification.estimation.estimate import predict
 from identification.estimation.estimators import estimate_periodic
 from identification.validation.period_comparison import compare_period
+from rid_daq.report.sections.curves import TorqueCurves
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -70,3 +74,36 @@ def test_what_gears_lose_is_in_the_prediction(
         for each in (lossy, estimate)
     )
     assert np.std(drawn - told) < 0.1 * np.std(told - without)
+
+
+def test_what_is_fitted_leaves_the_residual_of_the_estimate(
+    arm: KnownArm, measure: Callable[..., Recording]
+) -> None:
+    average = average_periods(measure())
+    estimate = estimate_periodic(arm.robot, [average])
+    comparison = compare_period(estimate, average)
+    left = comparison.measured_nm - comparison.fitted_nm
+    np.testing.assert_allclose(np.sqrt(np.mean(left**2, axis=0)), estimate.residual_nm, rtol=1e-3)
+    np.testing.assert_allclose(
+        1.0 - comparison.counted.mean(axis=0), estimate.left_out_fraction, atol=0.01
+    )
+    assert (estimate.left_out_fraction > 0.0).any()
+    resting = np.where(comparison.counted, 0.0, left)
+    assert np.sum(resting**2) < 0.1 * np.sum(left**2)  # there the torque is free
+
+
+def test_the_figure_states_the_rms_of_the_samples_that_it_draws_as_counted(
+    arm: KnownArm, measure: Callable[..., Recording]
+) -> None:
+    average = average_periods(measure())
+    estimate = estimate_periodic(arm.robot, [average])
+    curves = TorqueCurves.of_period(estimate, compare_period(estimate, average), 4)
+    for axis, residual in zip(curves.axes, estimate.residual_nm, strict=True):
+        counted = np.array(axis.counted, dtype=bool)
+        left = (np.array(axis.measured) - axis.predicted)[counted]
+        rms = float(np.sqrt(np.mean(left**2)))
+        said = re.match(r"RMS residual \(counted\) (\S+) N m$", axis.caption)
+        assert said is not None
+        assert float(said[1]) == pytest.approx(rms, rel=0.01)
+        share = float(counted.mean())
+        assert rms == pytest.approx(residual / math.sqrt(share), rel=0.02)
