@@ -9,14 +9,16 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.torque_channel import TorqueChannel
+from acquisition.processing.unfiltered import UnfilteredSignals
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
-from dynamics.model.memory import presliding, with_memory
+from dynamics.model.memory import presliding
 from dynamics.model.standstill import moving as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.deconvolution import smoothed_recording
+from identification.equations.parallel_filter import ParallelFilter
 from identification.estimation.estimate import Estimate, predict
 from identification.regression.fit_grade import FitGrade, grade_fit, limit_share
 
@@ -177,18 +179,10 @@ def validate(
         signals = replace(signals, channel=estimate.channel)
     if estimate.warming is not None:
         signals = estimate.warming.warmed(estimate.robot, signals)
+    filtered = ParallelFilter(signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
-    conditions = with_memory(estimate.model, signals.position, warmth, signals.segment)
-    predicted = predict(
-        estimate, signals.position, signals.velocity, signals.acceleration, conditions
-    )
-    segments = [signals.segment == number for number in np.unique(signals.segment)]
-    if estimate.channel is not None:
-        for rows in segments:
-            predicted[rows] = estimate.channel.through(predicted[rows], signals.sample_period_s)
-    predicted = _held(predicted, signals)
-    for rows in segments:
-        predicted[rows] = low_pass(predicted[rows], signals.sample_period_s, cutoff_hz)
+    conditions = filtered.conditions(estimate.model, warmth)
+    predicted = _predicted(estimate, filtered, conditions)
     moving = _seen_moving(moves(estimate.model, signals.velocity, standstill_rad_s), signals)
     if not moving.any():
         raise DataQualityError(
@@ -264,14 +258,23 @@ def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
     return seen
 
 
-def _held(predicted: FloatArray, signals: SmoothedSignals) -> FloatArray:
-    """Return torques held as the recording's are renewed, (samples, n)."""
-    source = signals.unfiltered
-    if source is None or source.torque_row is None or signals.unfiltered_row is None:
-        return predicted
-    renewed = source.torque_row[signals.unfiltered_row]
-    at = np.searchsorted(signals.unfiltered_row, renewed)
-    return np.asarray(np.take_along_axis(predicted, at, axis=0))
+def _predicted(estimate: Estimate, filtered: ParallelFilter, conditions: Conditions) -> FloatArray:
+    """Return the torques of the signals' rows, filtered as the measured ones are, (samples, n).
+
+    The source's motion is not low-passed: a low-passed velocity changes its sign at a wrong time.
+    """
+    source, signals = filtered.source, filtered.signals
+    torque = predict(estimate, source.position, source.velocity, source.acceleration, conditions)
+    for number in np.unique(source.segment):
+        rows = source.segment == number
+        if signals.channel is not None:
+            torque[rows] = signals.channel.through(torque[rows], source.sample_period_s)
+    if isinstance(source, UnfilteredSignals) and source.torque_row is not None:
+        torque = np.take_along_axis(torque, source.torque_row, axis=0)
+    for number in np.unique(source.segment):
+        rows = source.segment == number
+        torque[rows] = low_pass(torque[rows], source.sample_period_s, signals.cutoff_hz)
+    return torque if signals.unfiltered_row is None else torque[signals.unfiltered_row]
 
 
 def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
@@ -283,8 +286,11 @@ def _known(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
     memory, found = conditions.memory, np.ones(signals.position.shape, dtype=bool)
     if memory is not None:
         channel_s = 0.0 if signals.channel is None else float(signals.channel.after_s.max())
-        rows = math.ceil((1.0 / signals.cutoff_hz + channel_s) / signals.sample_period_s)
-        found[:, list(memory.joints)] = memory.known_through(signals.segment, rows)
+        source = ParallelFilter(signals).source
+        rows = math.ceil((1.0 / signals.cutoff_hz + channel_s) / source.sample_period_s)
+        known = memory.known_through(source.segment, rows)
+        kept = slice(None) if signals.unfiltered_row is None else signals.unfiltered_row
+        found[:, list(memory.joints)] = known[kept]
     return found
 
 

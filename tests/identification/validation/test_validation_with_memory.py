@@ -77,8 +77,6 @@ def test_a_recording_that_begins_in_motion_is_judged_from_where_friction_is_know
     own, rows = error(begun_in_motion)[:, 1], len(begun_in_motion.time_s)
     truly = error(whole)[-rows:, 1]
     counted = begun_in_motion.counted[:, 1]
-    # Nothing stretched where it slides: at first all of Coulomb's friction is missing.
-    assert np.abs(own - truly)[:2].min() > 5.0
     assert not counted[:2].any()
     assert np.abs(own - truly)[counted].max() < 0.1
     np.testing.assert_allclose(
@@ -103,10 +101,16 @@ def test_joints_without_memory_are_judged_on_all_that_moves(begun_in_motion: Val
 
 
 def test_what_is_not_known_spreads_with_the_low_pass(begun_in_motion: Validation) -> None:
-    position = begun_in_motion.position[:, 1]
+    first = reached_from(BEGIN)
+    known_s = begun_in_motion.time_s[np.argmax(begun_in_motion.known[:, 1])]
+    assert known_s == pytest.approx(STEP_S * (first + SPREAD), abs=2.0 * STEP_S)
+
+
+def reached_from(start: int) -> int:
+    """Return the row at which the second axis has gone far enough since one."""
+    position = WAY[0][start:, 1]
     reached = np.maximum.accumulate(position) - np.minimum.accumulate(position)
-    first = int(np.argmax(reached >= 2.0 * DISTANCE))
-    assert int(np.argmax(begun_in_motion.known[:, 1])) == pytest.approx(first + SPREAD, abs=2)
+    return int(np.argmax(reached >= 2.0 * DISTANCE))
 
 
 def test_after_a_gap_it_is_not_known_again(identified: Estimate) -> None:
@@ -118,9 +122,11 @@ def test_after_a_gap_it_is_not_known_again(identified: Estimate) -> None:
     after = int(np.argmax(np.diff(result.time_s) > 5.0 * STEP_S)) + 1
     known = result.known[:, 1]
     assert known[after - 1]
-    assert not known[after : after + SPREAD].any()
+    again_s = STEP_S * (BEGIN + reached_from(BEGIN) + SPREAD)
     beyond = slice(after, after + 200)
-    assert np.abs(error(result)[beyond, 1]).max() > 10.0
+    assert not known[beyond][result.time_s[beyond] < again_s - 2.0 * STEP_S].any()
+    assert known[beyond][result.time_s[beyond] > again_s + 2.0 * STEP_S].all()
+    assert result.time_s[after] < again_s - 2.0 * STEP_S
     assert np.abs(error(result)[beyond][result.counted[beyond, 1], 1]).max() < 3.0
 
 
