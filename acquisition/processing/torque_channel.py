@@ -31,16 +31,18 @@ PADDING_S: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class TorqueChannel:
-    """Linear filter of each joint's torque: exp(-j w d) / ((1 + j w T) (1 + w^2 Z^2)).
+    """Linear filter of each joint's torque: exp(-j w d) / ((1 + j w T) (1 + (w Z)^(2 m))).
 
     Attributes
     ----------
     delay_s, lag_s, width_s : ndarray, shape (n,)
-        Delay d, time constant T of a first-order filter, and width Z of a zero-phase filter (the
-        first-order filter run forwards and backwards) [s]; 0 if the data do not show one. A
+        Delay d, time constant T of a first-order filter, and width Z of a zero-phase filter (a
+        Butterworth filter run forwards and backwards) [s]; 0 if the data do not show one. A
         negative delay means that the position is late.
     delay_sigma_s, lag_sigma_s, width_sigma_s : ndarray, shape (n,)
         Their standard deviations; 0 for a value of 0.
+    order : int
+        Order m of the Butterworth filter.
     """
 
     delay_s: FloatArray
@@ -49,6 +51,7 @@ class TorqueChannel:
     lag_sigma_s: FloatArray
     width_s: FloatArray
     width_sigma_s: FloatArray
+    order: int = 1
 
     def __post_init__(self) -> None:
         freeze(self, EstimationError, (None,), "delay_s")
@@ -59,7 +62,8 @@ class TorqueChannel:
     @classmethod
     def none(cls, joints: int) -> TorqueChannel:
         """Return the channel that changes nothing."""
-        return cls(*(np.zeros(joints) for _ in range(6)))
+        nothing = np.zeros(joints)
+        return cls.of_delays(nothing, nothing)
 
     @classmethod
     def of_delays(cls, delay_s: FloatArray, sigma_s: FloatArray) -> TorqueChannel:
@@ -87,6 +91,11 @@ class TorqueChannel:
         return self.kind not in ("none", "delay")
 
     @property
+    def passed_s(self) -> FloatArray:
+        """Longest standstill that a filter makes small in every later torque, shape (n,) [s]."""
+        return np.maximum(self.lag_s, self.width_s)
+
+    @property
     def after_s(self) -> FloatArray:
         """How long after an event the recorded torque depends on it, shape (n,) [s]."""
         filters_s = np.maximum(LAG_PERIODS * self.lag_s, WIDTH_PERIODS * self.width_s)
@@ -100,7 +109,10 @@ class TorqueChannel:
     def response(self, frequency_hz: FloatArray) -> ComplexArray:
         """Return the frequency response of each joint, shape (frequencies, n)."""
         s = 2j * np.pi * frequency_hz[:, np.newaxis]
-        filters = (1.0 + s * self.lag_s) * (1.0 - (s * self.width_s) ** 2)
+        smooth = 1.0 + (2.0 * np.pi * frequency_hz[:, np.newaxis] * self.width_s) ** (
+            2 * self.order
+        )
+        filters = (1.0 + s * self.lag_s) * smooth
         return np.asarray(np.exp(-s * self.delay_s) / filters)
 
     def undelayed_period(self, average: PeriodAverage) -> PeriodAverage:
@@ -129,7 +141,7 @@ class TorqueChannel:
         return TorqueChannel(
             self.delay_s[joints], self.delay_sigma_s[joints],
             self.lag_s[joints], self.lag_sigma_s[joints],
-            self.width_s[joints], self.width_sigma_s[joints],
+            self.width_s[joints], self.width_sigma_s[joints], self.order,
         )  # fmt: skip
 
     def through(self, values: FloatArray, sample_period_s: float) -> FloatArray:

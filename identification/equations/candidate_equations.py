@@ -10,19 +10,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
-from acquisition.processing.torque_channel import PADDING_S, ComplexArray, with_padding
+from acquisition.processing.torque_channel import (
+    PADDING_S,
+    ComplexArray,
+    TorqueChannel,
+    with_padding,
+)
 from acquisition.processing.unfiltered import UnfilteredSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
-from config.robot.friction_terms import FrictionTerm
 from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.model.standstill import standstill
 from dynamics.terms.conditions import Conditions
+from identification.equations.friction_columns import Column, friction_column
+from identification.equations.parallel_filter import lasting
 from identification.model.base_parameters import BaseParameters
 
 CUTOFF_HZ: Final = 8.0
@@ -35,22 +41,26 @@ ROW_S: Final = 0.005
 EDGE_S: Final = 0.5
 LONGEST_S: Final = 300.0
 """Length of recordings that is used: the rest is left out, in equal parts of all of them."""
-SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
-"""Stribeck speeds that are tried [rad/s or m/s]."""
 
 Source = SmoothedSignals | UnfilteredSignals
-Column = FrictionTerm | tuple[Literal["stribeck", "slope"], float]
 Rigid = Literal["rigid"]
-"""Name of a friction column; ("stribeck", speed) and its derivative ("slope", speed)."""
+"""Name of all columns without friction."""
 
-LINEAR: Final[tuple[Column, ...]] = (
-    "coulomb", "viscous", "offset", "cubic", "cube_root", "load",
-)  # fmt: skip
-ALL_COLUMNS: Final[tuple[Column, ...]] = (
-    *LINEAR,
-    *(("stribeck", speed) for speed in SPEEDS_RAD_S),
-    *(("slope", speed) for speed in SPEEDS_RAD_S),
-)
+
+class Reach(NamedTuple):
+    """How long before and after standstill a torque depends on friction that is not known.
+
+    Attributes
+    ----------
+    before_s, after_s : float
+        Beyond the low-pass [s].
+    passed_s : float
+        Standstill no longer than this does not count there [s].
+    """
+
+    before_s: float
+    after_s: float
+    passed_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,36 +127,11 @@ class Piece:
             if column == "rigid":
                 values = self.rigid[:, joint]
             else:
-                values = _friction(column, self.speed[:, joint], self.load_nm[:, joint])
+                values = friction_column(column, self.speed[:, joint], self.load_nm[:, joint])
             if self.held is not None:
                 values = values[self.held[:, joint]]
             self.spectra[key] = self.spectrum(values.reshape(len(self.rigid), -1))
         return self.spectra[key]
-
-
-def _friction(column: Column, v: FloatArray, load_nm: FloatArray) -> FloatArray:
-    """Return a friction column of a joint, (rows,)."""
-    direction = np.sign(v)
-    match column:
-        case "coulomb":
-            return direction
-        case "viscous":
-            return v
-        case "offset":
-            return np.ones_like(v)
-        case "cubic":
-            return np.asarray(v**3)
-        case "cube_root":
-            return np.cbrt(v)
-        case "load":
-            return direction * np.abs(load_nm)
-        case ("stribeck", float(speed)):
-            return np.asarray(direction * np.exp(-np.abs(v) / speed))
-        case ("slope", float(speed)):
-            share = np.abs(v) / speed
-            return np.asarray(direction * share * np.exp(-share))
-        case _:
-            raise EstimationError(f"unknown friction column {column}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +239,7 @@ class CandidateEquations:
         joint: int,
         columns: Sequence[Column],
         responses: Sequence[ComplexArray],
-        reach_s: tuple[float, float],
+        reach: Reach | None,
         block_s: float,
     ) -> JointRows:
         """Return the rows of a joint at which its friction is known.
@@ -267,13 +252,13 @@ class CandidateEquations:
             Friction columns.
         responses : sequence of ndarray, shape (bins,)
             Frequency response of the joint's channel, one a piece.
-        reach_s : (float, float)
-            How long before and after standstill rows are left out, beyond the low-pass [s].
+        reach : Reach or None
+            Rows that are left out; None keeps all rows at which the joint moves.
         block_s : float
             Length of a block [s].
         """
         parts = [
-            self._piece_rows(piece, start_s, joint, columns, response, reach_s, block_s)
+            self._piece_rows(piece, start_s, joint, columns, response, reach, block_s)
             for piece, start_s, response in zip(self.pieces, self.starts_s, responses, strict=True)
         ]
         return JointRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
@@ -285,10 +270,10 @@ class CandidateEquations:
         joint: int,
         columns: Sequence[Column],
         response: ComplexArray,
-        reach_s: tuple[float, float],
+        reach: Reach | None,
         block_s: float,
     ) -> tuple[FloatArray, FloatArray, IntArray]:
-        use = self.used(piece, joint, reach_s)
+        use = self.used(piece, joint, reach)
         names: tuple[Column | Rigid, ...] = ("rigid", *columns)
         spectrum = np.concatenate([piece.of(joint, column) for column in names], axis=1)
         matrix = piece.back(spectrum * response[:, np.newaxis])[use]
@@ -303,17 +288,31 @@ class CandidateEquations:
         inside = (time_s > EDGE_S) & (time_s < rows * piece.step_s - EDGE_S)
         return np.asarray(~piece.slow[at, joint] & inside)
 
-    def used(self, piece: Piece, joint: int, reach_s: tuple[float, float]) -> BoolArray:
+    def used(self, piece: Piece, joint: int, reach: Reach | None) -> BoolArray:
         """Return the rows of a piece at which a joint's friction is known, (rows of the band,)."""
-        kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
-        rows, time_s = len(piece.slow), piece.time_s
-        counts = np.concatenate([[0], np.cumsum(piece.slow[:, joint])])
+        if reach is None:
+            return self.moving(piece, joint)
+        slow = lasting(piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s))
         # What happens within the low-pass' reach counts, and after it what the channel remembers.
-        first = np.floor((time_s - kernel_s - reach_s[1]) / piece.step_s).astype(np.int64)
-        last = np.ceil((time_s + kernel_s + reach_s[0]) / piece.step_s).astype(np.int64)
-        clear = counts[np.clip(last + 1, 0, rows)] == counts[np.clip(first, 0, rows)]
-        end_s = rows * piece.step_s
+        kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
+        clear = _clear(piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s))
+        time_s, end_s = piece.time_s, len(piece.slow) * piece.step_s
         return np.asarray(clear & (time_s > EDGE_S) & (time_s < end_s - EDGE_S))
+
+
+def _clear(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
+    """Return the rows of a piece that reach no slow one, (rows of the band,)."""
+    counts = np.concatenate([[0], np.cumsum(slow)])
+    first = np.floor((piece.time_s - reach.after_s) / piece.step_s).astype(np.int64)
+    last = np.ceil((piece.time_s + reach.before_s) / piece.step_s).astype(np.int64)
+    rows = len(slow)
+    return np.asarray(counts[np.clip(last + 1, 0, rows)] == counts[np.clip(first, 0, rows)])
+
+
+def reaches_of(channel: TorqueChannel) -> tuple[Reach, ...]:
+    """Return each joint's reach after a torque channel."""
+    times_s = (channel.before_s, channel.after_s, channel.passed_s)
+    return tuple(Reach(*own) for own in np.stack(times_s, axis=1).tolist())
 
 
 def _highest_cutoff_hz(run: SmoothedSignals) -> float:

@@ -96,6 +96,7 @@ class _Channel(ConfigModel):
     lag_sigma_s: Sizes
     width_s: Sizes
     width_sigma_s: Sizes
+    order: Annotated[int, Field(ge=1)] = 1
 
 
 class _Warming(ConfigModel):

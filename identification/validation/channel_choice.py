@@ -20,12 +20,15 @@ from acquisition.processing.torque_channel import ChannelKind, ComplexArray, Tor
 from config.arrays import FloatArray, IntArray
 from identification.equations.candidate_equations import (
     CandidateEquations,
-    Column,
     JointRows,
     Piece,
+    Reach,
     Rigid,
+    reaches_of,
 )
-from identification.validation.nested_choice import DISTINCT_SIGMAS, Gain, deviations, simplest
+from identification.equations.friction_columns import Column
+from identification.regression.nested_choice import DISTINCT_SIGMAS, Gain, deviations, simplest
+from identification.validation.common_filter import common_filter
 
 ChannelValue = Literal["delay", "lag", "width"]
 
@@ -103,9 +106,8 @@ def choose_channel(
         The channel that was found before: rows that it mixes with standstill are left out.
     """
     known = TorqueChannel.none(equations.joints) if before is None else before
-    reach_s = [
-        (float(early), max(AFTER_STANDSTILL_S, float(late)))
-        for early, late in zip(known.before_s, known.after_s, strict=True)
+    reaches = [
+        own._replace(after_s=max(AFTER_STANDSTILL_S, own.after_s)) for own in reaches_of(known)
     ]
     fits: dict[ChannelKind, list[JointChannel]] = {}
     for kind in kinds:
@@ -114,7 +116,7 @@ def choose_channel(
             starts = [{"delay": 0.0, "lag": max(fit.values_s["lag"], 0.002)} for fit in fits["lag"]]
         fits[kind] = [
             fit_joint(
-                JointEquations(equations, j, terms[j], reach_s[j], block_s),
+                JointEquations(equations, j, terms[j], reaches[j], block_s),
                 {key: starts[j][key] for key in KINDS[kind]},
             )
             for j in range(equations.joints)
@@ -124,7 +126,10 @@ def choose_channel(
     filtered = np.count_nonzero(found.lag_s + found.width_s)
     # A filter is a setting of the drives or of the logger: a few joints alone show another effect.
     few = found.filters and filtered < equations.joints / 2.0
-    return TorqueChannel.none(equations.joints) if few else found
+    found = TorqueChannel.none(equations.joints) if few else found
+    if "zero-phase" not in kinds:
+        return found
+    return common_filter(equations, terms if before is not None else None, block_s, found)
 
 
 def _all_errors(fits: Sequence[JointChannel]) -> FloatArray:
@@ -151,14 +156,15 @@ def _kept(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueC
     found = np.zeros((6, len(fits)))
     for j, fit in enumerate(fits):
         filters = "delay" not in fit.values_s or "lag" in fit.values_s
-        if fit.moving_error > (FILTER_SHARE if filters else 1.0) * none[j].moving_error:
+        if filters and fit.moving_error > FILTER_SHARE * none[j].moving_error:
             continue
         for place, key in enumerate(VALUES):
             value, sigma = fit.values_s.get(key, 0.0), fit.sigma_s.get(key, 0.0)
             inside = key != "delay" or abs(value) < 0.98 * LONGEST_DELAY_S
             if inside and abs(value) > DISTINCT_SIGMAS * sigma:
                 found[2 * place : 2 * place + 2, j] = value, sigma
-    return TorqueChannel(*found)
+    delay, delay_sigma, lag, lag_sigma, width, width_sigma = found
+    return TorqueChannel(delay, delay_sigma, lag, lag_sigma, width, width_sigma)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +179,7 @@ class JointEquations:
         The joint, from 0.
     terms : sequence of Column
         Its friction columns.
-    reach_s : (float, float)
+    reach : Reach
         As for `CandidateEquations.rows`.
     block_s : float
         Length of a block that is left out [s].
@@ -182,12 +188,12 @@ class JointEquations:
     all: CandidateEquations
     joint: int
     terms: Sequence[Column]
-    reach_s: tuple[float, float]
+    reach: Reach
     block_s: float
 
     def rows(self, responses: Sequence[ComplexArray]) -> JointRows:
         """Return the rows after a channel."""
-        return self.all.rows(self.joint, self.terms, responses, self.reach_s, self.block_s)
+        return self.all.rows(self.joint, self.terms, responses, self.reach, self.block_s)
 
     def moving_error(
         self, responses: Sequence[ComplexArray], places: IntArray, theta: FloatArray
@@ -211,7 +217,7 @@ class JointEquations:
         """Return the torque of some parameters after several responses, (rows, responses)."""
         found = []
         for piece, own in zip(self.all.pieces, responses, strict=True):
-            use = self.all.used(piece, self.joint, self.reach_s)
+            use = self.all.used(piece, self.joint, self.reach)
             model = self._model(piece, places, theta)
             found.append(np.stack([piece.back(model * each)[use] for each in own], axis=1))
         return np.concatenate(found)

@@ -16,7 +16,7 @@ from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.smoothed_fit import weighted_by_residuals
 from identification.model.torque_columns import torque_structure
 from identification.regression.least_squares import Triangle
-from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
+from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 
 FOLDS: Final = 6
 

@@ -19,6 +19,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
+from identification.equations.block_grams import PLAIN, Grams, Terms, columns_of, name_of
 from identification.equations.candidate_equations import CandidateEquations
 from identification.equations.segments import thinned
 from identification.equations.warming import Warming
@@ -26,15 +27,7 @@ from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_channel
-from identification.validation.friction_choice import (
-    PLAIN,
-    FrictionChoice,
-    Grams,
-    Terms,
-    choose_terms,
-    columns_of,
-    name_of,
-)
+from identification.validation.friction_choice import FrictionChoice, choose_terms
 from identification.validation.held_out import held_out_errors, shown_values
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
 from identification.validation.robot_terms import with_friction, with_stribeck

@@ -31,7 +31,7 @@ from identification.estimation.nonlinear_parameters import step_prior
 from identification.estimation.options import EstimationOptions
 from identification.regression.intervals import changes, jackknife
 from identification.regression.least_squares import Solution, Triangle, solve
-from identification.validation.nested_choice import joints_that_gain
+from identification.regression.nested_choice import joints_that_gain
 
 DISTINCT_SIGMAS: Final = 2.0
 MOST_STEPS: Final = 10

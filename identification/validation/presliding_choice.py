@@ -22,8 +22,8 @@ from config.robot.robot import RobotDescription
 from identification.equations.segments import thinned
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
+from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 from identification.validation.held_out import FOLDS, held_out_errors, shown_values
-from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 from identification.validation.robot_terms import with_presliding
 
 STARTS: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
@@ -97,8 +97,11 @@ def choose_presliding(
         for share in (1.0, HALF)
     )
     errors = [held_out_errors(plain, richer, folds) for richer in (whole, partly)]
+    shortest = options.standstill_rad_s * max(
+        (run.unfiltered or run).sample_period_s for run in signals
+    )
     distances = [
-        shown_values(richer.estimate(), own, "dp")
+        _resolved(shown_values(richer.estimate(), own, "dp"), shortest)
         for richer, own in zip((whole, partly), errors, strict=True)
     ]
     better = joints_that_gain(*held_out_errors(whole, partly, folds))
@@ -116,6 +119,14 @@ def choose_presliding(
         tuple(share or 1.0 for share in shares),
         np.stack([rms[k, :, j] for j, k in enumerate(use)], axis=1),
     )
+
+
+def _resolved(distances: Sequence[float | None], shortest: float) -> list[float | None]:
+    """Return distances that are longer than the way between two rows at the lowest speed.
+
+    Within a shorter one no row stands: it describes how a joint sticks, not how it gives way.
+    """
+    return [own if own is not None and own > shortest else None for own in distances]
 
 
 def _shares(partly: FittedSignals, errors: FloatArray) -> list[float | None]:

@@ -26,8 +26,8 @@ from identification.equations.time_domain import time_blocks
 from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
+from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 from identification.validation.held_out import FOLDS, held_out_errors
-from identification.validation.nested_choice import DISTINCT_SIGMAS, joints_that_gain
 from identification.validation.robot_terms import with_friction
 from identification.validation.steps_beside import steps_beside
 

@@ -52,6 +52,8 @@ class ChannelTrial(Section):
         Kind of channel.
     delay_s, delay_sigma_s, lag_s, lag_sigma_s, width_s, width_sigma_s : tuple of float
         Of each joint, as in `TorqueChannel`; 0 if nothing was found [s].
+    order : int
+        Order of the zero-phase filter.
     """
 
     kind: str
@@ -61,6 +63,7 @@ class ChannelTrial(Section):
     lag_sigma_s: Numbers
     width_s: Numbers
     width_sigma_s: Numbers
+    order: int = 1
 
     def sentences(self, joints: Texts) -> Texts:
         """Return one sentence for each value that was found."""
@@ -80,9 +83,9 @@ class ChannelTrial(Section):
                 )
             if width := self.width_s[j]:
                 said.append(
-                    f"The torque of {joint} passed a zero-phase filter with a width of"
-                    f" {number(1e3 * width, 3)} ms (±"
-                    f" {number(3e3 * self.width_sigma_s[j], 2)} ms, 3 sigma)."
+                    f"The torque of {joint} passed a zero-phase filter of order {self.order} with a"
+                    f" width of {number(1e3 * width, 3)} ms ({number(0.5 / math.pi / width, 3)} Hz;"
+                    f" ± {number(3e3 * self.width_sigma_s[j], 2)} ms, 3 sigma)."
                 )
         return tuple(said)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from scipy.signal import bilinear, filtfilt, lfilter
+from scipy.signal import bilinear, butter, lfilter, sosfiltfilt
 
 from acquisition.processing.torque_channel import TorqueChannel
 from config.errors import EstimationError
@@ -34,13 +34,21 @@ def test_a_delay_shifts_by_parts_of_a_sample() -> None:
     assert not channel.filters
 
 
-@pytest.mark.parametrize(("kind", "field"), [("lag", "lag_s"), ("zero-phase", "width_s")])
-def test_filters_are_those_of_first_order(kind: str, field: str) -> None:
-    constant_s = 0.03
-    channel = replace(TorqueChannel.none(2), **{field: np.full(2, constant_s)})
-    assert channel.kind == kind
-    b, a = bilinear([1.0], [constant_s, 1.0], 1.0 / STEP_S)
-    expected = (lfilter if kind == "lag" else filtfilt)(b, a, TORQUE, axis=0)
+def test_a_lag_is_a_filter_of_first_order() -> None:
+    channel = replace(TorqueChannel.none(2), lag_s=np.full(2, 0.03))
+    assert channel.kind == "lag"
+    b, a = bilinear([1.0], [0.03, 1.0], 1.0 / STEP_S)
+    expected = lfilter(b, a, TORQUE, axis=0)
+    np.testing.assert_allclose(channel.through(TORQUE, STEP_S)[INNER], expected[INNER], atol=0.04)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_a_zero_phase_filter_is_a_butterworth_filter_run_both_ways(order: int) -> None:
+    channel = replace(TorqueChannel.none(2), width_s=np.full(2, 0.03), order=order)
+    assert channel.kind == "zero-phase"
+    expected = sosfiltfilt(
+        butter(order, 0.5 / np.pi / 0.03, fs=1.0 / STEP_S, output="sos"), TORQUE, axis=0
+    )
     np.testing.assert_allclose(channel.through(TORQUE, STEP_S)[INNER], expected[INNER], atol=0.04)
 
 

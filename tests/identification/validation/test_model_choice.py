@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.processing.torque_channel import TorqueChannel
@@ -20,8 +21,7 @@ from benchmarks.honest_choice import (
     cases,
     recording,
 )
-from benchmarks.known_arms import ARMS, drive
-from config.arrays import FloatArray
+from benchmarks.known_arms import ARMS, STEP_S, drive
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimators import estimate_smoothed
@@ -79,6 +79,20 @@ def test_a_filter_is_not_explained_by_friction() -> None:
     np.testing.assert_allclose(choice.channel.lag_s, 1.0 / (10.0 * np.pi), rtol=0.05)
 
 
+def test_half_a_minute_shows_a_filter_that_all_joints_share() -> None:
+    driven = drive("three", "sines", 1, FRICTIONS["plain"], 14.0)
+    filtered = sosfiltfilt(butter(2, 1.66, fs=1.0 / STEP_S, output="sos"), driven.torque_nm, axis=0)
+    runs = [
+        recording(Case("three", "plain", "none", 1), own, 0, robot())[0]
+        for own in (driven, replace(driven, torque_nm=filtered))
+    ]
+    plain, found = (choose_model(robot(), [smooth_nonperiodic(run, BAND_HZ)]) for run in runs)
+    assert not plain.channel.changes
+    assert (found.channel.kind, found.channel.order) == ("zero-phase", 2)
+    np.testing.assert_allclose(0.5 / np.pi / found.channel.width_s, 1.66, rtol=0.05)
+    assert friction(found) == [PLAIN] * 3
+
+
 def averaged(run: SmoothedSignals) -> SmoothedSignals:
     """Return a recording whose torque is a moving average over 80 ms, as a PLC's scope writes."""
     assert run.unfiltered is not None
@@ -125,10 +139,12 @@ def test_tuning_and_judging_share_no_seed() -> None:
 def test_an_estimate_keeps_its_channel(tmp_path: Path) -> None:
     way = remembering_motion(30.0, 1)
     estimate = estimate_smoothed(with_presliding((1,), 0.01), [remembering_recording({}, way)])
-    values: list[FloatArray] = [np.full(3, 1e-3 * k) for k in range(1, 7)]
-    write_estimate(tmp_path / "model.json", replace(estimate, channel=TorqueChannel(*values)))
+    a, b, c, d, e, f = values = [np.full(3, 1e-3 * k) for k in range(1, 7)]
+    channel = TorqueChannel(a, b, c, d, e, f, order=2)
+    write_estimate(tmp_path / "model.json", replace(estimate, channel=channel))
     found = read_estimate(tmp_path / "model.json").channel
     assert found is not None
     np.testing.assert_array_equal(found.lag_s, values[2])
     np.testing.assert_array_equal(found.width_sigma_s, values[5])
+    assert found.order == 2
     assert arm().joint_names == estimate.robot.joint_names

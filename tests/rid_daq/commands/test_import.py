@@ -16,6 +16,7 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
+from identification.estimation.file import read_estimate
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
@@ -205,9 +206,10 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     assert said.startswith("ur10_exciting_trajectory.db3: 1720 of 1720 rows used, 13.752 s")
     assert "no damaged rows" in said
     assert run(["identify", "first", "--choose", "-o", model, *runs]) == 0
-    # Each joint alone, 14 s do not show the slow filter that all torques of this bag have passed:
-    # with a common low-pass at 1.66 Hz the errors were 5.2 4.2 1.5 6.9 7.8 12.9 %.
-    limits = ["--limits", "7,5.5,4.5,9.5,10,14"]
+    channel = read_estimate(Path(model)).channel
+    assert channel is not None  # all torques of this bag were smoothed without delay, at 1.8 Hz
+    np.testing.assert_allclose(0.5 / np.pi / channel.width_s, 1.75, rtol=0.1)
+    limits = ["--limits", "7,3,3,6.5,9,13"]
     assert run(["validate", model, "second", *limits, *runs]) == 0
     text = (resources.files("config") / "bundled" / "maps" / "ur10_ros.yaml").read_text()
     assert len(text.splitlines()) <= 12

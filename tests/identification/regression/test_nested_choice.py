@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from identification.validation.nested_choice import (
+from identification.regression.nested_choice import (
     DISTINCT_SIGMAS,
     Gain,
     deviations,

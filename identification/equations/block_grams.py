@@ -1,0 +1,238 @@
+"""`Grams`: Gram matrices of every candidate column, block by block.
+
+Every choice of friction terms is a choice among their entries, and so is its error on a block that
+was left out of the fit. The joints' equations are coupled by the links' parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.torque_channel import TorqueChannel
+from config.arrays import FloatArray, IntArray
+from config.robot.friction_terms import FrictionTerm
+from identification.equations.candidate_equations import CandidateEquations, Reach, reaches_of
+from identification.equations.friction_columns import ALL_COLUMNS, Column
+from identification.regression.nested_choice import deviations
+
+Terms = tuple[Column, ...]
+
+PLAIN: Final[Terms] = ("coulomb", "viscous")
+MOST_INFLATION: Final = 1e9
+"""Largest factor by which other columns may inflate a value's variance: 1e9 is no information."""
+RANK: Final = 1e-7
+
+
+def name_of(column: Column) -> FrictionTerm:
+    """Return the friction term of a column."""
+    return column if isinstance(column, str) else "stribeck"
+
+
+def columns_of(terms: Sequence[Column]) -> Terms:
+    """Return the columns of some terms: beside Stribeck friction its slope by the speed."""
+    return (*terms, *(("slope", term[1]) for term in terms if isinstance(term, tuple)))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Solution of one choice of terms.
+
+    Attributes
+    ----------
+    places : dict
+        Place of each joint's column among the values.
+    values, sigma : ndarray, shape (c,)
+        Parameters and standard deviations.
+    errors : ndarray, shape (blocks, n)
+        Mean squared error of each block in a fit of all others; NaN without rows.
+    """
+
+    places: dict[tuple[int, Column], int]
+    values: FloatArray
+    sigma: FloatArray
+    errors: FloatArray
+
+    def distance(self, joint: int, column: Column) -> float:
+        """Return a value over its standard deviation."""
+        at = self.places[joint, column]
+        return float(self.values[at] / max(self.sigma[at], 1e-300))
+
+    def value(self, joint: int, column: Column) -> float:
+        """Return the value of a joint's column."""
+        return float(self.values[self.places[joint, column]])
+
+
+@dataclass(frozen=True, eq=False)
+class Grams:
+    """Gram matrices of the joints' equations, block by block.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (n, blocks, w, w)
+        Of [columns without friction, `ALL_COLUMNS`, torque] of each joint over its scale.
+    rows : ndarray, shape (blocks, n)
+        Rows of each.
+    rigid : ndarray of int64, shape (p,)
+        The columns without friction that the data identify.
+    scale_nm : ndarray, shape (n,)
+        What the rows of each joint were divided by.
+    """
+
+    gram: FloatArray
+    rows: FloatArray
+    rigid: IntArray
+    scale_nm: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        equations: CandidateEquations,
+        channel: TorqueChannel,
+        block_s: float,
+        reaches: Sequence[Reach | None] | None = None,
+    ) -> Grams:
+        """Compute them, weighted by the residuals of the plain model.
+
+        `reaches` of the joints are as for `CandidateEquations.rows`; None: those of the channel.
+        """
+        n = equations.joints
+        blocks = int(equations.duration_s / block_s) + 1
+        responses = [channel.response(piece.frequency_hz) for piece in equations.pieces]
+        reaches = reaches_of(channel) if reaches is None else reaches
+        grams, counts = [], []
+        for j in range(n):
+            own = [response[:, j] for response in responses]
+            rows = equations.rows(j, ALL_COLUMNS, own, reaches[j], block_s)
+            full = np.column_stack([rows.columns, rows.torque_nm])
+            gram = np.zeros((blocks, full.shape[1], full.shape[1]))
+            for number in np.unique(rows.block):
+                x = full[rows.block == number]
+                gram[number] = x.T @ x
+            grams.append(gram)
+            counts.append(np.bincount(rows.block, minlength=blocks))
+        plain = cls(
+            np.array(grams),
+            np.array(counts, dtype=np.float64).T,
+            np.arange(len(equations.base)),
+            np.ones(n),
+        )
+        plain = plain._with_identified()
+        for _ in range(4):
+            plain = plain._reweighted(plain.fit([PLAIN] * n))
+        return plain
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.gram)
+
+    @property
+    def width(self) -> int:
+        """Number of columns without friction, identified or not."""
+        return int(self.gram.shape[2]) - 1 - len(ALL_COLUMNS)
+
+    def _with_identified(self) -> Grams:
+        """Return them with the columns without friction that are independent of all others."""
+        n, p = self.joints, self.width
+        total, _ = self._assembled([PLAIN] * n, np.arange(p))
+        matrix = total.sum(axis=0)
+        size = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
+        matrix = matrix / np.outer(size, size)
+        kept: list[int] = []
+        # Friction first, which is always there; then every column that adds something.
+        basis = np.linalg.cholesky(matrix[p:-1, p:-1] + 1e-14 * np.eye(len(matrix) - p - 1))
+        order = list(range(p, len(matrix) - 1))
+        for c in range(p):
+            if size[c] < 1e-9 * size[:p].max():
+                continue
+            row = np.linalg.solve(basis, matrix[order, c])
+            rest = float(matrix[c, c] - row @ row)
+            if rest > RANK**2 * 100.0:
+                basis = np.block(
+                    [[basis, np.zeros((len(basis), 1))], [row[np.newaxis], np.sqrt([[rest]])]]
+                )
+                order.append(c)
+                kept.append(c)
+        return Grams(self.gram, self.rows, np.array(kept, dtype=np.int64), self.scale_nm)
+
+    def _reweighted(self, fit: Fit) -> Grams:
+        """Return them over the held-out residuals of a fit."""
+        error = np.nansum(fit.errors * self.rows, axis=0) / np.maximum(self.rows.sum(axis=0), 1.0)
+        factor = np.sqrt(np.maximum(error, 1e-18 * error.max() + 1e-300))
+        gram = self.gram / np.square(factor)[:, np.newaxis, np.newaxis, np.newaxis]
+        return Grams(gram, self.rows, self.rigid, self.scale_nm * factor)
+
+    def _assembled(
+        self, chosen: Sequence[Terms], rigid: IntArray
+    ) -> tuple[FloatArray, list[IntArray]]:
+        """Return each block's matrix of all joints together, and each joint's places in it.
+
+        The last place is the torque's.
+        """
+        p, width = self.width, len(rigid)
+        count = width + sum(len(columns_of(own)) for own in chosen) + 1
+        total = np.zeros((self.gram.shape[1], count, count))
+        places, start = [], width
+        for j, own in enumerate(chosen):
+            columns = columns_of(own)
+            local = np.concatenate(
+                [rigid, [p + ALL_COLUMNS.index(column) for column in columns], [-1]]
+            ).astype(np.int64)
+            place = np.concatenate(
+                [np.arange(width), start + np.arange(len(columns)), [count - 1]]
+            ).astype(np.int64)
+            total[:, place[:, np.newaxis], place] += self.gram[j][:, local[:, np.newaxis], local]
+            places.append(place)
+            start += len(columns)
+        return total, places
+
+    def _local(self, terms: Terms) -> IntArray:
+        """Return the places of a joint's columns in its own Gram matrix, the torque's last."""
+        columns = [self.width + ALL_COLUMNS.index(column) for column in columns_of(terms)]
+        return np.concatenate([self.rigid, columns, [-1]]).astype(np.int64)
+
+    def fit(self, chosen: Sequence[Terms]) -> Fit:
+        """Return the solution of some terms.
+
+        Raises
+        ------
+        np.linalg.LinAlgError
+            The data do not identify them.
+        """
+        total, places = self._assembled(chosen, self.rigid)
+        size = np.sqrt(np.maximum(np.diagonal(total.sum(axis=0))[:-1], 1e-300))
+        scaled = total[:, :-1, :-1] / np.outer(size, size)
+        torque = total[:, :-1, -1] / size
+        matrix, rhs = scaled.sum(axis=0), torque.sum(axis=0)
+        inverse = np.linalg.inv(matrix)
+        inflation = np.diagonal(inverse)
+        if not np.all((inflation > 0.0) & (inflation < MOST_INFLATION * 1e3)):
+            raise np.linalg.LinAlgError("a candidate is not identified")
+        theta = inverse @ rhs
+        live = np.flatnonzero(self.rows.sum(axis=1))
+        others = np.linalg.solve(matrix - scaled[live], (rhs - torque[live])[:, :, np.newaxis])[
+            :, :, 0
+        ]
+        errors = np.full((len(total), self.joints), np.nan)
+        extended = np.column_stack([others / size, np.full(len(live), -1.0)])
+        for j, place in enumerate(places):
+            x = extended[:, place]
+            local = self._local(chosen[j])
+            gram = self.gram[j][live][:, local[:, np.newaxis], local]
+            square = np.einsum("bi,bij,bj->b", x, gram, x)
+            floor = 1e-15 * gram[:, -1, -1]
+            rows = self.rows[live, j]
+            errors[live, j] = np.where(
+                rows > 0.0, np.maximum(square, floor) / np.maximum(rows, 1.0), np.nan
+            )
+        sigma = deviations(others - theta)
+        start, index = len(self.rigid), {}
+        for j, own in enumerate(chosen):
+            for column in columns_of(own):
+                index[j, column] = start
+                start += 1
+        return Fit(index, theta / size, sigma / size, errors)

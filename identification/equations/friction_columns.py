@@ -1,0 +1,50 @@
+"""Columns of friction that a choice of terms can take, as functions of speed and load."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import numpy as np
+
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.friction_terms import FrictionTerm
+
+Column = FrictionTerm | tuple[Literal["stribeck", "slope"], float]
+"""Name of a friction column; ("stribeck", speed) and its derivative ("slope", speed)."""
+
+SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
+"""Stribeck speeds that are tried [rad/s or m/s]."""
+LINEAR: Final[tuple[Column, ...]] = (
+    "coulomb", "viscous", "offset", "cubic", "cube_root", "load",
+)  # fmt: skip
+ALL_COLUMNS: Final[tuple[Column, ...]] = (
+    *LINEAR,
+    *(("stribeck", speed) for speed in SPEEDS_RAD_S),
+    *(("slope", speed) for speed in SPEEDS_RAD_S),
+)
+
+
+def friction_column(column: Column, v: FloatArray, load_nm: FloatArray) -> FloatArray:
+    """Return a friction column of a joint, (rows,)."""
+    direction = np.sign(v)
+    match column:
+        case "coulomb":
+            return direction
+        case "viscous":
+            return v
+        case "offset":
+            return np.ones_like(v)
+        case "cubic":
+            return np.asarray(v**3)
+        case "cube_root":
+            return np.cbrt(v)
+        case "load":
+            return direction * np.abs(load_nm)
+        case ("stribeck", float(speed)):
+            return np.asarray(direction * np.exp(-np.abs(v) / speed))
+        case ("slope", float(speed)):
+            share = np.abs(v) / speed
+            return np.asarray(direction * share * np.exp(-share))
+        case _:
+            raise EstimationError(f"unknown friction column {column}")

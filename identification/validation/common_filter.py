@@ -1,0 +1,122 @@
+"""A zero-phase filter of the torque that all joints share.
+
+Beside all columns of one joint, half a minute of data does not show a filter. The equations of all
+joints together do: the links' parameters are the same in each of them. Loggers and scripts that
+smooth torques without delay run a Butterworth filter forwards and backwards; its order and width
+are those with the smallest error on blocks left out of the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.torque_channel import TorqueChannel
+from config.arrays import FloatArray
+from identification.equations.block_grams import Grams, Terms
+from identification.equations.candidate_equations import CandidateEquations, Reach
+from identification.equations.friction_columns import Column
+from identification.regression.nested_choice import DISTINCT_SIGMAS, Gain, deviations
+
+COMMON: Final[tuple[Column, ...]] = ("coulomb", "viscous", "offset")
+ORDERS: Final = (1, 2, 4)
+COMMON_WIDTHS_S: Final = tuple(0.012 * 1.35**k for k in range(11))
+"""Widths of a common filter: 13 to 0.7 Hz."""
+COMMON_SIGMAS: Final = 3.0
+COMMON_GAIN: Final = 0.2
+AWAY: Final = Reach(0.1, 0.2)
+"""Rows left out before and after standstill, where a filter is told from smooth friction."""
+
+
+def common_filter(
+    equations: CandidateEquations,
+    terms: Sequence[Sequence[Column]] | None,
+    block_s: float,
+    known: TorqueChannel,
+) -> TorqueChannel:
+    """Return a zero-phase filter that all joints share, or the known channel if it is no worse.
+
+    Beside all columns of one joint, half a minute of data does not show a filter. The equations of
+    all joints together do: the links' parameters are the same in each of them.
+
+    Parameters
+    ----------
+    equations : CandidateEquations
+        The recordings.
+    terms : sequence of sequence of Column, optional
+        Friction columns of each joint; None for Coulomb, viscous and offset.
+    block_s : float
+        Length of a block that is left out [s].
+    known : TorqueChannel
+        The channel that was found joint by joint.
+    """
+    n = equations.joints
+    own: list[Terms] = [
+        tuple(c for c in each if not (isinstance(c, tuple) and c[0] == "slope"))
+        for each in terms or [COMMON] * n
+    ]
+
+    def errors(channel: TorqueChannel, reach: Reach | None) -> FloatArray:
+        grams = Grams.of(equations, channel, block_s, [reach] * n)
+        return np.asarray(grams.fit(own).errors * np.square(grams.scale_nm))
+
+    none = errors(known, None)
+    best, best_gain = known, Gain(0.0, 0.0)
+    for order in ORDERS:
+        tried = [_shared(width_s, 0.0, n, order) for width_s in COMMON_WIDTHS_S]
+        profile = [errors(channel, None) for channel in tried]
+        width_s, sigma_s = _lowest(np.log(np.array(profile) / none))
+        if width_s is None or width_s < DISTINCT_SIGMAS * sigma_s:
+            continue
+        channel = _shared(width_s, sigma_s, n, order)
+        gain = Gain.between(none, errors(channel, None))
+        if gain.exceeds(COMMON_SIGMAS, COMMON_GAIN) and gain.mean > best_gain.mean:
+            best, best_gain = channel, gain
+    if best is known:
+        return known
+    # Smooth friction looks like a filter near reversals; a filter of the torque shows elsewhere.
+    away = [errors(channel, AWAY) for channel in (known, best)]
+    return best if Gain.between(*away).mean > 0.0 else known
+
+
+def _shared(width_s: float, sigma_s: float, joints: int, order: int) -> TorqueChannel:
+    none = TorqueChannel.none(joints)
+    return replace(
+        none,
+        width_s=np.full(joints, width_s),
+        width_sigma_s=np.full(joints, sigma_s),
+        order=order,
+    )
+
+
+def _lowest(log_errors: FloatArray) -> tuple[float | None, float]:
+    """Return the width with the smallest error and its standard deviation by a jackknife [s].
+
+    Parameters
+    ----------
+    log_errors : ndarray, shape (widths, blocks, n)
+        Logarithms of the errors at `COMMON_WIDTHS_S`.
+    """
+    known = np.any(np.all(np.isfinite(log_errors), axis=0), axis=1)
+    by_block = np.nanmean(log_errors[:, known], axis=2)
+    total = by_block.sum(axis=1)
+    at = int(np.argmin(total))
+    if not 0 < at < len(total) - 1:
+        return None, 0.0
+    near = slice(at - 1, at + 2)
+    left, middle, right = (total[:, np.newaxis] - by_block)[near]
+    whole = total[near]
+
+    def vertex(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+        return np.asarray(0.5 * (a - c) / (a - 2.0 * b + c))
+
+    step = math.log(COMMON_WIDTHS_S[1] / COMMON_WIDTHS_S[0])
+    found = float(vertex(whole[0], whole[1], whole[2]))
+    moved = vertex(left, middle, right) - found
+    width_s = COMMON_WIDTHS_S[at] * math.exp(step * found)
+    sigma = float(deviations(step * moved[:, np.newaxis])[0])
+    return width_s, width_s * sigma
