@@ -41,3 +41,21 @@ def moving(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArr
         Below this speed a joint stands; see `standstill`.
     """
     return np.asarray(np.abs(model.actuator_speed(v)) >= standstill(model, standstill_rad_s))
+
+
+def moving_on(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
+    """Return where actuators move and do not turn round before the next or after the last row.
+
+    A slow recording may show no row of a quick reversal, at which friction jumps all the same.
+
+    Parameters
+    ----------
+    model, v, standstill_rad_s
+        As for `moving`; consecutive rows.
+    """
+    moves = moving(model, v, standstill_rad_s)
+    speed = model.actuator_speed(v)
+    turns = speed[1:] * speed[:-1] < 0.0
+    moves[1:] &= ~turns
+    moves[:-1] &= ~turns
+    return moves

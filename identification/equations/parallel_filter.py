@@ -19,8 +19,9 @@ from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, wi
 from config.arrays import BoolArray, FloatArray, IntArray
 from dynamics.model.memory import counted, presliding, with_memory
 from dynamics.model.robot_model import RobotModel
-from dynamics.model.standstill import moving
+from dynamics.model.standstill import moving, moving_on
 from dynamics.terms.conditions import Conditions
+from identification.equations.torque_kinks import integrable_torque
 
 FILTER_REACH: Final = 3.0
 """Periods of its cut-off after which a Butterworth low-pass has forgotten where a block began."""
@@ -135,8 +136,10 @@ class ParallelFilter:
         if source is None:
             return self.signals.torque_nm[rows]
         wide, places = self.window(rows)
-        cutoff_hz = self.signals.cutoff_hz
-        return window_mean(source.torque_nm[wide], places, source.sample_period_s, cutoff_hz)
+        torque_nm = source.torque_nm[wide]
+        if self._instantaneous:
+            torque_nm = integrable_torque(torque_nm, *self.motion(wide)[:2])
+        return window_mean(torque_nm, places, source.sample_period_s, self.signals.cutoff_hz)
 
     def usable(
         self,
@@ -156,7 +159,8 @@ class ParallelFilter:
             Below this speed a joint stands.
         """
         signals, source = self.signals, self.source
-        moves = moving(model, source.velocity, standstill_rad_s)
+        of_rows = moving if signals.unfiltered is None else moving_on
+        moves = of_rows(model, source.velocity, standstill_rad_s)
         known, reach = moves, 0
         if signals.unfiltered is not None:
             reach = signals.unfiltered.reach(signals.cutoff_hz)
@@ -170,6 +174,15 @@ class ParallelFilter:
         use = counted(whole, known) & _near(moves, source.segment, pause, pause)
         rows = self._places(np.arange(len(signals)))
         return use[rows], moves[rows]
+
+    @property
+    def _instantaneous(self) -> bool:
+        """True if each row's torque is what acted at that instant."""
+        source, channel = self.signals.unfiltered, self.signals.channel
+        if source is None or (channel is not None and channel.changes):
+            return False
+        unheld = source.torque_row is None and source.torque_limit_hz is None
+        return unheld and source.smoothing_s == 0.0
 
     def _known(self, moves: BoolArray) -> BoolArray:
         """Return where joints move now and did when their torque was new, (source rows, n)."""

@@ -34,6 +34,21 @@ def test_friction_has_no_bias(exact: Exact, rate_hz: int, band_hz: float) -> Non
     assert bias_percent(exact, rate_hz, band_hz) <= BIAS_PERCENT[rate_hz]
 
 
+@pytest.fixture(scope="module")
+def coupled() -> Exact:
+    """Return six joints that turn round at any time between rows and shake each other."""
+    arm = SimulatedArm.of("six")
+    return Exact(arm, "quick reversals", 4, simulated(arm, "quick reversals", 4, 40.0))
+
+
+@pytest.mark.parametrize("rate_hz", [200, 100])
+@pytest.mark.parametrize("band_hz", [BAND_HZ, NARROW_HZ])
+def test_reversals_of_other_joints_leave_no_bias(
+    coupled: Exact, rate_hz: int, band_hz: float
+) -> None:
+    assert bias_percent(coupled, rate_hz, band_hz) <= BIAS_PERCENT[rate_hz]
+
+
 def test_torques_without_noise_are_warned_of(exact: Exact) -> None:
     alone = measured(exact.recording, "encoder alone", np.random.default_rng(0))
     noisy = measured(exact.recording, "white", np.random.default_rng(0))

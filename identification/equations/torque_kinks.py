@@ -1,0 +1,90 @@
+"""Torques whose sums over rows equal their integrals although they bend between two rows.
+
+If a joint turns round between two rows, its Coulomb friction jumps and the acceleration of every
+joint jumps with it. The other joints' controllers answer with torques that are continuous but bend.
+Columns follow a spline through the positions, so that their sums over rows are integrals. A sum of
+sampled torques misses its integral by B2(phi)/2 of the bend and by terms of higher order, if the
+joint turns round phi rows after a row (Euler and Maclaurin). At 100 Hz that alone shifts friction
+by 0.1 %.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.unfiltered import SLOW_RAD_S
+from config.arrays import FloatArray, IntArray
+
+MOST_ROWS: Final = 6
+"""Rows within which a reversal is quick; a longer standstill begins and ends at own times."""
+BEFORE: Final = 4
+AFTER: Final = 4
+"""Rows before and after the last one before a bend that show the bend."""
+
+
+def integrable_torque(
+    torque_nm: FloatArray, position: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Return torques corrected so that smooth weights sum them as if they were integrated.
+
+    A joint's torque is corrected where other joints turn round; at its own reversals it jumps, and
+    no estimate uses it there.
+
+    Parameters
+    ----------
+    torque_nm : ndarray, shape (samples, n)
+        Sampled torque on uniform rows of one segment [N m or N].
+    position, velocity : ndarray, shape (samples, n)
+        Motion [rad or m, and per second].
+    """
+    time, joint = _reversals(position, velocity)
+    row = np.floor(time).astype(np.int64)
+    inside = (row >= BEFORE) & (row + AFTER < len(torque_nm))
+    row, joint, phi = row[inside], joint[inside], (time - row)[inside]
+    near = torque_nm[row[:, np.newaxis] + np.arange(-BEFORE, AFTER + 1)]
+    missing = np.einsum("em,emj->ej", _weights(phi), near)
+    missing[np.arange(len(row)), joint] = 0.0
+    corrected = torque_nm.copy()
+    np.add.at(corrected, row, (1.0 - phi)[:, np.newaxis] * missing)
+    np.add.at(corrected, row + 1, phi[:, np.newaxis] * missing)
+    return corrected
+
+
+def _reversals(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return when joints begin to turn round [rows], and which joints, each (events,).
+
+    A parabola through the last three positions before it tells; a spline would ring.
+    """
+    times, joints = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    for j, (q, v) in enumerate(zip(position.T, velocity.T, strict=True)):
+        moving = np.flatnonzero(np.abs(v) >= SLOW_RAD_S)
+        last, first = moving[:-1], moving[1:]
+        turns = (v[last] * v[first] < 0.0) & (first - last <= MOST_ROWS) & (last >= 2)
+        last, first = last[turns], first[turns]
+        step, bend = q[last] - q[last - 1], q[last] - 2.0 * q[last - 1] + q[last - 2]
+        slows = step * bend < 0.0
+        after = np.where(slows, -step / np.where(slows, bend, 1.0) - 0.5, np.inf)
+        times.append(last + np.clip(after, 0.0, first - last))
+        joints.append(np.full(len(last), j))
+    return np.concatenate(times), np.concatenate(joints)
+
+
+def _weights(phi: FloatArray) -> FloatArray:
+    """Return weights of a bend's rows whose sum is the integral less the sum, (events, rows).
+
+    They are the smallest that are exact for a parabola to which a cubic polynomial of (x - phi) is
+    added from phi on. Of a smooth parabola the sum misses nothing, of (x - phi)^k from phi on
+    B_{k+1}(1 - phi)/(k + 1).
+    """
+    rows, rest = np.arange(-BEFORE, AFTER + 1.0), 1.0 - phi
+    bend = np.maximum(rows - phi[:, np.newaxis], 0.0)
+    line = np.broadcast_to(rows, bend.shape)
+    shapes = np.stack([np.ones_like(bend), line, line**2, bend, bend**2, bend**3], axis=1)
+    missing = np.zeros((len(phi), 6, 1))
+    missing[:, 3, 0] = (rest**2 - rest + 1.0 / 6.0) / 2.0
+    missing[:, 4, 0] = (rest**3 - 1.5 * rest**2 + 0.5 * rest) / 3.0
+    missing[:, 5, 0] = (rest**4 - 2.0 * rest**3 + rest**2 - 1.0 / 30.0) / 4.0
+    turned = shapes.transpose(0, 2, 1)
+    return np.asarray((turned @ np.linalg.solve(shapes @ turned, missing))[:, :, 0])

@@ -1,0 +1,21 @@
+"""From which speed on joints move, and reversals that no row shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics.model.robot_model import RobotModel
+from dynamics.model.standstill import moving, moving_on
+from tests.builders.remembering_arm import arm
+
+SLOW_RAD_S = 0.02
+
+
+def test_a_reversal_between_two_rows_is_a_standstill() -> None:
+    model = RobotModel.from_description(arm())
+    v = np.full((6, model.chain.n), 0.5)
+    v[3:, 0] = -0.5
+    v[2, 1] = 0.0
+    assert moving(model, v, SLOW_RAD_S)[:, 0].all()
+    assert moving_on(model, v, SLOW_RAD_S)[:, 0].tolist() == [True, True, False, False, True, True]
+    assert moving_on(model, v, SLOW_RAD_S)[:, 1].tolist() == [True, True, False, True, True, True]
