@@ -57,17 +57,18 @@ def _reversals(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, 
 
     A parabola through the last three positions before it tells; a spline would ring.
     """
-    times, joints = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    times: list[FloatArray] = [np.empty(0)]
+    joints: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for j, (q, v) in enumerate(zip(position.T, velocity.T, strict=True)):
-        moving = np.flatnonzero(np.abs(v) >= SLOW_RAD_S)
+        moving: IntArray = np.flatnonzero(np.abs(v) >= SLOW_RAD_S).astype(np.int64)
         last, first = moving[:-1], moving[1:]
         turns = (v[last] * v[first] < 0.0) & (first - last <= MOST_ROWS) & (last >= 2)
         last, first = last[turns], first[turns]
         step, bend = q[last] - q[last - 1], q[last] - 2.0 * q[last - 1] + q[last - 2]
         slows = step * bend < 0.0
         after = np.where(slows, -step / np.where(slows, bend, 1.0) - 0.5, np.inf)
-        times.append(last + np.clip(after, 0.0, first - last))
-        joints.append(np.full(len(last), j))
+        times.append(np.asarray(last + np.clip(after, 0.0, first - last), dtype=np.float64))
+        joints.append(np.full(len(last), j, dtype=np.int64))
     return np.concatenate(times), np.concatenate(joints)
 
 

@@ -14,13 +14,14 @@ TURN = 30.0
 
 def motion(phi: float) -> tuple[FloatArray, FloatArray]:
     """Return a joint that brakes harder than it speeds up again, beside one that goes on."""
-    since = np.arange(ROWS) - (TURN + phi)
+    since: FloatArray = np.arange(ROWS, dtype=np.float64) - (TURN + phi)
     braking, speeding = np.minimum(since, 0.0), np.maximum(since, 0.0)
     turning = -0.03 * braking**2 - 0.02 * speeding**2
     speed = -0.06 * braking - 0.04 * speeding
+    other = 0.1 * np.arange(ROWS)
     return (
-        np.stack([turning, 0.1 * np.arange(ROWS)], axis=1),
-        np.stack([speed, np.full(ROWS, 0.1)], axis=1),
+        np.asarray(np.stack([turning, other], axis=1), dtype=np.float64),
+        np.asarray(np.stack([speed, np.full(ROWS, 0.1)], axis=1), dtype=np.float64),
     )
 
 
