@@ -19,6 +19,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import argparse
 import json
 import sys
 import time
@@ -275,7 +276,9 @@ def against_log_cholesky(count: int) -> tuple[bool, float, float]:
 
 def main() -> int:
     """Measure and print; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a tenth of the draws")
+    quick = parser.parse_args().quick
     check_consistency(noisy_estimate(0))  # loads the solver
     sound = false_refusals(40 if quick else 400)
     wrong = power(1 if quick else 10)

@@ -49,6 +49,13 @@ _SUSPECTS: Final = {
 }
 
 
+_BY_EQUATIONS: Final = frozenset({Method.LINK_BY_LINK})
+"""Methods with the joints' torque equations, whose columns pass the channel of the torque.
+
+A work or a simulation needs the torque that acted, and the recorded torque is never deconvolved.
+"""
+
+
 @dataclass(frozen=True, eq=False)
 class CrossCheck:
     """What one other method finds.
@@ -125,6 +132,8 @@ def check(method: Method, estimate: Estimate, runs: tuple[TimeRun, ...]) -> Cros
     the variances says: the test is on the safe side of agreement.
     """
     try:
+        if method not in _BY_EQUATIONS:
+            _refuse_channels(runs)
         values, covariance = _FUNCTIONS[method](estimate, runs)
     except EstimationError as error:
         nothing = np.zeros(0)
@@ -134,3 +143,16 @@ def check(method: Method, estimate: Estimate, runs: tuple[TimeRun, ...]) -> Cros
     difference = (values - estimate.values) / np.maximum(combined, 1e-300)
     worst = estimate.base.expressions[int(np.argmax(np.abs(difference)))]
     return CrossCheck(method, values, sigma, difference, worst)
+
+
+def _refuse_channels(runs: tuple[TimeRun, ...]) -> None:
+    """Refuse recordings whose torque is late or was filtered."""
+    for run in runs:
+        channel = run.signals.channel
+        if channel is not None and channel.changes:
+            raise EstimationError(
+                f"the recorded torque passed a channel ({channel.kind}), and this method needs the"
+                " torque that acted: switch the filter of the drives off, or correct the time of"
+                " the torques in the recording",
+                code="RID-CROSS-CHECK-CHANNEL",
+            )

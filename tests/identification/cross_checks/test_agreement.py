@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from dynamics.terms.conditions import Conditions
 from identification.cross_checks.agreement import Method, check, cross_checks
@@ -17,7 +18,8 @@ from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
-from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
+from tests.builders.remembering_arm import STEP_S, iwan, motion, recording, with_presliding
+from tests.builders.remembering_arm import measured as written
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -104,6 +106,22 @@ def test_what_cannot_be_checked_says_why(arm: KnownArm, measure: Measure) -> Non
         assert other.largest == 0.0
         assert "not checked" in other.sentence
         assert "efficiencies" in other.sentence
+
+
+@pytest.mark.parametrize("late_s", [0.006, -0.004])
+def test_a_late_torque_raises_no_alarm(late_s: float) -> None:
+    """The columns of joint equations are late alike; works and simulations are not compared."""
+    way = motion(40.0, 3)
+    channel = TorqueChannel.of_delays(np.full(3, late_s), np.full(3, 1e-5))
+    on_time = written({}, way)
+    late = replace(on_time, torque_nm=channel.through(on_time.torque_nm, STEP_S))
+    signals = replace(smooth_nonperiodic(late, 10.0), channel=channel)
+    estimate = estimate_smoothed(with_presliding((), 0.03), [signals])
+    energies, by_link, kalman = cross_checks(estimate, runs_of([signals]))
+    assert by_link.agrees, by_link.sentence
+    for other in (energies, kalman):
+        assert other.agrees is None
+        assert "delay" in other.trouble
 
 
 def test_a_robot_that_runs_away_is_no_number(arm: KnownArm, measure: Measure) -> None:
