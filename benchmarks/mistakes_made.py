@@ -9,12 +9,14 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.sound_robots import Sound
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
 from identification.wiring.mistakes import Kind
 
 DEGREE: Final = math.pi / 180.0
+ALL_ROWS: Final = slice(None)
 OTHERS: Final = {"kr15": "ur10e", "ur10e": "kr15"}
 
 
@@ -30,15 +32,38 @@ class Stated:
         Time stamps [s].
     position, torque_nm : ndarray, shape (samples, n)
         Link side [rad, N m].
+    gravity_nm : ndarray, shape (samples, n)
+        What of the torques is gravity, of the real arm or by its drawings.
     unit : str
         What the map says that positions are in.
+    velocity : ndarray, shape (samples, n), or None
+        Recorded velocities [rad/s], if there are columns of them.
     """
 
     robot: RobotDescription
     time_s: FloatArray
     position: FloatArray
     torque_nm: FloatArray
+    gravity_nm: FloatArray
     unit: str = "rad"
+    velocity: FloatArray | None = None
+
+    @classmethod
+    def of(cls, sound: Sound, rows: slice = ALL_ROWS) -> Stated:
+        """Return rows of a recording, and its robot's file, as they are."""
+        return cls(
+            sound.robot,
+            sound.time_s[rows],
+            sound.position[rows],
+            sound.torque_nm[rows],
+            sound.gravity_nm[rows],
+        )
+
+    @property
+    def table(self) -> FloatArray:
+        """The columns of the table that `map_text` reads."""
+        columns = [self.time_s, self.position, self.torque_nm]
+        return np.column_stack(columns if self.velocity is None else [*columns, self.velocity])
 
     @property
     def map_text(self) -> str:
@@ -47,13 +72,15 @@ class Stated:
         lines = [
             "name: arm",
             "robot: robot.yaml",
-            f"columns: {1 + 2 * n}",
+            f"columns: {1 + (2 if self.velocity is None else 3) * n}",
             "time: {column: 0}",
             f"units: {{position: {self.unit}}}",
             "joints:",
         ]
         for j, name in enumerate(self.robot.joint_names):
-            lines.append(f"  - {{joint: {name}, position: {1 + j}, torque: {1 + n + j}}}")
+            velocity = "" if self.velocity is None else f", velocity: {1 + 2 * n + j}"
+            columns = f"position: {1 + j}, torque: {1 + n + j}{velocity}"
+            lines.append(f"  - {{joint: {name}, {columns}}}")
         return "\n".join(lines) + "\n"
 
 
@@ -71,12 +98,15 @@ class Made:
         The joints that must be named, from 0; none where all are meant.
     stated : Stated
         What is handed over then.
+    shown : bool
+        Whether the data show it though a robot explains them as well as the truth.
     """
 
     name: str
     kinds: tuple[Kind, ...]
     joints: tuple[int, ...]
     stated: Stated
+    shown: bool = False
 
 
 def mistakes(sound: Stated) -> Iterator[Made]:
@@ -100,6 +130,7 @@ def mistakes(sound: Stated) -> Iterator[Made]:
             yield from _orders(sound, f"three in a cycle {order}", None, order)
     yield from _of_all(sound)
     yield from _of_torques(sound)
+    yield from _of_velocities(sound)
     yield from _of_the_robot(sound)
 
 
@@ -137,6 +168,8 @@ def _orders(
     sound: Stated, name: str, joints: tuple[int, ...] | None, order: list[int]
 ) -> Iterator[Made]:
     own = tuple(np.argsort(order).tolist()) if joints is None else joints
+    moved = tuple(i for i, other in enumerate(order) if i != other)
+    own = moved if len(moved) == 2 else own
     position, torque_nm = sound.position[:, order], sound.torque_nm[:, order]
     kind = Kind.POSITION_ORDER
     yield Made(f"positions: {name}", (kind,), own, replace(sound, position=position))
@@ -149,6 +182,15 @@ def _orders(
 def _of_all(sound: Stated) -> Iterator[Made]:
     in_degrees = replace(sound, position=sound.position / DEGREE)
     yield Made("degrees read as radians", (Kind.POSITION_FACTOR,), (), in_degrees)
+    gears = np.array([abs(joint.gear_ratio) for joint in sound.robot.joints])
+    for name, factors in (
+        ("in turns", np.full(len(gears), 0.5 / math.pi)),
+        ("in mrad", np.full(len(gears), 1000.0)),
+        ("of the motors", gears),
+    ):
+        if np.any(factors != 1.0):
+            unit = replace(sound, position=sound.position * factors)
+            yield Made(f"positions {name}", (Kind.POSITION_FACTOR,), (), unit)
     as_degrees = replace(sound, unit="deg")
     yield Made("radians read as degrees", (Kind.POSITION_FACTOR,), (), as_degrees)
     for name, factor in (
@@ -208,6 +250,26 @@ def _of_torques(sound: Stated) -> Iterator[Made]:
     yield made("velocities called torques", Kind.TORQUE_QUANTITY, speed)
     acceleration = np.gradient(speed, sound.time_s, axis=0)
     yield made("accelerations called torques", Kind.TORQUE_QUANTITY, acceleration)
+    without = made("gravity removed", Kind.GRAVITY_REMOVED, sound.torque_nm - sound.gravity_nm)
+    yield replace(without, shown=True)
+
+
+def _of_velocities(sound: Stated) -> Iterator[Made]:
+    """Yield wrong columns of velocities, which only the import compares with the positions."""
+    right = np.gradient(sound.position, sound.time_s, axis=0)
+    backwards, swapped = right.copy(), right.copy()
+    backwards[:, 1] *= -1.0
+    swapped[:, :2] = right[:, 1::-1]
+    gears = np.array([abs(joint.gear_ratio) for joint in sound.robot.joints])
+    for name, velocity in (
+        ("in degrees per second", right / DEGREE),
+        ("of axis 2 backwards", backwards),
+        ("of axes 1 and 2 swapped", swapped),
+        ("of the motors", right * gears),
+    ):
+        if not np.array_equal(velocity, right):
+            stated = replace(sound, velocity=velocity)
+            yield Made(f"velocities {name}", (), (), stated, shown=True)
 
 
 def _of_the_robot(sound: Stated) -> Iterator[Made]:
@@ -238,10 +300,16 @@ def _of_the_robot(sound: Stated) -> Iterator[Made]:
     yield Made("gravity in cm", (), (), of(gravity_m_s2=(0.0, 0.0, -981.0)))
     down = tuple(-each for each in robot.gravity_m_s2)
     yield Made("mounted upside down", (Kind.MOUNTING,), (), of(gravity_m_s2=down))
-    tilt, size = 30.0 * DEGREE, float(np.linalg.norm(robot.gravity_m_s2))
-    sign = math.copysign(1.0, robot.gravity_m_s2[2])
-    tilted = (0.0, size * math.sin(tilt), sign * size * math.cos(tilt))
-    yield Made("a tilt that is not there", (Kind.MOUNTING,), (), of(gravity_m_s2=tilted))
+    size, sign = float(np.linalg.norm(robot.gravity_m_s2)), math.copysign(1, robot.gravity_m_s2[2])
+    for name, tilt_deg, azimuth_deg in (
+        ("a tilt that is not there", 30.0, 90.0),
+        ("a tilt of 15 degrees", 15.0, 200.0),
+        ("mounted on a wall", 90.0, 0.0),
+    ):
+        tilt, turn = tilt_deg * DEGREE, azimuth_deg * DEGREE
+        flat, along = size * math.sin(tilt), sign * size * math.cos(tilt)
+        gravity = (flat * math.cos(turn), flat * math.sin(turn), along)
+        yield Made(name, (Kind.MOUNTING,), (), of(gravity_m_s2=gravity))
     limits = [joint.limits for joint in joints]
     degrees = tuple(
         joint.model_copy(

@@ -37,6 +37,8 @@ class Sound:
         Time [s].
     position, velocity, acceleration, torque_nm : ndarray, shape (samples, n)
         As measured at the joints, low-passed already.
+    gravity_nm : ndarray, shape (samples, n)
+        What of the torques is gravity.
     """
 
     robot: RobotDescription
@@ -45,6 +47,7 @@ class Sound:
     velocity: FloatArray
     acceleration: FloatArray
     torque_nm: FloatArray
+    gravity_nm: FloatArray
 
 
 def sound_runs(count: int, first_seed: int = 0) -> Iterator[Sound]:
@@ -65,6 +68,7 @@ def sound_run(robot: RobotDescription, random: np.random.Generator) -> Sound:
     rigid = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
     values = _bodies(robot, rigid, random)
     rigid_nm = regressor(rigid, q, v, a) @ values
+    gravity_nm = regressor(rigid, q, np.zeros_like(q), np.zeros_like(q)) @ values
     n = len(robot.joints)
     size = np.sqrt(np.mean(rigid_nm**2, axis=0)) + 0.05 * np.sqrt(np.mean(rigid_nm**2))
     joints, coupling = (q, v, a), WristCoupling.of_robot(robot)
@@ -81,8 +85,9 @@ def sound_run(robot: RobotDescription, random: np.random.Generator) -> Sound:
     torque_nm = rigid_nm + rotor_nm + size * (braked + ripple + random.uniform(-0.1, 0.1, n))
     torque_nm = torque_nm * random.normal(1.0, 0.01, n)
     torque_nm += 0.02 * size * random.standard_normal(q.shape)
-    torque_nm *= _share_of_limits(robot, torque_nm)
-    return Sound(robot, STEP_S * np.arange(len(q), dtype=np.float64), *joints, torque_nm)
+    share = _share_of_limits(robot, torque_nm)
+    time_s = STEP_S * np.arange(len(q), dtype=np.float64)
+    return Sound(robot, time_s, *joints, share * torque_nm, share * gravity_nm)
 
 
 def _share_of_limits(robot: RobotDescription, torque_nm: FloatArray) -> float:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Strict
+
+from config.model import ConfigModel
 
 
 class PlateKind(StrEnum):
@@ -16,9 +20,8 @@ class PlateKind(StrEnum):
     ORDER = "order of channels"
 
 
-@dataclass(frozen=True)
-class PlateMistake:
-    """A mistake in a plate's description.
+class PlateMistake(ConfigModel):
+    """What is probably wrong in the plate's description.
 
     Attributes
     ----------
@@ -27,26 +30,18 @@ class PlateMistake:
     key : str
         The key of the cell file's `plate` that states it.
     stated, right : tuple of float
-        Its value, and the value that explains the plate; of a sensitivity the factor, of an order
+        Its value, and the value that explains the plate; of sensitivities the factors, of an order
         the channels' numbers.
-    words : str
-        What is wrong, in words.
     times_better : float
-        By which factor the residual of the wrench falls where it falls most.
+        By which factor the residual falls where it falls most; 1 if the arm's weight tells the
+        mistake and no residual does.
+    sentence : str
+        The finding in words.
     """
 
     kind: PlateKind
     key: str
-    stated: tuple[float, ...]
-    right: tuple[float, ...]
-    words: str
+    stated: Annotated[tuple[float, ...], Strict(False)]
+    right: Annotated[tuple[float, ...], Strict(False)]
     times_better: float
-
-    @property
-    def sentence(self) -> str:
-        """The finding in words."""
-        return (
-            f"The force plate is probably described wrongly: {self.words}. That explains its wrench"
-            f" up to {self.times_better:.2g} times better; correct `plate.{self.key}` in the cell"
-            " file. Nothing is said of torque constants until then."
-        )
+    sentence: str

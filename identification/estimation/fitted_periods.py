@@ -182,7 +182,7 @@ def fit_periodic(
 
 def unsolved_equations(
     robot: RobotDescription, averages: Sequence[PeriodAverage], options: EstimationOptions
-) -> tuple[BinEquations, ...]:
+) -> tuple[tuple[BinEquations, ...], RobotModel, BaseParameters]:
     """Return the equations of averaged periods as they are before anything is estimated.
 
     Parameters
@@ -193,9 +193,18 @@ def unsolved_equations(
         One a run.
     options : EstimationOptions
         The model's terms and how rows count.
+
+    Returns
+    -------
+    equations : tuple of BinEquations
+        One a run.
+    model : RobotModel
+        Their model.
+    base : BaseParameters
+        Their parameters.
     """
     problem, model, *_ = _unsolved(robot, averages, options, None)
-    return problem.equations(model, None)
+    return problem.equations(model, None), model, problem.base
 
 
 def _unsolved(

@@ -12,21 +12,14 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.robot.nominal_links import nominal_links
-from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain
-from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import RobotModel, regressor
+from identification.model.drawn_arm import drawn_parameters, plausible_weight
 from identification.wiring.signals import WiredSignals
 
 EVERY: Final = 4
 """Of the rows only every fourth: poses change slowly."""
 
 LEAST_LOAD: Final = 0.05
-NOMINAL_RANGE: Final = (0.02, 50.0)
-LIGHTEST_DRAWN: Final = 0.3
-HEAVIEST_DRAWN: Final = 3.0
-UNCERTAINTIES: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +83,7 @@ class DrawnWeight:
     @classmethod
     def of(cls, signals: WiredSignals, model: RobotModel) -> DrawnWeight:
         """Compute the drawn arm's gravity torques along the recordings."""
-        robot = signals.robot
-        if not robot.is_drawn:
-            chain = Chain.from_description(robot)
-            robot = robot.model_copy(update={"cad": nominal_links(chain.rows, chain.tool_m)})
-        values, _ = cad_parameters(model, robot)
+        robot, values = signals.robot, drawn_parameters(model, signals.robot)
         q = signals.joints()[0][::EVERY]
         phi = regressor(model, q, np.zeros_like(q), np.zeros_like(q))
         own = model.parameter_groups["rigid_body"]
@@ -108,7 +97,7 @@ class DrawnWeight:
         columns = np.zeros((len(drawn), phi.shape[2]))
         columns[:, own] = np.einsum("rj,rjp->jp", torque_nm, rigid)
         columns[light] = 0.0
-        return cls(columns, drawn, _plausible(signals.robot), signals.robot.is_drawn)
+        return cls(columns, drawn, plausible_weight(robot), robot.is_drawn)
 
     @property
     def is_visible(self) -> bool:
@@ -126,10 +115,3 @@ class DrawnWeight:
         found = np.full(len(self.drawn), np.nan)
         np.divide(self.columns @ values, self.drawn, out=found, where=self.drawn > 0.0)
         return found
-
-
-def _plausible(robot: RobotDescription) -> tuple[float, float]:
-    if not robot.is_drawn or robot.cad is None:
-        return NOMINAL_RANGE
-    unsure = UNCERTAINTIES * max(link.uncertainty or 0.0 for link in robot.cad)
-    return min(LIGHTEST_DRAWN, 1.0 / (1.0 + unsure)), max(HEAVIEST_DRAWN, 1.0 + unsure)

@@ -141,8 +141,9 @@ def estimate_runs(
     except EstimationError as error:
         if plate is None or error.refusal != PLATE_LATE:
             raise
-        equations = unsolved_equations(robot, averages, options)
-        mistake = find_plate_mistake(averages, equations, [0.0] * len(averages), plate)
+        equations, model, base = unsolved_equations(robot, averages, options)
+        still = [0.0] * len(averages)
+        mistake = find_plate_mistake(averages, equations, still, plate, robot, model, base)
         if mistake is None:
             raise
         raise EstimationError(mistake.sentence, code=PLATE_MISTAKEN) from error
@@ -152,7 +153,9 @@ def estimate_runs(
     mistake = None
     if plate is not None:
         delays_s = fitted.problem.delays_s.tolist()
-        mistake = find_plate_mistake(averages, fitted.equations, delays_s, plate)
+        mistake = find_plate_mistake(
+            averages, fitted.equations, delays_s, plate, robot, fitted.model, fitted.base
+        )
     if options.model.kind == "external":
         return Identified(estimate, averages, plate_mistake=mistake)
     improved, agreed = improvement(fitted), torque_consistency(fitted)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Strict
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from identification.calibration.plate_mistake import PlateKind
+from identification.calibration.plate_mistake import PlateMistake
 from identification.regression.fit_grade import Grade
 from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from identification.accuracy.plate_benefit import Improvement
-    from identification.calibration.plate_mistake import PlateMistake
     from identification.calibration.torque_scale import TorqueConsistency
     from identification.equations.plate_fit import PlateFit
 
@@ -44,32 +43,6 @@ class WrenchResidual(Section):
     percent: float | None = None
     grade: Grade | None = None
     reason: str | None = None
-
-
-class PlateMistakeEntry(Section):
-    """What is probably wrong in the plate's description.
-
-    Attributes
-    ----------
-    kind : PlateKind
-        What is wrong.
-    key : str
-        The key of the cell file's `plate` that states it.
-    stated, right : tuple of float
-        Its value, and the value that explains the plate; of a sensitivity the factor, of an order
-        the channels' numbers.
-    times_better : float
-        By which factor the residual falls where it falls most.
-    sentence : str
-        The finding in words.
-    """
-
-    kind: PlateKind
-    key: str
-    stated: Numbers
-    right: Numbers
-    times_better: float
-    sentence: str
 
 
 class ImprovedParameter(Section):
@@ -181,7 +154,7 @@ class PlateSection(Section):
         Of the combined model.
     torque_constants : TorqueConstants or None
         Of the combined model, if it explains the plate.
-    mistake : PlateMistakeEntry or None
+    mistake : PlateMistake or None
         What is probably wrong in its description; left out if nothing explains it better.
     """
 
@@ -193,7 +166,7 @@ class PlateSection(Section):
     drift_n_s: Annotated[tuple[Numbers, ...], Strict(False)]
     improvement: ImprovementSection | None
     torque_constants: TorqueConstants | None
-    mistake: PlateMistakeEntry | None = None
+    mistake: PlateMistake | None = None
 
     @property
     def bad_components(self) -> tuple[str, ...]:
@@ -253,7 +226,7 @@ class PlateSection(Section):
             delay_std_s=plate.delay_sigma_s,
             improvement=None if improved is None else ImprovementSection.of(improved),
             torque_constants=None if torques is None else TorqueConstants.of(torques),
-            mistake=None if mistake is None else PlateMistakeEntry.taken(mistake),
+            mistake=mistake,
         )
 
     def print(self, console: Console) -> None:

@@ -13,9 +13,11 @@ import pytest
 from acquisition.processing.periods import PeriodAverage, average_periods
 from acquisition.recording.plate_geometry import PlateGeometry
 from acquisition.recording.recording import Recording
-from config.cell.plate import PlateConfig
+from config.cell.plate import CHANNEL_NAMES, PlateConfig
+from identification.calibration.plate_equations import PlateEquations
+from identification.calibration.plate_hypotheses import angles_of, rotation_of, wrench_matrix
 from identification.calibration.plate_mistake import PlateKind, PlateMistake
-from identification.calibration.plate_search import _angles, _rotation, find_plate_mistake
+from identification.calibration.plate_search import find_plate_mistake
 from identification.calibration.torque_scale import torque_consistency
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic, unsolved_equations
 from identification.estimation.options import EstimationOptions
@@ -33,6 +35,7 @@ Channels = Callable[[Any], Any]
 Fit = Callable[..., tuple[FittedPeriods, PlateConfig]]
 Described = Callable[..., PlateMistake]
 TURN = math.pi
+EXTERNAL = EstimationOptions(model=ModelOptions(kind="external"))
 
 
 def _as_they_are(channels: Any) -> Any:
@@ -65,8 +68,8 @@ def described(average: PeriodAverage, arm: KnownArm) -> Described:
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:
         averages, plate = _described(average, channels, **stated)
         options = EstimationOptions(model=ModelOptions(kind=kind))
-        equations = unsolved_equations(arm.robot, averages, options)
-        mistake = find_plate_mistake(averages, equations, [0.0], plate)
+        equations, model, base = unsolved_equations(arm.robot, averages, options)
+        mistake = find_plate_mistake(averages, equations, [0.0], plate, arm.robot, model, base)
         assert mistake is not None
         return mistake
 
@@ -89,6 +92,8 @@ def test_a_plate_as_it_is_is_good_and_nothing_is_found(fit: Fit, kind: ModelKind
         ({"a_m": 0.15}, PlateKind.SIZE, (0.12,)),
         ({"b_m": 0.15}, PlateKind.SIZE, (0.2,)),
         ({"position_m": (0.32, -0.01, 0.03)}, PlateKind.POSITION, (0.02, -0.01, 0.03)),
+        ({"position_m": (0.02, 0.04, 0.03)}, PlateKind.POSITION, (0.02, -0.01, 0.03)),
+        ({"rotation_rad": (TURN, 0.0, 1.1)}, PlateKind.ROTATION, (0.0, 0.0, 0.4)),
         ({"rotation_rad": (0.0, 0.0, 0.4 - TURN)}, PlateKind.ROTATION, (0.0, 0.0, 0.4)),
         ({"rotation_rad": (0.0, 0.0, 0.05)}, PlateKind.ROTATION, (0.0, 0.0, 0.4)),
     ],
@@ -101,20 +106,62 @@ def test_a_size_a_place_or_a_direction_is_found_with_its_value(
     assert mistake.right == pytest.approx(right, abs=0.01)
 
 
-@pytest.mark.parametrize("channel", [0, 2, 5])
-@pytest.mark.parametrize("factor", [1.2, -1.0])
+@pytest.mark.parametrize("stated", [{"az0_m": -0.154}, {"position_m": (0.02, -0.01, 0.13)}])
+def test_a_height_that_this_motion_does_not_show_is_not_named(
+    average: PeriodAverage, arm: KnownArm, stated: dict[str, Any]
+) -> None:
+    averages, plate = _described(average, _as_they_are, **stated)
+    equations, model, base = unsolved_equations(arm.robot, averages, EXTERNAL)
+    condensed = PlateEquations.of(averages, equations, [0.0])
+    assert condensed is not None
+    assert condensed.shares(wrench_matrix(plate)).max() < 0.02
+    assert find_plate_mistake(averages, equations, [0.0], plate, arm.robot, model, base) is None
+
+
+@pytest.mark.parametrize("channel", [0, 2, 3, 5])
+@pytest.mark.parametrize("factor", [1.2, 0.8, -1.0])
 def test_a_channels_sensitivity_is_found(described: Described, channel: int, factor: float) -> None:
-    mistake = described("external", _times(channel, factor))
+    mistake = described("external", _times((channel,), factor))
     assert mistake.kind is PlateKind.SENSITIVITY
     assert mistake.right == pytest.approx((1.0 / factor,), rel=0.03)
 
 
-@pytest.mark.parametrize("pair", [(0, 1), (4, 5)])
-def test_channels_that_are_swapped_are_found(described: Described, pair: tuple[int, int]) -> None:
-    order = list(range(8))
-    order[pair[0]], order[pair[1]] = pair[1], pair[0]
-    mistake = described("external", lambda values: values[:, order])
-    assert (mistake.kind, mistake.stated) == (PlateKind.ORDER, pair)
+@pytest.mark.parametrize("channels", [(0, 1), (0, 1, 2, 3), (4, 5, 6, 7), (0, 6, 7)])
+def test_several_reversed_channels_are_found(
+    described: Described, channels: tuple[int, ...]
+) -> None:
+    mistake = described("external", _times(channels, -1.0))
+    assert mistake.right == (-1.0,) * len(channels)
+    assert all(CHANNEL_NAMES[channel] in mistake.sentence for channel in channels)
+
+
+@pytest.mark.parametrize("kind", ["external", "combined"])
+@pytest.mark.parametrize("factor", [-1.0, 1e-4])
+def test_what_all_channels_have_in_common_the_arms_weight_tells(
+    described: Described, kind: ModelKind, factor: float
+) -> None:
+    mistake = described(kind, _times(tuple(range(8)), factor))
+    assert (mistake.kind, len(mistake.right)) == (PlateKind.SENSITIVITY, 8)
+    assert mistake.times_better == 1.0
+    assert mistake.right[0] == -1.0 if factor < 0.0 else 0.3 < mistake.right[0] * factor < 3.0
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        (1, 0, 2, 3, 4, 5, 6, 7),
+        (0, 1, 2, 3, 5, 4, 6, 7),
+        (2, 3, 0, 1, 4, 5, 6, 7),
+        (7, 6, 5, 4, 3, 2, 1, 0),
+        (4, 5, 6, 7, 0, 1, 2, 3),
+        (0, 4, 2, 3, 1, 5, 6, 7),
+    ],
+)
+def test_channels_in_another_order_are_found(described: Described, order: tuple[int, ...]) -> None:
+    mistake = described("external", lambda values: values[:, list(order)])
+    moved = [i for i, other in enumerate(order) if i != other]
+    assert (mistake.kind, mistake.stated) == (PlateKind.ORDER, tuple(moved))
+    assert mistake.right == tuple(order[i] for i in moved)
 
 
 def test_a_mistaken_plate_keeps_torque_constants_out_of_suspicion(fit: Fit) -> None:
@@ -128,7 +175,7 @@ def test_a_mistaken_plate_keeps_torque_constants_out_of_suspicion(fit: Fit) -> N
 
 
 def test_a_wrench_that_no_robot_has_is_graded_bad(fit: Fit) -> None:
-    fitted, _ = fit("external", _times(2, -1.0))
+    fitted, _ = fit("external", _times((2,), -1.0))
     estimate = fitted.estimate()
     assert estimate.plate is not None
     assert worst(estimate.plate.grades) is Grade.BAD
@@ -140,20 +187,23 @@ def test_angles_are_those_of_a_cell_file(
     cell: LoadedCell, angles: tuple[float, float, float]
 ) -> None:
     assert cell.config.plate is not None
-    rotation = _rotation(cell.config.plate.model_copy(update={"rotation_rad": angles}))
-    again = cell.config.plate.model_copy(update={"rotation_rad": _angles(rotation)})
-    np.testing.assert_allclose(_rotation(again), rotation, atol=1e-5)
+    rotation = rotation_of(cell.config.plate.model_copy(update={"rotation_rad": angles}))
+    again = cell.config.plate.model_copy(update={"rotation_rad": angles_of(rotation)})
+    np.testing.assert_allclose(rotation_of(again), rotation, atol=1e-5)
 
 
 def mistake_of(fitted: FittedPeriods, plate: PlateConfig) -> PlateMistake | None:
     problem = fitted.problem
     delays_s = problem.delays_s.tolist()
-    return find_plate_mistake(problem.averages, fitted.equations, delays_s, plate)
+    equations, model, base = fitted.equations, fitted.model, fitted.base
+    return find_plate_mistake(
+        problem.averages, equations, delays_s, plate, fitted.robot, model, base
+    )
 
 
-def _times(channel: int, factor: float) -> Channels:
+def _times(channels: tuple[int, ...], factor: float) -> Channels:
     factors = np.ones(8)
-    factors[channel] = factor
+    factors[list(channels)] = factor
     return lambda values: values * factors
 
 

@@ -21,7 +21,7 @@ PERIOD = 1000  # rows of the motion's period
 
 
 def signals_of(sound: Sound, rows: int | None = None) -> WiredSignals:
-    stated = Stated(sound.robot, sound.time_s[:rows], sound.position[:rows], sound.torque_nm[:rows])
+    stated = Stated.of(sound, slice(rows))
     return WiredSignals.of(sound.robot, [smooth_nonperiodic(recording_of(stated), 10.0)])
 
 

@@ -153,7 +153,7 @@ def test_a_model_of_another_robot_is_refused(
 def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
     sound: Sound, tmp_path: Path
 ) -> None:
-    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm)
+    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
     assert tell(right, tmp_path) == (False, set())
 
 
@@ -184,7 +184,7 @@ def test_nothing_is_told_of_the_recording_that_mistakes_are_made_in(
     ],
 )
 def test_a_mistake_is_refused_or_named(name: str, sound: Sound, tmp_path: Path) -> None:
-    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm)
+    right = Stated(sound.robot, sound.time_s, sound.position, sound.torque_nm, sound.gravity_nm)
     made = next(each for each in mistakes(right) if each.name == name)
     refused, named = tell(made.stated, tmp_path)
     joints = tuple(sound.robot.joint_names[j] for j in made.joints)

@@ -188,7 +188,7 @@ Engineer = Callable[..., SimpleNamespace]
 @pytest.fixture(scope="module")
 def sound() -> Stated:
     made = sound_run(load_robot("ir361"), np.random.default_rng(1))
-    return Stated(made.robot, made.time_s, made.position, made.torque_nm)
+    return Stated.of(made)
 
 
 @pytest.fixture

@@ -1,0 +1,123 @@
+"""`PlateEquations`: the base wrench of some runs, condensed so that many wrench matrices are tried.
+
+A wrench is a matrix (6, 8) times the channels' readings. All that least squares needs of the rows
+are the products of columns and channels: a trial costs one small solution, whatever the runs' size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from acquisition.signals.bins import filter_response, to_bins
+from config.arrays import FloatArray
+from config.cell.plate import CHANNELS
+from identification.equations.base_wrench import in_time, real_rows
+from identification.equations.bins import BinEquations
+from identification.equations.plate_fit import SMALL_COMPONENT
+
+RIDGE: Final = 1e-10
+SMALLEST_SHARE: Final = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class PlateEquations:
+    """Products of the base wrench's columns and the channels, without their constant parts.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (6, b, b)
+        For each component Phi^T Phi of its columns.
+    crossed : ndarray, shape (6, b, 8)
+        Phi^T y of the channels' readings y.
+    channels : ndarray, shape (8, 8)
+        y^T y [N^2].
+    """
+
+    columns: FloatArray
+    crossed: FloatArray
+    channels: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        averages: Sequence[PeriodAverage],
+        equations: Sequence[BinEquations],
+        delays_s: Sequence[float],
+    ) -> PlateEquations | None:
+        """Condense the runs' equations; None if a channel was left out.
+
+        Parameters
+        ----------
+        averages : sequence of PeriodAverage
+            The runs' mean periods.
+        equations : sequence of BinEquations
+            Their equations, of the external or the combined model.
+        delays_s : sequence of float
+            By how much the plate's signals were late in each run [s].
+        """
+        columns, channels = [], []
+        for each, average, delay_s in zip(equations, averages, delays_s, strict=True):
+            own, wrench = average.reaction, each.reaction
+            if own is None or wrench is None or len(wrench.components) < 6:
+                return None
+            response = np.ones(wrench.harmonics + 1, dtype=complex)
+            if own.low_pass is not None:
+                frequencies = np.arange(wrench.harmonics + 1) / wrench.period_s
+                response = filter_response(own.low_pass, frequencies)
+            bins = to_bins(own.channels_n, wrench.harmonics) / response[:, np.newaxis]
+            rows = in_time(real_rows(bins).T, wrench.period_s, delay_s)
+            channels.append(rows[:, 1:])
+            columns.append(wrench.matrix[:, 1:])
+        if len({each.shape[0] for each in channels} | {CHANNELS}) > 1:
+            return None
+        phi, y = np.concatenate(columns, axis=1), np.concatenate(channels, axis=1)
+        return cls(phi.swapaxes(1, 2) @ phi, phi.swapaxes(1, 2) @ y.T, y @ y.T)
+
+    def shares(self, matrix: FloatArray) -> FloatArray:
+        """Return the residual of each component over its size, by a wrench matrix (6, 8).
+
+        A share below `SMALLEST_SHARE` counts as that.
+        """
+        power, size = self._sized(matrix)
+        crossed = np.einsum("wbc,wc->wb", self.crossed, matrix)
+        weight = 1.0 / size**2
+        values = _solved(np.tensordot(weight, self.columns, axes=1), weight @ crossed)
+        left = power - 2.0 * crossed @ values + self.columns @ values @ values
+        return np.asarray(np.maximum(np.sqrt(np.maximum(left, 0.0)) / size, SMALLEST_SHARE))
+
+    def free(self, matrix: FloatArray, slopes: FloatArray) -> FloatArray:
+        """Return the best theta (k,) of a wrench matrix plus theta times slopes (k, 6, 8)."""
+        _, size = self._sized(matrix)
+        weight, k = 1.0 / size**2, len(slopes)
+        mixed = -np.einsum("w,wbc,kwc->bk", weight, self.crossed, slopes)
+        own = np.einsum("w,kwc,cd,lwd->kl", weight, slopes, self.channels, slopes)
+        gram = np.block([[np.tensordot(weight, self.columns, axes=1), mixed], [mixed.T, own]])
+        of_columns = np.einsum("w,wbc,wc->b", weight, self.crossed, matrix)
+        of_slopes = -np.einsum("w,kwc,cd,wd->k", weight, slopes, self.channels, matrix)
+        return _solved(gram, np.concatenate([of_columns, of_slopes]))[-k:]
+
+    def weight(self, matrix: FloatArray, drawn: FloatArray) -> float:
+        """Return the wrench by a matrix (6, 8) over that of drawn parameters (b,), projected."""
+        _, size = self._sized(matrix)
+        power = self.columns @ drawn @ drawn
+        measured = np.einsum("wbc,wc,b->w", self.crossed, matrix, drawn)
+        return float(np.sum(measured / size**2) / max(float(np.sum(power / size**2)), 1e-300))
+
+    def _sized(self, matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the components' squares, (6,), and their sizes: small ones count as larger."""
+        power = np.einsum("wc,cd,wd->w", matrix, self.channels, matrix)
+        size = np.sqrt(np.maximum(power, 0.0))
+        for part in (slice(0, 3), slice(3, 6)):
+            size[part] = np.maximum(size[part], SMALL_COMPONENT * size[part].max())
+        return power, np.maximum(size, 1e-12)
+
+
+def _solved(gram: FloatArray, rhs: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    scaled = gram / scale / scale[:, np.newaxis] + RIDGE * np.eye(len(scale))
+    return np.asarray(np.linalg.solve(scaled, rhs / scale) / scale)

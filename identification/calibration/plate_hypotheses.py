@@ -1,0 +1,260 @@
+"""`plate_hypotheses`: mistakes in a plate's description, and the wrench without each of them.
+
+The wrench is linear in sizes, in the position and in each channel's sensitivity, which are solved
+for together with the parameters; turned plates, reversed and permuted channels are tried.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
+from typing import Final
+
+import numpy as np
+
+from acquisition.recording.plate_geometry import PlateGeometry
+from config.arrays import FloatArray
+from config.cell.plate import CHANNEL_NAMES, CHANNELS, PlateConfig
+from identification.calibration.plate_equations import PlateEquations
+from identification.calibration.plate_mistake import PlateKind
+
+SENSITIVITY_KEY: Final = "amplifier.sensitivity_pc_n"
+LEAST_CHANGE: Final = 0.1
+"""Smaller changes of sizes and sensitivities can be errors of calibration."""
+LEAST_SHIFT_M: Final = 0.01
+YAW_STEP_DEG: Final = 15
+LEAST_YAW_DEG: Final = 3.0
+HORIZONTAL: Final = 4
+"""The first channels measure horizontal forces, the others vertical ones."""
+GROUPS: Final = ((0, 1), (2, 3), (0, 1, 2, 3), (4, 5, 6, 7))
+"""Channels that have one kind of sensor: along x, along y, both, and vertical."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlateHypothesis:
+    """A mistake in a plate's description.
+
+    Attributes
+    ----------
+    kind : PlateKind
+        What is wrong.
+    key : str
+        The key of the cell file's `plate` that states it.
+    stated, right : tuple of float
+        As `PlateMistake` has them.
+    words : str
+        What is wrong, in words.
+    matrix : ndarray, shape (6, 8)
+        The wrench matrix without the mistake.
+    free : int
+        How many numbers were fitted for it.
+    """
+
+    kind: PlateKind
+    key: str
+    stated: tuple[float, ...]
+    right: tuple[float, ...]
+    words: str
+    matrix: FloatArray
+    free: int = 0
+
+
+def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
+    """Yield the mistakes, those that are solved for with their best value.
+
+    Parameters
+    ----------
+    equations : PlateEquations
+        The wrench.
+    plate : PlateConfig
+        The plate as its cell file describes it.
+    """
+    matrix = wrench_matrix(plate)
+    yield from _sizes(equations, plate, matrix)
+    for axes in ((0,), (1,), (2,), (0, 1), (0, 1, 2)):
+        yield from _positions(equations, plate, matrix, axes)
+    yield from _rotations(equations, plate)
+    yield from _sensitivities(equations, matrix)
+    yield from _signs(matrix)
+    yield from _orders(equations, matrix)
+
+
+def wrench_matrix(plate: PlateConfig, **changes: object) -> FloatArray:
+    """Return the base wrench per reading, (6, 8), of a plate with some fields changed."""
+    return PlateGeometry.from_config(plate.model_copy(update=changes)).base_wrench_matrix
+
+
+def _sizes(
+    equations: PlateEquations, plate: PlateConfig, matrix: FloatArray
+) -> Iterator[PlateHypothesis]:
+    for key in ("a_m", "b_m", "az0_m"):
+        stated = float(getattr(plate, key))
+        slope = wrench_matrix(plate, **{key: stated + 1.0}) - matrix
+        right = stated + float(equations.free(matrix, slope[np.newaxis])[0])
+        possible = right <= 0.0 if key == "az0_m" else right > 0.0
+        if possible and abs(right - stated) >= max(LEAST_CHANGE * abs(stated), LEAST_SHIFT_M):
+            words = f"`{key}` is {stated:.4g} m, the recording shows {right:.4g} m"
+            wrench = wrench_matrix(plate, **{key: right})
+            yield PlateHypothesis(PlateKind.SIZE, key, (stated,), (right,), words, wrench, 1)
+    a_m, b_m = plate.a_m, plate.b_m
+    if a_m != b_m:
+        wrench = wrench_matrix(plate, a_m=b_m, b_m=a_m)
+        values, words = ((a_m, b_m), (b_m, a_m)), "`a_m` and `b_m` are swapped"
+        yield PlateHypothesis(PlateKind.SIZE, "a_m", *values, words, wrench)
+
+
+def _positions(
+    equations: PlateEquations, plate: PlateConfig, matrix: FloatArray, axes: tuple[int, ...]
+) -> Iterator[PlateHypothesis]:
+    stated = np.array(plate.position_m)
+    units = [np.eye(3)[axis] for axis in axes]
+    slopes = [wrench_matrix(plate, position_m=tuple(stated + unit)) - matrix for unit in units]
+    theta = equations.free(matrix, np.array(slopes))
+    right = stated + sum(shift * unit for shift, unit in zip(theta, units, strict=True))
+    if np.max(np.abs(right - stated)) >= LEAST_SHIFT_M:
+        before, after = (", ".join(f"{x:.3g}" for x in place) for place in (stated, right))
+        words = f"its position is [{before}] m, the recording shows [{after}] m"
+        values = (tuple(stated.tolist()), tuple(right.tolist()))
+        wrench = wrench_matrix(plate, position_m=values[1])
+        yield PlateHypothesis(PlateKind.POSITION, "position_m", *values, words, wrench, len(axes))
+
+
+def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
+    """Yield the plate in every way that a cube can lie, and upright or upside down at any yaw."""
+    stated = rotation_of(plate)
+
+    def turned(turn: FloatArray, free: int) -> PlateHypothesis:
+        right = angles_of(stated @ turn)
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, 0.5 * (float(np.trace(turn)) - 1.0)))))
+        shown = ", ".join(f"{each:.4g}" for each in right)
+        words = f"it is turned by {angle:.0f}°: the recording shows rotation_rad [{shown}]"
+        values = (tuple(plate.rotation_rad), right)
+        wrench = wrench_matrix(plate, rotation_rad=right)
+        return PlateHypothesis(PlateKind.ROTATION, "rotation_rad", *values, words, wrench, free)
+
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        turn = np.diag(signs)[list(order)]
+        if np.linalg.det(turn) > 0.0 and not np.array_equal(turn, np.eye(3)):
+            yield turned(turn, 0)
+    for side in (np.eye(3), np.diag([1.0, -1.0, -1.0])):
+
+        def cost(degrees: float, side: FloatArray = side) -> float:
+            right = angles_of(stated @ side @ _yaw(degrees))
+            return float(np.sum(np.log(equations.shares(wrench_matrix(plate, rotation_rad=right)))))
+
+        coarse = min(range(-180, 180, YAW_STEP_DEG), key=cost)
+        fine = min(range(coarse - YAW_STEP_DEG, coarse + YAW_STEP_DEG + 1), key=cost)
+        if abs(math.remainder(fine, 360.0)) >= LEAST_YAW_DEG and fine % 90:
+            yield turned(side @ _yaw(fine), 1)
+
+
+def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
+    """Yield a wrong sensitivity of each channel, of each kind of sensor, and of two channels."""
+    for channels in (*((each,) for each in range(CHANNELS)), *GROUPS):
+        slope = np.zeros((1, 6, CHANNELS))
+        slope[0][:, list(channels)] = matrix[:, list(channels)]
+        factor = 1.0 + float(equations.free(matrix, slope)[0])
+        if abs(factor - 1.0) >= LEAST_CHANGE:
+            yield _scaled(matrix, channels, (factor,) * len(channels), 1)
+    for pair in combinations(range(CHANNELS), 2):
+        slopes = np.zeros((2, 6, CHANNELS))
+        for k, channel in enumerate(pair):
+            slopes[k, :, channel] = matrix[:, channel]
+        first, second = (1.0 + equations.free(matrix, slopes)).tolist()
+        if min(abs(first - 1.0), abs(second - 1.0)) >= LEAST_CHANGE:
+            yield _scaled(matrix, pair, (first, second), 2)
+
+
+def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
+    """Yield reversed readings of every set of channels that is not all of them."""
+    for size in range(1, CHANNELS):
+        for channels in combinations(range(CHANNELS), size):
+            yield _scaled(matrix, channels, (-1.0,) * size, 0)
+
+
+def _scaled(
+    matrix: FloatArray, channels: tuple[int, ...], factors: tuple[float, ...], free: int
+) -> PlateHypothesis:
+    scale = np.ones(CHANNELS)
+    scale[list(channels)] = factors
+    names = ", ".join(CHANNEL_NAMES[channel] for channel in channels)
+    shown = " and ".join(f"{each:.3g}" for each in dict.fromkeys(factors))
+    words = (
+        f"the readings of {names} have the wrong sign"
+        if set(factors) == {-1.0}
+        else f"the readings of {names} must be {shown} times what they are"
+    )
+    key, stated, kind = SENSITIVITY_KEY, (1.0,) * len(channels), PlateKind.SENSITIVITY
+    return PlateHypothesis(kind, key, stated, factors, words, scale * matrix, free)
+
+
+def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
+    """Yield two swapped channels, and the best of many other orders, improved by more swaps."""
+    identity = tuple(range(CHANNELS))
+    swaps = [_swapped(identity, *pair) for pair in combinations(identity, 2)]
+    for order in swaps:
+        yield _reordered(matrix, order)
+
+    def cost(order: Sequence[int]) -> float:
+        return float(np.sum(np.log(equations.shares(matrix[:, list(order)]))))
+
+    orders = [identity[start:] + identity[:start] for start in range(1, CHANNELS)]
+    orders += [each[::-1] for each in (identity, *orders)]
+    for horizontal in permutations(identity[:HORIZONTAL]):
+        orders += [horizontal + each for each in permutations(identity[HORIZONTAL:])]
+    best = min((each for each in orders if each != identity), key=cost)
+    lowest = cost(best)
+    while True:
+        near = min((_swapped(best, *pair) for pair in combinations(identity, 2)), key=cost)
+        if cost(near) >= lowest:
+            break
+        best, lowest = near, cost(near)
+    if best != identity and best not in swaps:
+        yield _reordered(matrix, best)
+
+
+def _swapped(order: tuple[int, ...], first: int, second: int) -> tuple[int, ...]:
+    own = list(order)
+    own[first], own[second] = own[second], own[first]
+    return tuple(own)
+
+
+def _reordered(matrix: FloatArray, order: tuple[int, ...]) -> PlateHypothesis:
+    """Return the hypothesis that the reading stated as channel i's is that of `order[i]`."""
+    moved = [i for i, other in enumerate(order) if i != other]
+    names = [CHANNEL_NAMES[i] for i in moved]
+    right = [CHANNEL_NAMES[order[i]] for i in moved]
+    words = (
+        f"the channels {names[0]} and {names[1]} are swapped"
+        if len(moved) == 2
+        else f"the readings of {', '.join(names)} are those of {', '.join(right)}"
+    )
+    values = (tuple(float(i) for i in moved), tuple(float(order[i]) for i in moved))
+    return PlateHypothesis(PlateKind.ORDER, "amplifier", *values, words, matrix[:, list(order)])
+
+
+def _yaw(degrees: float) -> FloatArray:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation_of(plate: PlateConfig) -> FloatArray:
+    """Return the plate's axes in the base's frame, as columns (3, 3)."""
+    turned = plate.model_copy(update={"sensitivity": None, "position_m": (0.0, 0.0, 0.0)})
+    straight = turned.model_copy(update={"rotation_rad": (0.0, 0.0, 0.0)})
+    forces, back = (wrench_matrix(each) for each in (turned, straight))
+    return np.asarray(forces[:3] @ np.linalg.pinv(back[:3]))
+
+
+def angles_of(rotation: FloatArray) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw of a rotation Rz(yaw) Ry(pitch) Rx(roll)."""
+    pitch = math.asin(max(-1.0, min(1.0, -float(rotation[2, 0]))))
+    if abs(rotation[2, 0]) > 1.0 - 1e-9:  # roll and yaw turn about one axis: roll takes it all
+        roll = math.copysign(1.0, pitch) * math.atan2(rotation[0, 1], rotation[1, 1])
+        yaw = 0.0
+    else:
+        roll = math.atan2(rotation[2, 1], rotation[2, 2])
+        yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    return round(roll, 6) + 0.0, round(pitch, 6) + 0.0, round(yaw, 6) + 0.0
