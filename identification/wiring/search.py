@@ -16,13 +16,15 @@ from identification.wiring.mistakes import Kind, Mistake, offset
 from identification.wiring.possible import keeps_limits
 from identification.wiring.scale import copied_motion, wrong_scale
 from identification.wiring.signals import WiredSignals
-from identification.wiring.trial import Condensed, Trial
+from identification.wiring.trial import Condensed, Trial, plain_model
 from identification.wiring.weight import ArmWeight
 
 AS_GOOD: Final = 0.1
 MOST_MISTAKES: Final = 3
 MOST_ALTERNATIVES: Final = 3
 ANGLE_STEP_RAD: Final = 1e-3
+SCREENED_RAD: Final = 0.1
+"""How far a zero position found on some of the rows may be off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +129,17 @@ def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> F
     few = before.overfits(before_out)
     mistakes = [*common_mistakes(signals.robot), *gravity.mistakes()]
     tried: list[_Tried] = []
-    for mistake in _with_exact_zeros(signals, mistakes):
+    some, model = signals.thinned(), plain_model(signals)
+    screened = Condensed.of(some, model).trial(still)
+    for mistake in _with_exact_zeros(some, mistakes):
+        if mistake.moves:
+            undone = mistake.undone(some)
+            own = model if mistake.robot is None else plain_model(undone)
+            after = Condensed.of(undone, own).trial(still)
+            if not after.may_be_better_than(screened, before.impossible):
+                continue
+        if mistake.kind is Kind.POSITION_OFFSET:
+            mistake = _best_zero(signals, mistake, SCREENED_RAD)
         undone = mistake.undone(signals)
         if not keeps_limits(mistake, signals, undone):
             continue
@@ -161,25 +173,31 @@ def _of_scale(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) 
 
 def _with_exact_zeros(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
     """Return mistakes with the best zero position of each joint in place of a grid of them."""
-    still = np.eye(len(signals.robot.joints))
-
-    def cost(mistake: Mistake) -> float:
-        return Condensed.of(mistake.undone(signals)).trial(still).cost
-
+    still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     grids: dict[int, list[Mistake]] = {}
     for mistake in mistakes:
         if mistake.kind is Kind.POSITION_OFFSET:
             grids.setdefault(mistake.joints[0], []).append(mistake)
     exact = []
-    for joint, grid in grids.items():
-        near, half = min(grid, key=cost).factor, math.pi / OFFSET_STEPS
-        angle = _lowest(
-            lambda angle, joint=joint: cost(offset(signals.robot, joint, angle)),  # type: ignore[misc]
-            near - 2.0 * half,
-            near + 2.0 * half,
+    for grid in grids.values():
+        near = min(
+            grid, key=lambda each: Condensed.of(each.undone(signals), model).trial(still).cost
         )
-        exact.append(offset(signals.robot, joint, angle))
+        exact.append(_best_zero(signals, near, 2.0 * math.pi / OFFSET_STEPS))
     return [each for each in mistakes if each.kind is not Kind.POSITION_OFFSET] + exact
+
+
+def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mistake:
+    """Return the zero position of the lowest cost near another."""
+    still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
+    (joint,), middle = near.joints, near.factor
+
+    def cost(angle: float) -> float:
+        undone = offset(signals.robot, joint, angle).undone(signals)
+        return Condensed.of(undone, model).trial(still).cost
+
+    angle = _lowest(cost, middle - within_rad, middle + within_rad)
+    return offset(signals.robot, joint, angle)
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:

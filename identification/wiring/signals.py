@@ -16,6 +16,7 @@ from config.robot.wrist_coupling import WristCoupling
 
 ROWS_PER_CYCLE: Final = 2.2
 MOST_ROWS: Final = 1000
+SCREEN_ROWS: Final = 150
 MOVING_RAD_S: Final = 0.005
 
 
@@ -67,6 +68,13 @@ class WiredSignals:
         q, v, a = (together(name) for name in ("position", "velocity", "acceleration"))
         moving = np.sqrt(np.mean(np.square(v), axis=0)) >= MOVING_RAD_S
         return cls(robot, q, v, a, together("torque_nm"), moving)
+
+    def thinned(self) -> WiredSignals:
+        """Return some of the rows, enough to see which mistakes need all of them."""
+        every = slice(None, None, max(1, len(self.position) // SCREEN_ROWS))
+        names = ("position", "velocity", "acceleration", "torque_nm")
+        q, v, a, torque_nm = (getattr(self, name)[every] for name in names)
+        return WiredSignals(self.robot, q, v, a, torque_nm, self.moving)
 
     def joints(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return q, v and a of the joints, each (rows, n)."""

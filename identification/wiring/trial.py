@@ -25,6 +25,7 @@ RIDGE: Final = 1e-9
 PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0
+SCREEN_TIMES: Final = 1.5
 FEW_DATA_TIMES: Final = 2.5
 FEW_DATA_GAIN: Final = 2.0
 SMALLEST_SHARE: Final = 0.01
@@ -72,6 +73,20 @@ class Trial:
         halved = bool(np.any((times >= FAR_BETTER_TIMES) & (other.residual_share > floor)))
         return halved or self.impossible < other.impossible
 
+    def may_be_better_than(self, other: Trial, impossible: int) -> bool:
+        """Return whether all rows may show this fit far better than another, on a part of them.
+
+        Parameters
+        ----------
+        other : Trial
+            The other, on the same rows.
+        impossible : int
+            What is impossible in the other on all rows.
+        """
+        times = other.residual_share / self.residual_share
+        possible = self.impossible < max(impossible, other.impossible)
+        return possible or bool(np.any(times >= SCREEN_TIMES))
+
     def overfits(self, held_out: Trial) -> bool:
         """Return whether left-out parts tell that the data are too few to tell a good fit."""
         return bool(np.nanmedian(held_out.residual_share / self.residual_share) > FEW_DATA_TIMES)
@@ -114,18 +129,32 @@ class Condensed:
     drawn_weight: DrawnWeight | None = None
 
     @classmethod
-    def of(cls, signals: WiredSignals) -> Condensed:
-        """Evaluate a robot's regressor, with Coulomb and viscous friction and an offset."""
-        model = plain_model(signals)
-        phi = regressor(model, *signals.joints())
-        use, parts = rows_used(signals), parts_of(len(signals.position))
-        columns = [
-            np.column_stack([phi[:, j], signals.torque_nm]) * use[:, j : j + 1]
-            for j in range(phi.shape[1])
-        ]
-        products = np.array([[each[part].T @ each[part] for each in columns] for part in parts])
+    def of(cls, signals: WiredSignals, screened_by: RobotModel | None = None) -> Condensed:
+        """Evaluate a robot's regressor, with Coulomb and viscous friction and an offset.
+
+        Parameters
+        ----------
+        signals : WiredSignals
+            Motion, torques and robot.
+        screened_by : RobotModel, optional
+            The robot's model, if all that is asked is `trial` without the arm's weight.
+        """
+        model = screened_by or plain_model(signals)
+        phi, use = regressor(model, *signals.joints()), rows_used(signals)
+        rows = len(signals.position)
+        parts = parts_of(rows) if screened_by is None else [slice(0, rows)]
+        n, p = phi.shape[1:]
+        products = np.zeros((len(parts), n, p + n, p + n))
+        for j in range(n):
+            columns = np.column_stack([phi[:, j], signals.torque_nm])[use[:, j]]
+            own = np.flatnonzero(columns.any(axis=0))  # a joint feels none of the links before it
+            columns = columns[:, own]
+            ends = np.cumsum([0, *(np.count_nonzero(use[part, j]) for part in parts)]).tolist()
+            for part, (first, end) in enumerate(pairwise(ends)):
+                block = columns[first:end]
+                products[part, j][np.ix_(own, own)] = block.T @ block
         brakes, power = friction_power(signals, model, phi, use)
-        drawn_weight = DrawnWeight.of(signals, model)
+        drawn_weight = DrawnWeight.of(signals, model) if screened_by is None else None
         return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, drawn_weight)
 
     def trial(self, torque: FloatArray) -> Trial:
