@@ -149,7 +149,8 @@ class Condensed:
             columns = np.column_stack([phi[:, j], signals.torque_nm])[use[:, j]]
             own = np.flatnonzero(columns.any(axis=0))  # a joint feels none of the links before it
             columns = columns[:, own]
-            ends = np.cumsum([0, *(np.count_nonzero(use[part, j]) for part in parts)]).tolist()
+            used = [int(np.count_nonzero(use[part, j])) for part in parts]
+            ends = np.cumsum([0, *used]).tolist()
             for part, (first, end) in enumerate(pairwise(ends)):
                 block = columns[first:end]
                 products[part, j][np.ix_(own, own)] = block.T @ block
