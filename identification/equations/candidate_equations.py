@@ -28,7 +28,6 @@ from dynamics.model.robot_model import RobotModel, regressor
 from dynamics.model.standstill import standstill
 from dynamics.terms.conditions import Conditions
 from identification.equations.friction_columns import Column, friction_column
-from identification.equations.parallel_filter import lasting
 from identification.model.base_parameters import BaseParameters
 
 CUTOFF_HZ: Final = 8.0
@@ -292,12 +291,19 @@ class CandidateEquations:
         """Return the rows of a piece at which a joint's friction is known, (rows of the band,)."""
         if reach is None:
             return self.moving(piece, joint)
-        slow = lasting(piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s))
+        slow = _lasting(piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s))
         # What happens within the low-pass' reach counts, and after it what the channel remembers.
         kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
         clear = _clear(piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s))
         time_s, end_s = piece.time_s, len(piece.slow) * piece.step_s
         return np.asarray(clear & (time_s > EDGE_S) & (time_s < end_s - EDGE_S))
+
+
+def _lasting(those: BoolArray, passed: int) -> BoolArray:
+    """Return those rows that stand in a row of more than `passed` of them, (samples, n)."""
+    from scipy import ndimage  # large, and few recordings need it
+
+    return np.asarray(ndimage.binary_opening(those, np.ones((passed + 1, 1), bool)))
 
 
 def _clear(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:

@@ -168,8 +168,7 @@ class ParallelFilter:
             reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
         before, after = self._spread()
         if reach + before + after:
-            unknown = self._lasting(~self._known(moves))
-            known = ~_near(unknown, source.segment, reach + before, reach + after)
+            known = ~_near(~self._known(moves), source.segment, reach + before, reach + after)
         pause = self._rows(1.0 / signals.cutoff_hz)
         use = counted(whole, known) & _near(moves, source.segment, pause, pause)
         rows = self._places(np.arange(len(signals)))
@@ -191,12 +190,6 @@ class ParallelFilter:
             return moves
         return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
-    def _lasting(self, unknown: BoolArray) -> BoolArray:
-        """Return those rows that stand long enough to count after the channel, (source rows, n)."""
-        channel = self.signals.channel
-        passed_s = 0.0 if channel is None else float(channel.passed_s.max())
-        return lasting(unknown, math.floor(passed_s / self.source.sample_period_s))
-
     def _spread(self) -> tuple[int, int]:
         """Return how many rows before and after an event the torque's channel spreads it over."""
         channel = self.signals.channel
@@ -210,13 +203,6 @@ class ParallelFilter:
 
     def _rows(self, time_s: float) -> int:
         return math.ceil(time_s / self.source.sample_period_s)
-
-
-def lasting(those: BoolArray, passed: int) -> BoolArray:
-    """Return those rows that stand in a row of more than `passed` of them, (samples, n)."""
-    from scipy import ndimage  # large, and few recordings need it
-
-    return np.asarray(ndimage.binary_opening(those, np.ones((passed + 1, 1), bool)))
 
 
 def _near(those: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:

@@ -209,7 +209,7 @@ def test_a_bag_becomes_a_validated_model_by_three_commands(
     channel = read_estimate(Path(model)).channel
     assert channel is not None  # all torques of this bag were smoothed without delay, at 1.8 Hz
     np.testing.assert_allclose(0.5 / np.pi / channel.width_s, 1.75, rtol=0.1)
-    limits = ["--limits", "7,3,3,6.5,9,13"]
+    limits = ["--limits", "8,3,3,6,8,13"]
     assert run(["validate", model, "second", *limits, *runs]) == 0
     text = (resources.files("config") / "bundled" / "maps" / "ur10_ros.yaml").read_text()
     assert len(text.splitlines()) <= 12
