@@ -182,7 +182,7 @@ def validate(
     filtered = ParallelFilter(signals)
     warmth = Conditions(temperature_k=signals.temperature_k)
     conditions = filtered.conditions(estimate.model, warmth)
-    predicted = _predicted(estimate, filtered, conditions)
+    predicted = _predicted(estimate, filtered, conditions, standstill_rad_s)
     moving = _seen_moving(moves(estimate.model, signals.velocity, standstill_rad_s), signals)
     if not moving.any():
         raise DataQualityError(
@@ -258,13 +258,25 @@ def _seen_moving(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
     return seen
 
 
-def _predicted(estimate: Estimate, filtered: ParallelFilter, conditions: Conditions) -> FloatArray:
+def _predicted(
+    estimate: Estimate,
+    filtered: ParallelFilter,
+    conditions: Conditions,
+    standstill_rad_s: float,
+) -> FloatArray:
     """Return the torques of the signals' rows, filtered as the measured ones are, (samples, n).
 
     The source's motion is not low-passed: a low-passed velocity changes its sign at a wrong time.
+    At standstill it is, since the sign of an unfiltered velocity is noise there.
     """
     source, signals = filtered.source, filtered.signals
-    torque = predict(estimate, source.position, source.velocity, source.acceleration, conditions)
+    velocity = source.velocity.copy()
+    for number in np.unique(source.segment):
+        rows = source.segment == number
+        velocity[rows] = low_pass(velocity[rows], source.sample_period_s, signals.cutoff_hz)
+    fast = moves(estimate.model, source.velocity, standstill_rad_s)
+    velocity[fast] = source.velocity[fast]
+    torque = predict(estimate, source.position, velocity, source.acceleration, conditions)
     for number in np.unique(source.segment):
         rows = source.segment == number
         if signals.channel is not None:
