@@ -29,18 +29,20 @@ def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return found + [place for key, child in children for place in places(child, (*path, key))]
 
 
-def changed(document: Any) -> st.SearchStrategy[bytes]:
-    """Draw the document with one value replaced by another, or left out."""
+def changed(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
+    """Return the document with one value replaced by another, or left out if `nasty` is None."""
+    tree = copy.deepcopy(document)
+    parent = tree
+    for key in path[:-1]:
+        parent = parent[key]
+    if nasty is None:
+        del parent[path[-1]]
+    else:
+        parent[path[-1]] = MARK
+    return json.dumps(tree).replace(f'"{MARK}"', nasty or "").encode()
 
-    def change(path: tuple[Any, ...], nasty: str | None) -> bytes:
-        tree = copy.deepcopy(document)
-        parent = tree
-        for key in path[:-1]:
-            parent = parent[key]
-        if nasty is None:
-            del parent[path[-1]]
-        else:
-            parent[path[-1]] = MARK
-        return json.dumps(tree).replace(f'"{MARK}"', nasty or "").encode()
 
-    return st.builds(change, st.sampled_from(places(document)[1:]), st.sampled_from((None, *NASTY)))
+def changes(document: Any) -> st.SearchStrategy[bytes]:
+    """Draw the document with one value changed."""
+    where, what = st.sampled_from(places(document)[1:]), st.sampled_from((None, *NASTY))
+    return st.builds(lambda path, nasty: changed(document, path, nasty), where, what)

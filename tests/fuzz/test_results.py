@@ -16,7 +16,7 @@ from config.errors import RidDaqError
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import read_result
 from rid_daq.report_page.write import write_result
-from tests.builders.changed_json import changed
+from tests.builders.changed_json import changes
 from tests.builders.invented import whole_result
 
 pytestmark = pytest.mark.slow
@@ -49,7 +49,7 @@ def unchanged(result: Result) -> set[str]:
 
 
 @settings(max_examples=60)
-@given(changed(WHOLE))
+@given(changes(WHOLE))
 @example(b"")
 @example(b"[]")
 @example(b"\xff")

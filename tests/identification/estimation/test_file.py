@@ -19,7 +19,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from tests.builders.changed_json import changed
+from tests.builders.changed_json import NASTY, changed, places
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -182,13 +182,18 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, estimate: Estim
 
 
 @settings(max_examples=100)
-@given(data=st.data())
+@given(number=st.integers(0, 10_000), nasty=st.sampled_from((None, *NASTY)))
 def test_nothing_but_our_errors_comes_of_a_changed_model(
-    data: st.DataObject, estimate: Estimate, tmp_path_factory: pytest.TempPathFactory
+    number: int,
+    nasty: str | None,
+    estimate: Estimate,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     path = tmp_path_factory.mktemp("changed") / "model.json"
     write_estimate(path, estimate)
-    path.write_bytes(data.draw(changed(json.loads(path.read_text()))))
+    document = json.loads(path.read_text())
+    where = places(document)[1:]
+    path.write_bytes(changed(document, where[number % len(where)], nasty))
     said = str(path)
     try:
         read_estimate(path)
