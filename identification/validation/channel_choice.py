@@ -10,6 +10,7 @@ distinct from zero. Rows that depend on friction at standstill are left out.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -129,7 +130,9 @@ def choose_channel(
     found = TorqueChannel.none(equations.joints) if few else found
     if "zero-phase" not in kinds:
         return found
-    return common_filter(equations, terms if before is not None else None, block_s, found)
+    with suppress(np.linalg.LinAlgError):  # too few rows of all joints to identify the links
+        return common_filter(equations, terms if before is not None else None, block_s, found)
+    return found
 
 
 def _all_errors(fits: Sequence[JointChannel]) -> FloatArray:

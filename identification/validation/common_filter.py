@@ -40,9 +40,6 @@ def common_filter(
 ) -> TorqueChannel:
     """Return a zero-phase filter that all joints share, or the known channel if it is no worse.
 
-    Beside all columns of one joint, half a minute of data does not show a filter. The equations of
-    all joints together do: the links' parameters are the same in each of them.
-
     Parameters
     ----------
     equations : CandidateEquations
@@ -53,6 +50,11 @@ def common_filter(
         Length of a block that is left out [s].
     known : TorqueChannel
         The channel that was found joint by joint.
+
+    Raises
+    ------
+    np.linalg.LinAlgError
+        The rows do not identify the links.
     """
     n = equations.joints
     own: list[Terms] = [

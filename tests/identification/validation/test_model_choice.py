@@ -24,8 +24,10 @@ from benchmarks.honest_choice import (
 from benchmarks.known_arms import ARMS, STEP_S, drive
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from identification.equations.candidate_equations import Reach
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
+from identification.validation import common_filter
 from identification.validation.model_choice import ModelChoice, choose_model
 from tests.builders.remembering_arm import arm, with_presliding
 from tests.builders.remembering_arm import motion as remembering_motion
@@ -79,18 +81,31 @@ def test_a_filter_is_not_explained_by_friction() -> None:
     np.testing.assert_allclose(choice.channel.lag_s, 1.0 / (10.0 * np.pi), rtol=0.05)
 
 
-def test_half_a_minute_shows_a_filter_that_all_joints_share() -> None:
+@cache
+def half_a_minute(cutoff_hz: float | None = None) -> SmoothedSignals:
+    """Return 14 s whose torques were smoothed without delay, if a frequency is given."""
     driven = drive("three", "sines", 1, FRICTIONS["plain"], 14.0)
-    filtered = sosfiltfilt(butter(2, 1.66, fs=1.0 / STEP_S, output="sos"), driven.torque_nm, axis=0)
-    runs = [
-        recording(Case("three", "plain", "none", 1), own, 0, robot())[0]
-        for own in (driven, replace(driven, torque_nm=filtered))
-    ]
-    plain, found = (choose_model(robot(), [smooth_nonperiodic(run, BAND_HZ)]) for run in runs)
+    if cutoff_hz is not None:
+        sections = butter(2, cutoff_hz, fs=1.0 / STEP_S, output="sos")
+        driven = replace(driven, torque_nm=sosfiltfilt(sections, driven.torque_nm, axis=0))
+    run, _ = recording(Case("three", "plain", "none", 1), driven, 0, robot())
+    return smooth_nonperiodic(run, BAND_HZ)
+
+
+def test_half_a_minute_shows_a_filter_that_all_joints_share() -> None:
+    plain, found = (choose_model(robot(), [half_a_minute(hz)]) for hz in (None, 1.66))
     assert not plain.channel.changes
     assert (found.channel.kind, found.channel.order) == ("zero-phase", 2)
     np.testing.assert_allclose(0.5 / np.pi / found.channel.width_s, 1.66, rtol=0.05)
     assert friction(found) == [PLAIN] * 3
+
+
+@pytest.mark.parametrize("away_s", [1.0, 20.0])
+def test_a_filter_is_not_taken_without_rows_away_from_standstill(
+    away_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(common_filter, "AWAY", Reach(away_s, away_s))
+    assert choose_model(robot(), [half_a_minute(1.66)]).channel.order == 1
 
 
 def averaged(run: SmoothedSignals) -> SmoothedSignals:
