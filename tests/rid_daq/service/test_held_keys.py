@@ -58,7 +58,11 @@ class Holder:
             self._say(key)
 
     def presses_until_it_moves(self) -> None:
-        """Press again and again: a busy computer may end a press early."""
+        """Press again and again: a busy computer may end a press early.
+
+        The first press waits for a challenge, and for the end of the approach to the motion.
+        """
+        until(lambda: self._newest is not None and self.speed <= MOVING)
         for _ in range(20):
             self.hold("1+")
             end_s = time.monotonic() + 1.0
