@@ -11,7 +11,7 @@ mass matrix has on its diagonal: by up to 17 % on the simulated arm, where noise
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import control
@@ -72,7 +72,15 @@ class AxisMechanics:
     def response(self, frequency_hz: FloatArray) -> NDArray[np.complex128]:
         """Return velocity over torque at frequencies [Hz]."""
         s = 2j * math.pi * np.asarray(frequency_hz, dtype=float)
-        return np.asarray(1.0 / (s * self.inertia + self.damping), dtype=np.complex128)
+        return np.asarray(self.transfer_function(s), dtype=np.complex128)
+
+    def moved(self, inertia: float, damping: float) -> AxisMechanics:
+        """Return the axis with both changed by so much; the inertia stays positive."""
+        return replace(
+            self,
+            inertia=max(self.inertia + inertia, 1e-3 * self.inertia),
+            damping=self.damping + damping,
+        )
 
 
 def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:

@@ -6,12 +6,16 @@
 G_c holds the current loop's lag and the drive's delay (`VelocityLoop`), P the axis
 (`AxisMechanics`), R the cycle of delay and the interpolation of the digital position loop. What the
 position loop samples above half its frequency is neglected.
+
+Margins are python-control's, of the loops' frequency responses: those hold every delay exactly,
+which a rational transfer function would not.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -29,8 +33,8 @@ Complex = NDArray[np.complex128]
 
 LEAST_PHASE_DEG: Final = 60.0
 LEAST_GAIN: Final = 2.0
-DRAWS: Final = 200
-POINTS: Final = 1500
+POINTS: Final = 200
+"""On each grid; python-control joins them by a spline, to 1e-5 of a margin."""
 LOWEST_HZ: Final = 0.05
 HIGHEST_HZ: Final = 2000.0
 
@@ -90,8 +94,10 @@ class Cascade:
             )
 
     def velocity_loop(self, frequency_hz: FloatArray) -> Complex:
-        """Return the velocity loop opened at the error, L_v."""
-        return self.loop.response(frequency_hz) * self.mechanics.response(frequency_hz)
+        """Return the velocity loop opened at the error, L_v, at frequencies [Hz]."""
+        s = 2j * math.pi * np.asarray(frequency_hz, dtype=float)
+        series = self.loop.transfer_function * self.mechanics.transfer_function
+        return np.asarray(series(s) * np.exp(-s * self.loop.delay_s), dtype=np.complex128)
 
     def closed_velocity_loop(self, frequency_hz: FloatArray) -> Complex:
         """Return velocity over its command as it reaches the drive, T_v."""
@@ -99,73 +105,65 @@ class Cascade:
         return np.asarray(opened / (1.0 + opened))
 
     def position_loop(self, frequency_hz: FloatArray) -> Complex:
-        """Return the position loop opened at the error, L_p."""
+        """Return the position loop opened at the error, L_p, at frequencies [Hz]."""
         reach = interpolation_response(frequency_hz, self.cycle_time_s)
         turn = 2j * math.pi * np.asarray(frequency_hz)
         closed = self.closed_velocity_loop(frequency_hz)
         return np.asarray(self.position_gain_per_s * reach * closed / turn)
 
     @property
+    def velocity_loop_frd(self) -> control.FrequencyResponseData:
+        """L_v as python-control's object, over rad/s."""
+        return _frd(self.velocity_loop, HIGHEST_HZ)
+
+    @property
+    def position_loop_frd(self) -> control.FrequencyResponseData:
+        """L_p as python-control's object, over rad/s."""
+        return _frd(self.position_loop, 0.5 / self.cycle_time_s)
+
+    @property
     def velocity_margins(self) -> Margins:
         """Of the velocity loop with its current loop."""
-        grid = _grid(HIGHEST_HZ)
-        return margins(grid, self.velocity_loop(grid))
+        return margins(self.velocity_loop_frd)
 
     @property
     def position_margins(self) -> Margins:
         """Of the position loop around all."""
-        grid = _grid(0.5 / self.cycle_time_s)
-        return margins(grid, self.position_loop(grid))
+        return margins(self.position_loop_frd)
 
     @property
     def peak(self) -> float:
         """Largest amplification of the position loop without feedforward, |L_p / (1 + L_p)|."""
-        opened = self.position_loop(_grid(0.5 / self.cycle_time_s))
-        return float(np.abs(opened / (1.0 + opened)).max())
-
-    @property
-    def position_loop_frd(self) -> control.FrequencyResponseData:
-        """L_p as python-control's object, over rad/s, its delay exact."""
-        grid = _grid(0.5 / self.cycle_time_s)
-        return control.FRD(self.position_loop(grid), 2.0 * math.pi * grid)
+        return float(np.max(self.position_loop_frd.feedback().magnitude))
 
     @property
     def largest_position_gain_per_s(self) -> float:
         """The largest K_v with a phase margin of 60 degrees and a gain margin of 2 [1/s]."""
-        grid = _grid(0.5 / self.cycle_time_s)
-        unit = self.position_loop(grid) / self.position_gain_per_s
-        phase = np.degrees(np.unwrap(np.angle(unit)))
-        level = np.log(np.abs(unit))
-        found = []
-        for degrees, factor in ((LEAST_PHASE_DEG - 180.0, 1.0), (-180.0, LEAST_GAIN)):
-            below = np.flatnonzero(phase < degrees)
-            if len(below) and below[0] > 0:
-                k = int(below[0])
-                share = (phase[k - 1] - degrees) / (phase[k - 1] - phase[k])
-                at = (1.0 - share) * level[k - 1] + share * level[k]
-                found.append(math.exp(-at) / factor)
-        return min(found, default=math.inf)
+        loop = self.position_loop_frd
+        turned = loop * cmath.exp(-1j * math.radians(LEAST_PHASE_DEG))
+        factor = min(_gain_to_edge(turned), _gain_to_edge(loop) / LEAST_GAIN)
+        return self.position_gain_per_s * factor
 
-    def drawn(self, seed: int = 0) -> tuple[Cascade, ...]:
-        """Return cascades whose fitted parameters are drawn from their covariances."""
-        random = np.random.default_rng(seed)
-        loops = random.multivariate_normal(
-            np.zeros(len(self.loop.names)), self.loop.covariance, DRAWS
-        )
-        axes = random.multivariate_normal(np.zeros(2), self.mechanics.covariance, DRAWS)
+    def spread(self) -> tuple[Cascade, ...]:
+        """Return cascades one standard deviation to both sides of this one.
+
+        One pair along each column of the root of the fitted parameters' covariance: half the
+        difference of a pair is the share of that column in a result's standard deviation.
+        """
+        loop = self.loop
+        steps = [
+            (dict(zip(loop.names, column.tolist(), strict=True)), 0.0, 0.0)
+            for column in _root(loop.covariance).T
+        ]
+        steps += [({}, *column.tolist()) for column in _root(self.mechanics.covariance).T]
         return tuple(
             replace(
                 self,
-                loop=self.loop.moved(dict(zip(self.loop.names, off.tolist(), strict=True))),
-                mechanics=replace(
-                    self.mechanics,
-                    inertia=max(
-                        self.mechanics.inertia + float(inertia), 1e-3 * self.mechanics.inertia
-                    ),
-                    damping=self.mechanics.damping + float(damping),
-                ),
+                loop=loop.moved({name: sign * step for name, step in controller.items()}),
+                mechanics=self.mechanics.moved(sign * inertia, sign * damping),
             )
-            for off, (inertia, damping) in zip(loops, axes, strict=True)
+            for controller, inertia, damping in steps
+            for sign in (1.0, -1.0)
         )
 
 
@@ -219,61 +217,49 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
     return GainAdvice(name, present, largest, text)
 
 
-def margins(frequency_hz: FloatArray, opened: Complex) -> Margins:
-    """Return the margins of an open loop given on a fine grid, of several the one nearest.
+def margins(opened: control.FrequencyResponseData) -> Margins:
+    """Return the margins of an open loop, of several the one nearest to its edge.
 
     Parameters
     ----------
-    frequency_hz : ndarray, shape (points,)
-        Rising.
-    opened : ndarray of complex, shape (points,)
-        The open loop.
+    opened : control.FrequencyResponseData
+        The open loop, over rad/s.
     """
-    level = np.log(np.abs(opened))
-    turns = np.degrees(np.unwrap(np.angle(opened)))
-    where = np.log(frequency_hz)
-    ones = [_between(where, level, turns, k, -float(level[k])) for k in _crossings(level)]
-    half = np.mod(turns, 360.0) - 180.0
-    # A jump of the remainder by a whole turn is no crossing.
-    halves = [k for k in _crossings(half) if abs(half[k + 1] - half[k]) < 180.0]
-    halfway = [_between(where, half, level, k, -float(half[k])) for k in halves]
-    phase = min(ones, key=lambda x: abs(_wrapped(x[1])), default=None)
-    gain = min(halfway, key=lambda x: abs(x[1]), default=None)
+    gain, phase_deg, _, at_half, at_one, _ = control.stability_margins(opened)
     return Margins(
-        gain=None if gain is None else math.exp(-gain[1]),
-        phase_deg=None if phase is None else _wrapped(phase[1]),
-        crossover_hz=None if phase is None else math.exp(phase[0]),
-        phase_crossover_hz=None if gain is None else math.exp(gain[0]),
+        gain=_finite(gain),
+        phase_deg=_finite(phase_deg),
+        crossover_hz=_finite(at_one / (2.0 * math.pi)),
+        phase_crossover_hz=_finite(at_half / (2.0 * math.pi)),
     )
 
 
-def _crossings(values: FloatArray) -> list[int]:
-    """Return the places behind which values change their sign."""
-    return [int(k) for k in np.flatnonzero(np.diff(np.signbit(values)))]
+def _finite(value: float) -> float | None:
+    """Return None for what python-control gives where a loop has no such crossing."""
+    return float(value) if math.isfinite(value) else None
 
 
-def _between(
-    where: FloatArray, crossing: FloatArray, other: FloatArray, k: int, rise: float
-) -> tuple[float, float]:
-    """Return place and other value where `crossing` has risen by `rise` since point k."""
-    share = rise / float(crossing[k + 1] - crossing[k])
-    return (
-        float(where[k] + share * (where[k + 1] - where[k])),
-        float(other[k] + share * (other[k + 1] - other[k])),
-    )
+def _gain_to_edge(opened: control.FrequencyResponseData) -> float:
+    """Return the smallest factor that puts an open loop on the critical point."""
+    factors = control.stability_margins(opened, returnall=True)[0]
+    return float(min(factors, default=math.inf))
 
 
-def _wrapped(phase_deg: float) -> float:
-    """Return the phase above -180 degrees, from -180 to 180."""
-    return (phase_deg + 360.0) % 360.0 - 180.0
+def _frd(
+    response: Callable[[FloatArray], Complex], highest_hz: float
+) -> control.FrequencyResponseData:
+    grid = np.geomspace(LOWEST_HZ, highest_hz, POINTS)
+    return control.FRD(response(grid), 2.0 * math.pi * grid)
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Return a matrix whose product with its transpose is the covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _surely(cascade: Cascade) -> float:
     """Return the largest K_v of an axis, two standard deviations below its best estimate."""
-    best = cascade.largest_position_gain_per_s
-    drawn = np.array([one.largest_position_gain_per_s for one in cascade.drawn()])
-    return float(best - 2.0 * drawn.std())
-
-
-def _grid(highest_hz: float) -> FloatArray:
-    return np.geomspace(LOWEST_HZ, highest_hz, POINTS)
+    ends = np.array([one.largest_position_gain_per_s for one in cascade.spread()])
+    std = float(np.linalg.norm(0.5 * (ends[0::2] - ends[1::2])))
+    return cascade.largest_position_gain_per_s - 2.0 * std

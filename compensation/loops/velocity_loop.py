@@ -33,7 +33,6 @@ Extra = Literal["delay", "lag"]
 EXTRAS: Final[tuple[Extra, ...]] = ("delay", "lag")
 FEWEST_LINES: Final = 4
 WHITENESS_LAGS: Final = 5
-PADE_ORDER: Final = 3
 CLEARLY_SHORTER: Final = 4.0
 
 
@@ -111,7 +110,7 @@ class VelocityLoop:
         return dict(zip(self.names, sizes.tolist(), strict=True))
 
     def response(self, frequency_hz: FloatArray) -> NDArray[np.complex128]:
-        """Return G_c at frequencies [Hz]; not at 0, where the integral part has none."""
+        """Return G_c at frequencies [Hz] with its delay; not defined at 0 Hz."""
         values = (self.gain, self.integral_time_s, self.delay_s, self.lag_s)
         return _response(np.asarray(frequency_hz), *values)
 
@@ -130,15 +129,13 @@ class VelocityLoop:
 
     @property
     def transfer_function(self) -> control.TransferFunction:
-        """G_c(s) as python-control's object; a delay is its Padé approximation of third order."""
+        """G_c(s) without its delay, as python-control's object.
+
+        python-control has no exact delay. `response` multiplies the delay in.
+        """
         import control
 
-        numerator = [self.gain * self.integral_time_s, self.gain]
-        denominator = np.polymul([self.integral_time_s, 0.0], [self.lag_s, 1.0])
-        without_delay = control.TransferFunction(numerator, np.trim_zeros(denominator, "f"))
-        if self.delay_s == 0.0:
-            return without_delay
-        return without_delay * control.TransferFunction(*control.pade(self.delay_s, PADE_ORDER))
+        return control.TransferFunction(*_fraction(self.gain, self.integral_time_s, self.lag_s))
 
 
 def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
@@ -296,10 +293,23 @@ def _fit(
     return extras, values[kept], covariance, 2.0 * float(found.cost)
 
 
+def _fraction(gain: float, integral_s: float, lag_s: float) -> tuple[list[float], list[float]]:
+    """Return numerator and denominator of G_c without its delay, highest power of s first."""
+    lag = [integral_s * lag_s] if lag_s > 0.0 else []
+    return [gain * integral_s, gain], [*lag, integral_s, 0.0]
+
+
 def _response(
     frequency_hz: FloatArray, gain: float, integral_s: float, delay_s: float, lag_s: float
 ) -> NDArray[np.complex128]:
+    """Return G_c at frequencies [Hz].
+
+    The fit and `rid-daq compensate` need it without the import of python-control, which loads
+    matplotlib.
+    """
     s = 2j * math.pi * frequency_hz
+    numerator, denominator = _fraction(gain, integral_s, lag_s)
     return np.asarray(
-        gain * (1.0 + 1.0 / (integral_s * s)) * np.exp(-s * delay_s) / (1.0 + s * lag_s)
+        np.polyval(numerator, s) / np.polyval(denominator, s) * np.exp(-s * delay_s),
+        dtype=np.complex128,
     )

@@ -1,4 +1,4 @@
-"""The cascade's margins: against python-control, and against the simulated arm on their edge."""
+"""The cascade's margins: against closed forms, and against the simulated arm on their edge."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion.samples import MotionSamples, Phase
@@ -45,39 +45,84 @@ def cascade(
     return Cascade(loop, axis, position_gain, CYCLE_S)
 
 
+def closed_form(one: Cascade, frequency_hz: np.ndarray) -> np.ndarray:
+    """The opened position loop written down again, without python-control."""
+    loop, axis, s = one.loop, one.mechanics, 2j * math.pi * frequency_hz
+    controller = loop.gain * (1.0 + 1.0 / (loop.integral_time_s * s)) / (1.0 + loop.lag_s * s)
+    opened = controller * np.exp(-s * loop.delay_s) / (axis.inertia * s + axis.damping)
+    late = np.sinc(frequency_hz * CYCLE_S) ** 2 * np.exp(-s * 2.0 * CYCLE_S)
+    return np.asarray(one.position_gain_per_s * late * opened / (1.0 + opened) / s)
+
+
+def first_crossing(frequency_hz: np.ndarray, values: np.ndarray) -> float:
+    """Where values on a fine grid first fall below zero."""
+    k = int(np.flatnonzero(values < 0.0)[0])
+    share = values[k - 1] / (values[k - 1] - values[k])
+    return float(frequency_hz[k - 1] + share * (frequency_hz[k] - frequency_hz[k - 1]))
+
+
 @settings(max_examples=40)
 @given(
-    st.floats(100.0, 3000.0),
-    st.floats(0.02, 0.5),
-    st.floats(0.0001, 0.01),
-    st.floats(2.0, 60.0),
+    st.floats(300.0, 3000.0),
+    st.floats(0.05, 0.5),
+    st.floats(0.0, 0.01),
+    st.floats(2.0, 20.0),
     st.floats(2.0, 80.0),
 )
-def test_margins_are_those_of_python_control(
-    gain: float, integral_s: float, lag_s: float, inertia: float, position_gain: float
+def test_margins_are_those_of_the_closed_form(
+    gain: float, integral_s: float, delay_s: float, inertia: float, position_gain: float
 ) -> None:
-    one = cascade(gain, integral_s, lag_s, inertia, position_gain)
+    one = cascade(gain, integral_s, 0.001, inertia, position_gain)
+    one = replace(one, loop=replace(one.loop, delay_s=delay_s))
+    f = np.geomspace(0.05, 62.5, 50_000)
+    opened = closed_form(one, f)
+    level, turns = np.log(np.abs(opened)), np.degrees(np.unwrap(np.angle(opened)))
+    assume(
+        bool((np.diff(level) < 0.0).all())
+    )  # stable without resonance: the first crossing counts
+    at_one, at_half = first_crossing(f, level), first_crossing(f, turns + 180.0)
+    assume(at_one < at_half)
     found = one.position_margins
-    gain_margin, phase_margin, _, phase_crossover, crossover, _ = control.stability_margins(
-        one.position_loop_frd
-    )
-    assert found.phase_deg is not None
-    assert found.gain == pytest.approx(gain_margin, rel=1e-3)
-    assert found.phase_deg == pytest.approx(phase_margin, abs=0.1)
-    assert found.phase_crossover_hz == pytest.approx(phase_crossover / (2.0 * math.pi), rel=1e-3)
-    assert found.crossover_hz == pytest.approx(crossover / (2.0 * math.pi), rel=1e-3)
+    assert found.gain == pytest.approx(math.exp(-np.interp(at_half, f, level)), rel=1e-3)
+    assert found.phase_deg == pytest.approx(np.interp(at_one, f, turns) + 180.0, abs=0.02)
+    assert found.phase_crossover_hz == pytest.approx(at_half, rel=1e-3)
+    assert found.crossover_hz == pytest.approx(at_one, rel=1e-3)
 
 
 def test_loops_are_the_series_of_their_parts() -> None:
     one = cascade()
     frequency_hz = np.array([0.3, 2.0, 11.0])
-    at = 2j * np.pi * frequency_hz
-    opened = one.loop.transfer_function * one.mechanics.transfer_function
-    np.testing.assert_allclose(one.velocity_loop(frequency_hz), opened(at), rtol=1e-9)
-    closed = control.feedback(opened, 1)(at)
+    s = 2j * np.pi * frequency_hz
+    opened = 900.0 * (1.0 + 1.0 / (0.1 * s)) / (1.0 + 0.0005 * s) / (12.0 * s + 30.0)
+    np.testing.assert_allclose(one.velocity_loop(frequency_hz), opened, rtol=1e-9)
+    closed = opened / (1.0 + opened)
     np.testing.assert_allclose(one.closed_velocity_loop(frequency_hz), closed, rtol=1e-9)
-    bent = np.sinc(frequency_hz * CYCLE_S) ** 2 * np.exp(-at * 2.0 * CYCLE_S)
-    np.testing.assert_allclose(one.position_loop(frequency_hz), 15.0 * bent * closed / at)
+    np.testing.assert_allclose(one.position_loop(frequency_hz), closed_form(one, frequency_hz))
+
+
+def test_the_peak_is_the_largest_amplification_of_the_closed_loop() -> None:
+    one = cascade(position_gain=40.0)
+    opened = closed_form(one, np.geomspace(0.05, 62.5, 20_000))
+    assert one.peak == pytest.approx(float(np.abs(opened / (1.0 + opened)).max()), rel=1e-2)
+    assert one.peak > 1.1
+
+
+def test_a_linear_results_standard_deviation_is_the_one_of_its_covariance() -> None:
+    names = ("gain", "integral_time_s")
+    root = np.array([[20.0, 0.0], [-0.001, 0.002]])
+    one = cascade()
+    one = replace(one, loop=replace(one.loop, names=names, covariance=root @ root.T))
+    one = replace(one, mechanics=replace(one.mechanics, covariance=np.diag([0.04, 4.0])))
+    weight = np.array([2.0, -3e3, 5.0, 0.5])
+    values = np.array(
+        [
+            weight @ [e.loop.gain, e.loop.integral_time_s, e.mechanics.inertia, e.mechanics.damping]
+            for e in one.spread()
+        ]
+    )
+    variance = weight[:2] @ root @ root.T @ weight[:2] + 25.0 * 0.04 + 0.25 * 4.0
+    half = 0.5 * (values[0::2] - values[1::2])
+    assert half @ half == pytest.approx(variance)
 
 
 @settings(max_examples=30)
@@ -98,7 +143,7 @@ def test_the_largest_gain_just_keeps_both_margins(
 def test_a_loop_that_never_crosses_has_no_margin() -> None:
     frequency_hz = np.geomspace(0.1, 100.0, 200)
     response = np.asarray(0.5 / (1.0 + 0.1j * frequency_hz), dtype=np.complex128)
-    never = margins(frequency_hz, response)
+    never = margins(control.FRD(response, 2.0 * math.pi * frequency_hz))
     assert never.gain is None
     assert never.phase_deg is None
     assert never.gain_db is None
