@@ -34,6 +34,8 @@ from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.errors import DataQualityError
 from dynamics.model.robot_model import regressor
+from dynamics.terms.friction import Friction
+from dynamics.terms.friction_functions import traits
 from identification.estimation.estimate import Estimate, predict
 
 Complex = NDArray[np.complex128]
@@ -46,7 +48,6 @@ DRAWS: Final = 400
 POSES: Final = 24
 SIGMAS_OF_NOISE: Final = 3.0
 SMALL_STEP: Final = 1e-3
-_NOT_SMOOTH: Final = ("fc", "fo", "fs", "f13", "fp", "fm")
 _LOSSES: Final = ("cl_", "eta_")
 
 
@@ -199,7 +200,14 @@ def stability_bound(
 
 def without_jumps(estimate: Estimate) -> Estimate:
     """Return a model without the friction that jumps where a speed changes its sign."""
-    kept = [not name.startswith(_NOT_SMOOTH) for name in estimate.base.names]
+    jumping = {
+        column.parameter_name
+        for term in estimate.model.terms
+        if isinstance(term, Friction)
+        for column in term.columns
+        if not traits(column.function).smooth
+    }
+    kept = [name not in jumping for name in estimate.base.names]
     smooth = replace(estimate, values=np.where(kept, estimate.values, 0.0))
     return _lossless(smooth) if estimate.model.transmission.losses else smooth
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,8 @@ from dynamics.kernels.simd import kernel
 from dynamics.model.memory import presliding
 from dynamics.model.robot_model import RobotModel, checked_parameters
 from dynamics.terms.armature import Armature
-from dynamics.terms.friction import Friction, FrictionFunction
+from dynamics.terms.friction import Friction
+from dynamics.terms.friction_functions import traits
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
 from dynamics.terms.rotors import Rotors
@@ -49,11 +50,6 @@ _NO_SPRING, _STRAIGHT, _FOURIER = 0.0, 1.0, 2.0
 # last sample, before losses, and so is what the base exerts (as `base_wrench_regressor`). The last
 # row is not computed: the way that an actuator's friction remembers, or `BY_SPEED`.
 _ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH, DIRECTION = 0, 1, 2, 3, 4, 5
-
-_NUMBERS: Final[dict[FrictionFunction, int]] = {
-    "coulomb": 0, "viscous": 1, "offset": 2, "forward": 3, "backward": 4, "cubic": 5,
-    "cube_root": 6, "stribeck": 7,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +123,8 @@ class SampleTorque:
                 case _:
                     raise EstimationError(
                         f"the torque of one sample does not know the term {term.name!r}: leave it"
-                        " out of the model, or teach `dynamics/model/one_sample.py` to compute it"
+                        " out of the model, or teach `dynamics/model/one_sample.py` to compute it",
+                        code="RID-MODEL-TERM",
                     )
         for loss in model.transmission.losses:
             kind = EFFICIENCY if loss.kind == "efficiency" else _LOAD
@@ -179,14 +176,16 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
     speeds = {speed.joint: speed.parameter.value for speed in term.stribeck}
     rows = []
     for column, value in zip(term.columns, values, strict=True):
-        if column.function not in _NUMBERS:
+        kernel_number = traits(column.function).kernel
+        if kernel_number is None:
             raise EstimationError(
                 f"{column.parameter_name} depends on the drive's temperature, which is not known"
                 " ahead of the motion: say one, or identify a model without the friction term"
-                " `temperature`"
+                " `temperature`",
+                code="RID-MODEL-TEMPERATURE",
             )
         speed = speeds[column.joint] if column.function == "stribeck" else 1.0
-        rows.append([FRICTION, column.joint, value, _NUMBERS[column.function], speed])
+        rows.append([FRICTION, column.joint, value, kernel_number, speed])
     return rows
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import Joint, RobotDescription
 from dynamics.terms.complex_step import Values, slopes
+from dynamics.terms.friction_functions import FrictionFunction, traits, unknown_function
 from dynamics.terms.memory import Presliding
 from dynamics.terms.motion import Motion
 from dynamics.terms.term_parameter import NonlinearParameter
@@ -23,11 +24,6 @@ SHORTEST_PRESLIDING: Final = 1e-5
 LONGEST_PRESLIDING: Final = 0.05
 LEAST_SHARE: Final = 0.02
 LARGEST_SHARE: Final = 0.98
-
-FrictionFunction = Literal[
-    "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
-    "coulomb_by_temperature", "viscous_by_temperature",
-]  # fmt: skip
 
 _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "coulomb": ("coulomb",),
@@ -40,34 +36,6 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
     "load": (),  # a loss of the gear: see `Transmission`
     "presliding": (),  # changes the direction in the others: see `Memory`
-}
-_SYMBOLS: Final[dict[FrictionFunction, str]] = {
-    "coulomb": "fc",
-    "viscous": "fv",
-    "offset": "fo",
-    "forward": "fcp",
-    "backward": "fcn",
-    "cubic": "f3",
-    "cube_root": "fcr",
-    "stribeck": "fs",
-    "coulomb_by_temperature": "fcT",
-    "viscous_by_temperature": "fvT",
-}
-_BY_DIRECTION: Final[tuple[FrictionFunction, ...]] = (
-    "coulomb", "forward", "backward", "stribeck", "coulomb_by_temperature",
-)  # fmt: skip
-# The unit for a revolute and for a prismatic joint.
-_UNITS: Final[dict[FrictionFunction, tuple[str, str]]] = {
-    "coulomb": ("N m", "N"),
-    "viscous": ("N m s/rad", "N s/m"),
-    "offset": ("N m", "N"),
-    "forward": ("N m", "N"),
-    "backward": ("N m", "N"),
-    "cubic": ("N m (s/rad)^3", "N (s/m)^3"),
-    "cube_root": ("N m (s/rad)^(1/3)", "N (s/m)^(1/3)"),
-    "stribeck": ("N m", "N"),
-    "coulomb_by_temperature": ("N m/K", "N/K"),
-    "viscous_by_temperature": ("N m s/(rad K)", "N s/(m K)"),
 }
 
 
@@ -188,7 +156,7 @@ class Friction:
         remembering = {own.joint for own in self.presliding}
         return tuple(
             column.function == "stribeck"
-            or (column.function in _BY_DIRECTION and column.joint in remembering)
+            or (traits(column.function).by_direction and column.joint in remembering)
             for column in self.columns
         )
 
@@ -225,6 +193,8 @@ class Friction:
         slopes = np.zeros(motion.joint.shape[1:])
         for column, size in zip(self.columns, coefficients, strict=True):
             j, v = column.joint, motion.actuator[1, :, column.joint]
+            if not traits(column.function).by_direction:
+                continue
             match column.function:
                 case "coulomb":
                     slopes[:, j] += size
@@ -235,7 +205,7 @@ class Friction:
                 case "coulomb_by_temperature":
                     slopes[:, j] += size * _warmth(column, motion)
                 case _:
-                    pass
+                    raise unknown_function(column.function, "dynamics/terms/friction.py")
         return slopes
 
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
@@ -290,6 +260,8 @@ class Friction:
                 return self._sign(motion, column.joint, v) * _warmth(column, motion)
             case "viscous_by_temperature":
                 return v * _warmth(column, motion)
+            case _:
+                raise unknown_function(column.function, "dynamics/terms/friction.py")
 
     def _stribeck_speed(self, joint: int) -> float:
         return next(s.parameter.value for s in self.stribeck if s.joint == joint)
@@ -309,11 +281,12 @@ class Friction:
 
 
 def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
-    revolute, prismatic = _UNITS[function]
+    own = traits(function)
+    revolute, prismatic = own.units
     return FrictionColumn(
         joint=j,
         function=function,
-        parameter_name=f"{_SYMBOLS[function]}_{joint.name}",
+        parameter_name=f"{own.symbol}_{joint.name}",
         unit=prismatic if joint.type == "prismatic" else revolute,
         reference_temperature_k=joint.reference_temperature_k,
     )

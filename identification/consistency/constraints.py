@@ -12,7 +12,8 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.armature import Armature
 from dynamics.terms.conditions import Conditions
-from dynamics.terms.friction import Friction, FrictionFunction
+from dynamics.terms.friction import Friction
+from dynamics.terms.friction_functions import traits
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
 from dynamics.terms.rotors import Rotors
@@ -20,12 +21,6 @@ from dynamics.terms.spring import Spring
 
 SLOWEST_SHARE: Final = 0.02
 SPEEDS: Final = 40
-
-_STRAIGHT: frozenset[FrictionFunction] = frozenset({"coulomb", "viscous", "forward", "backward"})
-_CURVED: frozenset[FrictionFunction] = frozenset({"cubic", "cube_root", "stribeck"})
-_FREE: frozenset[FrictionFunction] = frozenset(
-    {"offset", "coulomb_by_temperature", "viscous_by_temperature"}
-)
 
 
 def bodies(model: RobotModel) -> tuple[slice, ...]:
@@ -57,17 +52,16 @@ def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
             case Rotors() | Armature() | Spring():
                 rows.extend(identity[columns])
             case Friction():
-                _require_known({column.function for column in term.columns})
                 for j in range(model.chain.n):
-                    own = {c.function for c in term.columns if c.joint == j}
-                    if own & _CURVED:
+                    signs = {c: traits(c.function).sign for c in term.columns if c.joint == j}
+                    if "curve" in signs.values():
                         fastest = robot.joints[j].limits.velocity
                         rows.extend(_braking(model, term, columns, j, fastest))
                         continue
                     rows.extend(
                         identity[names.index(c.parameter_name)]
-                        for c in term.columns
-                        if c.joint == j and c.function in _STRAIGHT
+                        for c, sign in signs.items()
+                        if sign == "braking"
                     )
             case _:
                 raise EstimationError(
@@ -76,16 +70,6 @@ def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
                     code="RID-MODEL-TERM",
                 )
     return np.array(rows).reshape(-1, len(names))
-
-
-def _require_known(functions: set[FrictionFunction]) -> None:
-    unknown = functions - (_STRAIGHT | _CURVED | _FREE)
-    if unknown:
-        raise EstimationError(
-            f"physical consistency is not known of friction {', '.join(sorted(unknown))}: state its"
-            " constraints in identification/consistency/constraints.py, or leave it out",
-            code="RID-MODEL-TERM",
-        )
 
 
 def _braking(
@@ -100,7 +84,7 @@ def _braking(
     motion = model.motion(np.zeros_like(v), v, np.zeros_like(v), reference)
     torque = np.zeros((*v.shape, len(friction.columns)))
     friction.fill_torque(motion, torque)
-    torque[:, :, [c.function in _FREE for c in friction.columns]] = 0.0
+    torque[:, :, [traits(c.function).sign == "free" for c in friction.columns]] = 0.0
     rows = np.zeros((len(v), len(model.parameter_names)))
     rows[:, columns] = torque[:, joint] * np.sign(actuator[:, [joint]])
     return rows

@@ -17,7 +17,8 @@ from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import Joint
 from dynamics.model.robot_model import RobotModel
-from dynamics.terms.friction import Friction, FrictionColumn, FrictionFunction
+from dynamics.terms.friction import Friction, FrictionColumn
+from dynamics.terms.friction_functions import FrictionFunction
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import base_parameters
 

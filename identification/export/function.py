@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from dynamics.terms.friction import Friction, FrictionColumn
+from dynamics.terms.friction_functions import unknown_function
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from dynamics.terms.rotors import Rotors
@@ -193,6 +194,8 @@ def _friction_function(term: Friction, column: FrictionColumn, language: Languag
             return f"{smooth} * {warmth}"
         case "viscous_by_temperature":
             return f"{u} * {warmth}"
+        case _:
+            raise unknown_function(column.function, "identification/export/function.py")
 
 
 def _smoothing(model: ExportModel) -> float:

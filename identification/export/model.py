@@ -15,6 +15,7 @@ from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.armature import Armature
 from dynamics.terms.friction import Friction
+from dynamics.terms.friction_functions import traits
 from dynamics.terms.payload import Payload
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK, RigidBodies
 from dynamics.terms.rotors import Rotors
@@ -81,7 +82,8 @@ class ExportModel:
         if unknown:
             raise EstimationError(
                 f"the exports do not know the model's terms {', '.join(unknown)}: leave them out of"
-                " the model, or teach `identification/export` to write them"
+                " the model, or teach `identification/export` to write them",
+                code="RID-MODEL-TERM",
             )
 
     @classmethod
@@ -254,13 +256,14 @@ class ExportModel:
             lines.append(
                 f"the constant part of the friction of {joint.name}: {straight.offset:.6g}"
             )
-        names = self.model.parameter_names
-        curved = [word for key, word in _CURVED.items() if f"{key}_{joint.name}" in names]
+        found = self.term(Friction)
+        columns = () if found is None else found[0].columns
+        curved = [word for c in columns if c.joint == j and (word := traits(c.function).words)]
         if curved:
             lines.append(
                 f"the friction of {joint.name} is a line through the model's {', '.join(curved)}"
             )
-        if f"fcT_{joint.name}" in names:
+        if f"fcT_{joint.name}" in self.model.parameter_names:
             lines.append(self._warmth_left_out(j, joint))
         lines += [
             f"{loss.parameter.name} = {loss.parameter.value:.6g}: what the gear loses of its load"
@@ -279,9 +282,6 @@ class ExportModel:
             f"{what} as it warms up (time constant {constant_s:.3g} s): written is that of a cold"
             " robot"
         )
-
-
-_CURVED = {"f3": "cubic", "fcr": "cube root", "fs": "Stribeck"}
 
 
 def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:

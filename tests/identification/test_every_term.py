@@ -20,6 +20,7 @@ from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regres
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.motion import Motion
 from dynamics.terms.term import Term
+from identification.consistency.constraints import not_negative
 from identification.export.function import python_function
 from identification.export.model import ExportModel
 
@@ -190,6 +191,7 @@ class Cable:
     [
         lambda robot, model, values: SampleTorque.of(model, values),
         ExportModel,
+        lambda robot, model, values: not_negative(model, robot),
     ],
 )
 def test_a_backend_refuses_a_term_that_it_does_not_know(
@@ -199,5 +201,6 @@ def test_a_backend_refuses_a_term_that_it_does_not_know(
     plain = RobotModel.from_description(robot)
     term: Term = Cable()
     model = replace(plain, terms=(*plain.terms, term))
-    with pytest.raises(EstimationError, match="cable"):
+    with pytest.raises(EstimationError, match="cable") as refused:
         backend(robot, model, np.ones(len(model.parameter_names)))
+    assert refused.value.refusal == "RID-MODEL-TERM"

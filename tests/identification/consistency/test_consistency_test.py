@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from benchmarks.consistency import border_robots, noisy_estimate, sound_robot
-from config.errors import EstimationError
-from config.load import load_robot
-from dynamics.terms.friction import Friction, FrictionFunction
-from dynamics.terms.term import Term
 from identification.consistency.closest_robot import check_consistency, cone
 from identification.consistency.consistency_test import JudgedParameters, cannot_be_negative
-from identification.consistency.constraints import not_negative
 from identification.consistency.metric import jackknife_metric
 from identification.estimation.estimate import Estimate
-from identification.model.options import ModelOptions
 
 Array = NDArray[np.float64]
 
@@ -109,33 +102,3 @@ def test_few_clusters_give_wider_tails(estimate: Estimate) -> None:
     low = below_zero(estimate, "fv_joint3", 4.0)
     few = check_consistency(replace(low, clusters=6))
     assert few.single_p_value > 10.0 * check_consistency(low).single_p_value
-
-
-class UnknownTerm:
-    """A term that consistency knows nothing of."""
-
-    name, through_gears, inertial = "unknown", False, True
-    parameter_names, parameter_units = ("U1",), ("N m",)
-
-
-def test_a_term_whose_constraints_are_not_known_is_refused() -> None:
-    robot = load_robot("ur10e")
-    model = ModelOptions().build(robot)
-    more = replace(model, terms=(*model.terms, cast(Term, UnknownTerm())))
-    with pytest.raises(EstimationError) as refused:
-        not_negative(more, robot)
-    assert refused.value.refusal == "RID-MODEL-TERM"
-
-
-def test_a_friction_whose_constraints_are_not_known_is_refused() -> None:
-    robot = load_robot("ur10e")
-    model = ModelOptions().build(robot)
-    friction = next(term for term in model.terms if isinstance(term, Friction))
-    sticky = cast(FrictionFunction, "sticky")
-    unknown = replace(
-        friction, columns=tuple(replace(column, function=sticky) for column in friction.columns)
-    )
-    terms = tuple(unknown if term is friction else term for term in model.terms)
-    with pytest.raises(EstimationError) as refused:
-        not_negative(replace(model, terms=terms), robot)
-    assert refused.value.refusal == "RID-MODEL-TERM"

@@ -1,0 +1,99 @@
+"""`FRICTION_FUNCTIONS`: what every friction function gives to each part that must know it.
+
+One row a function. Its values and its slopes are in `dynamics.terms.friction`, its kernel is in
+`dynamics.kernels.friction`, its text for an export in `identification.export.function`: each
+raises an error for a function that it does not have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from config.errors import EstimationError
+
+FrictionFunction = Literal[
+    "coulomb", "viscous", "offset", "forward", "backward", "cubic", "cube_root", "stribeck",
+    "coulomb_by_temperature", "viscous_by_temperature",
+]  # fmt: skip
+Sign = Literal["braking", "curve", "free"]
+
+
+@dataclass(frozen=True)
+class FunctionTraits:
+    """Properties of one friction function.
+
+    Attributes
+    ----------
+    symbol : str
+        Of its coefficient; a parameter is called SYMBOL_JOINT.
+    units : tuple of str
+        Of its coefficient, on a revolute and on a prismatic joint.
+    sign : str
+        Constraint of a physically consistent coefficient: `braking` is not negative, a joint with a
+        `curve` brakes at every speed, `free` has no constraint.
+    by_direction : bool
+        Whether it depends on the direction of motion, which presliding friction remembers.
+    smooth : bool
+        Whether it may stay in a model that is differentiated at speed zero.
+    kernel : int or None
+        Number in `dynamics.kernels.friction`; None if it depends on a temperature.
+    words : str or None
+        Name for what a format of straight friction leaves out; None if that format holds it.
+    """
+
+    symbol: str
+    units: tuple[str, str]
+    sign: Sign
+    by_direction: bool = False
+    smooth: bool = False
+    kernel: int | None = None
+    words: str | None = None
+
+
+_FORCE: Final = ("N m", "N")
+
+FRICTION_FUNCTIONS: Final[dict[FrictionFunction, FunctionTraits]] = {
+    "coulomb": FunctionTraits("fc", _FORCE, "braking", by_direction=True, kernel=0),
+    "viscous": FunctionTraits(
+        "fv", ("N m s/rad", "N s/m"), "braking", smooth=True, kernel=1
+    ),
+    "offset": FunctionTraits("fo", _FORCE, "free", kernel=2),
+    "forward": FunctionTraits("fcp", _FORCE, "braking", by_direction=True, kernel=3),
+    "backward": FunctionTraits("fcn", _FORCE, "braking", by_direction=True, kernel=4),
+    "cubic": FunctionTraits(
+        "f3", ("N m (s/rad)^3", "N (s/m)^3"), "curve", smooth=True, kernel=5, words="cubic"
+    ),
+    "cube_root": FunctionTraits(
+        "fcr", ("N m (s/rad)^(1/3)", "N (s/m)^(1/3)"), "curve", kernel=6, words="cube root"
+    ),
+    "stribeck": FunctionTraits(
+        "fs", _FORCE, "curve", by_direction=True, kernel=7, words="Stribeck"
+    ),
+    "coulomb_by_temperature": FunctionTraits("fcT", ("N m/K", "N/K"), "free", by_direction=True),
+    "viscous_by_temperature": FunctionTraits(
+        "fvT", ("N m s/(rad K)", "N s/(m K)"), "free", smooth=True
+    ),
+}  # fmt: skip
+
+
+def traits(function: FrictionFunction) -> FunctionTraits:
+    """Return the properties of a friction function.
+
+    Raises
+    ------
+    EstimationError
+        The function has no row.
+    """
+    found = FRICTION_FUNCTIONS.get(function)
+    if found is None:
+        raise unknown_function(function, "dynamics/terms/friction_functions.py")
+    return found
+
+
+def unknown_function(function: str, where: str) -> EstimationError:
+    """Return the error for a friction function that a file does not know."""
+    return EstimationError(
+        f"unknown friction function {function!r}: add it to {where}, or leave it out of the model",
+        code="RID-MODEL-TERM",
+    )
