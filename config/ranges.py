@@ -11,7 +11,7 @@ import dataclasses
 import math
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Final
 
@@ -123,10 +123,11 @@ class Ranged:
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     def __post_init__(self) -> None:
-        for path, value, limits in _numbers_of(self):
-            refusal = _refusal(value, limits)
-            if refusal is not None:
-                raise ConfigError(f"{key_name(path)}: {refusal}", code=CODE)
+        names = [field.name for field in dataclasses.fields(self)]
+        for path, value, limits in numbers_of(self, names, type(self)):
+            text = refusal(value, limits)
+            if text is not None:
+                raise ConfigError(f"{key_name(path)}: {text}", code=CODE)
 
 
 def least(annotated: Any) -> Any:
@@ -145,8 +146,16 @@ def _bounds(limits: Sequence[object], side: str) -> Iterator[float]:
             yield from (getattr(each, side) for each in limit.metadata if hasattr(each, side))
 
 
-def _refusal(value: float, limits: Sequence[object]) -> str | None:
-    """Return why a value is refused, None if it is not."""
+def refusal(value: float, limits: Sequence[object]) -> str | None:
+    """Return why a value is refused, None if it is not.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+    limits : sequence
+        The annotations of its type: bounds, and a plausible range.
+    """
     if not math.isfinite(value):
         return f"{value:g} is not a finite number: give a number"
     low = max(_bounds(limits, "ge"), default=-math.inf)
@@ -160,14 +169,24 @@ def _refusal(value: float, limits: Sequence[object]) -> str | None:
 _HINTS: dict[type, dict[str, Any]] = {}
 
 
-def _numbers_of(request: Any) -> Iterator[tuple[Path, float, Sequence[object]]]:
-    """Yield the numbers in a dataclass's own fields, where they stand, and their limits."""
-    kind = type(request)
+def numbers_of(
+    request: object, names: Iterable[str], kind: type
+) -> Iterator[tuple[Path, float, Sequence[object]]]:
+    """Yield the numbers in fields of an object, their paths, and the annotations of their types.
+
+    Parameters
+    ----------
+    request : object
+        The object.
+    names : iterable of str
+        Names of the fields.
+    kind : type
+        The class that declares them.
+    """
     if kind not in _HINTS:
         _HINTS[kind] = typing.get_type_hints(kind, include_extras=True)
-    hints = _HINTS[kind]
-    for field in dataclasses.fields(request):
-        yield from _numbers(getattr(request, field.name), hints[field.name], (field.name,), ())
+    for name in names:
+        yield from _numbers(getattr(request, name), _HINTS[kind][name], (name,), ())
 
 
 def _numbers(

@@ -23,6 +23,7 @@ from typer.core import TyperCommand, TyperGroup
 from config.errors import RecordingError, RidDaqError, with_notes
 from config.process.shortage import as_named, require_memory
 from config.process.termination import TERMINATION, ending_signals, signals_deferred
+from rid_daq.operations.catalogue import CATALOGUE
 from rid_daq.terminal.console import Console, documents_written, output_error, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 from rid_daq.terminal.fitted import fitted
@@ -68,7 +69,6 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
     },
     "Path": {
         "loop": "the drives' velocity loops, out of a multisine run",
-        "retime": "a motion's path as fast as the torques of a model allow",
         "compensate": "the feedforward that makes a motion accurate, from model and loops",
         "refine": "the next feedforward, from what the robot missed with this one",
         "stream": "follow a path more closely, live: from a file or from another program",
@@ -87,6 +87,9 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
 
 A command that has commands of its own is a `typer.Typer` named `group` in its module.
 """
+
+for _name, _entry in CATALOGUE.items():
+    COMMAND_GROUPS[_entry.section][_name] = _entry.summary
 
 COMMANDS = {name: line for group in COMMAND_GROUPS.values() for name, line in group.items()}
 
@@ -116,6 +119,10 @@ class LazyCommands(TyperGroup):
         if cmd_name not in _WITHOUT_NUMERICS:
             require_memory(_NUMERICS_BYTES)
         with signals_deferred():  # an exception inside of pydantic's modules becomes another one
+            if cmd_name in CATALOGUE:
+                from rid_daq.command_line.typer_command import TyperOperation
+
+                return TyperOperation(cmd_name, COMMANDS[cmd_name], WIDEST_HELP)
             module = importlib.import_module(f"rid_daq.commands.{module_name}")
         found = getattr(module, "group", None) or getattr(module, module_name)
         if isinstance(found, typer.Typer):  # a command with commands of its own

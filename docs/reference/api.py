@@ -1,8 +1,8 @@
 """Write what the service promises: `python docs/reference/api.py`.
 
-`rid_daq/service/requests.json` holds the schema of every job's request, `openapi.json` the whole
-API. What programs that were written for the API of before would stumble over is not written,
-unless the first number of `API_VERSION` is another one.
+`rid_daq/service/requests.json` holds the schema of every job's request that is no operation yet,
+`openapi.json` the whole API. A change that would break programs written for the last version is
+refused, unless the first number of `API_VERSION` changes.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from rid_daq.operations.catalogue import CATALOGUE
 from rid_daq.service.api.app import make_api, openapi_of
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.job_kinds import JobKind
@@ -27,7 +28,8 @@ REQUESTS = HERE.parent.parent / "rid_daq" / "service" / "requests.json"
 
 def requests() -> str:
     """Return the schemas of the requests, as the code has them."""
-    schemas = {kind.value: request_schema(kind) for kind in JobKind}
+    kinds = [kind for kind in JobKind if kind.value not in CATALOGUE]
+    schemas = {kind.value: request_schema(kind) for kind in kinds}
     return json.dumps(schemas, indent=1, sort_keys=True) + "\n"
 
 

@@ -26,8 +26,8 @@ from compensation.online.online import in_order
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
+from rid_daq.blocks.formats import measured
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.report.formats import measured
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.runs.followed_motion import followed

@@ -24,8 +24,8 @@ from identification.validation.base_wrench_validation import validate_base_wrenc
 from identification.validation.diagnosis import diagnose
 from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import Validation, validate
+from rid_daq.blocks.formats import number
 from rid_daq.jobs.cell_files import estimate_for, motion_for, require_robot
-from rid_daq.report.formats import number
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection

@@ -6,8 +6,8 @@ import numpy as np
 import typer
 
 from identification.validation.estimate_difference import EstimateDifference
+from rid_daq.blocks.formats import measured, number
 from rid_daq.jobs.compare_job import Compared, CompareRequest, RunPrediction, compare_models
-from rid_daq.report.formats import measured, number
 from rid_daq.report.sections.section import finite
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.console import Console

@@ -10,13 +10,13 @@ from identification.choices import REPORTED
 from identification.payload.body import REPORTED_UNITS
 from identification.sensitivity.cases import DIFFERENCE, SensitivityRow
 from identification.sensitivity.problem import SensitivityProblem
+from rid_daq.blocks.formats import number
 from rid_daq.jobs.sensitivity_job import (
     DrawnPayloads,
     SensitivityRequest,
     draw_payloads,
     sensitivity_table,
 )
-from rid_daq.report.formats import number
 from rid_daq.terminal.console import Console
 
 _NO_DECIMAL: Final = 100.0  # percent

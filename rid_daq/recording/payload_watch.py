@@ -15,9 +15,9 @@ from config.robot.robot import RobotDescription
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
+from rid_daq.blocks.formats import measured
 from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
 from rid_daq.recording.average_so_far import AverageSoFar
-from rid_daq.report.formats import measured
 
 WarmUpTold = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 

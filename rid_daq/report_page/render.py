@@ -11,7 +11,7 @@ import jinja2
 from markupsafe import Markup
 
 from config.errors import RecordingError
-from rid_daq.report.formats import duration, measured, moment, number, unit
+from rid_daq.blocks.formats import duration, measured, moment, number, unit
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
 from rid_daq.report_page.drawings.page_colours import colours

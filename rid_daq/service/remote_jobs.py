@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import typer
 
@@ -16,14 +16,14 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.clearance import clear
 from rid_daq.terminal.console import Console, Progress
 
+SERVICE_HELP: Final = (
+    "Run this on a service: `local` for the one on this computer, or https://HOST:PORT with a token"
+    " in RID_DAQ_TOKEN. Paths are relative to the service's folder."
+)
+
 Service = Annotated[
     str | None,
-    typer.Option(
-        "--service",
-        metavar="ADDRESS",
-        help="Let a service do this: `local` for the one on this computer, or https://HOST:PORT"
-        " with a token in RID_DAQ_TOKEN. Files are named as in its folder.",
-    ),
+    typer.Option("--service", metavar="ADDRESS", help=SERVICE_HELP),
 ]
 """The option of every command that a service can do."""
 

@@ -26,10 +26,11 @@ from config.formats.bounded_file import read_file
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from config.ranges import CODE
+from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.request import INVALID
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import MOST_CHARACTERS
 
-_OUTPUTS: Final = ("output", "report")
 _NO_PATH: Final = "text"
 _BOUNDS: Final = frozenset({"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"})
 _TABLE: Final = "joint_table"
@@ -47,7 +48,6 @@ _JSON: Final = (".json",)
 OUTPUT_ENDINGS: Final = MappingProxyType(
     {
         JobKind.DESIGN: (".yaml",),
-        JobKind.RETIME: (".yaml",),
         JobKind.IDENTIFY: _JSON,
         JobKind.LOOP: _JSON,
         JobKind.COMPENSATE: _JSON,
@@ -72,7 +72,8 @@ def request_schemas() -> dict[str, Any]:
     """Return the JSON schema of the request of every kind of job."""
     text = files("rid_daq.service").joinpath("requests.json").read_text(encoding="utf-8")
     found: dict[str, Any] = json.loads(text)
-    return found
+    found.update((name, operation(name).schema()) for name in CATALOGUE)
+    return {kind.value: found[kind.value] for kind in JobKind}
 
 
 def check_request(
@@ -97,15 +98,14 @@ def check_request(
         It says what, and where.
     """
     _refuse_unreadable(kind, request, ())
-    error = best_match(_validator(kind).iter_errors(request))
-    if error is not None:
-        where = ".".join(map(str, error.absolute_path)) or "request"
-        code = CODE if _is_of_range(error) else "RID-REQUEST-INVALID"
-        raise ConfigError(f"{kind.value}: {where}: {error.message[:MOST_SHOWN]}", code=code)
+    if kind.value in CATALOGUE:
+        _check_operation(kind, request)
+    else:
+        _check_schema(kind, request)
     require_bounded(kind, request)
     for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
-    for name in _OUTPUTS:
+    for name in _output_endings(kind):
         output = request.get(name)
         if output is not None and require_inside(output, folder) in map(Path.resolve, of_cells):
             raise ConfigError(
@@ -147,8 +147,7 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
     ConfigError
         It ends otherwise.
     """
-    endings = {"output": OUTPUT_ENDINGS.get(kind), "report": (".html",)}
-    for name, allowed in endings.items():
+    for name, allowed in _output_endings(kind).items():
         output = request.get(name)
         if output is not None and allowed and Path(str(output)).suffix not in allowed:
             raise ConfigError(
@@ -156,6 +155,35 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
                 " name",
                 code="RID-OUTPUT-ENDING",
             )
+
+
+def _output_endings(kind: JobKind) -> dict[str, tuple[str, ...]]:
+    """Return the fields that name output files, and what their names end in; empty if any."""
+    if kind.value in CATALOGUE:
+        return operation(kind.value).outputs
+    return {"output": OUTPUT_ENDINGS.get(kind, ()), "report": (".html",)}
+
+
+def _check_operation(kind: JobKind, request: object) -> None:
+    """Refuse what is no request of an operation, or sets a field that the service sets."""
+    if not isinstance(request, dict):
+        raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
+    found = operation(kind.value)
+    for name in sorted(found.owned & request.keys()):
+        raise ConfigError(
+            f"{kind.value}: {name}: is set by the service: leave it out", code=INVALID
+        )
+    fields = found.request.model_fields
+    filled = {name: "" for name in found.owned if fields[name].is_required()}
+    found.request.of_json({**filled, **request}, shown=kind.value)
+
+
+def _check_schema(kind: JobKind, request: Mapping[str, object]) -> None:
+    error = best_match(_validator(kind).iter_errors(request))
+    if error is not None:
+        where = ".".join(map(str, error.absolute_path)) or "request"
+        code = CODE if _is_of_range(error) else INVALID
+        raise ConfigError(f"{kind.value}: {where}: {error.message[:MOST_SHOWN]}", code=code)
 
 
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:

@@ -17,9 +17,6 @@ CERTIFICATE: Final = "certificate.pdf"
 JOG_PERCENT: Final = 5.0
 """Of the speed limit: how fast `jog` moves."""
 
-DEFAULT_CONFIDENCE: Final = 0.95
-"""With which probability a path timed by `retime` keeps to the torque limits."""
-
 DEMO_PERIOD_S: Final = 10.0
 """The period of the excitations of `demo`."""
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Final, Protocol, TypeVar
 
 import typer
 
@@ -43,9 +43,9 @@ class _Output:
 
 _output = _Output()
 
-AsJson = Annotated[
-    bool, typer.Option("--json", help="One JSON document on stdout instead of sentences.")
-]
+JSON_HELP: Final = "Write one JSON document to stdout instead of text."
+
+AsJson = Annotated[bool, typer.Option("--json", help=JSON_HELP)]
 """The `--json` option that every command has."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,8 @@ from pydantic_core import PydanticOmit
 
 from config.errors import ConfigError
 from config.ranges import CODE
+from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import require_bounded, require_ending
 from rid_daq.terminal.console import Console
@@ -32,7 +35,6 @@ _MODULES = {
     JobKind.REFINE: "compensation.refine",
     JobKind.STREAM: "compensation.stream",
     JobKind.TRACKING: "compensation.tracking",
-    JobKind.RETIME: "compensation.retime",
 }
 """Where a kind's performer stands, where its file is not called as the kind is."""
 
@@ -42,7 +44,9 @@ _OUT_OF_RANGE: Final = frozenset(
 
 
 def performer(kind: JobKind) -> Callable[[Any, Console], None]:
-    """Return what does a kind of job: the `perform` of its performer."""
+    """Return what does a kind of job: an operation, or the `perform` of its performer."""
+    if kind.value in CATALOGUE:
+        return functools.partial(perform, operation(kind.value))
     module = importlib.import_module(f"rid_daq.performers.{_MODULES.get(kind, kind.value)}")
     found: Callable[[Any, Console], None] = module.perform
     return found
@@ -50,6 +54,8 @@ def performer(kind: JobKind) -> Callable[[Any, Console], None]:
 
 def request_type(kind: JobKind) -> type[Any]:
     """Return the request of a kind of job."""
+    if kind.value in CATALOGUE:
+        return operation(kind.value).request
     found: type[Any] = get_type_hints(performer(kind))["request"]
     return found
 
@@ -86,9 +92,15 @@ def request_of(
         It is not a request of this kind, or a number in it is outside of its range.
     """
     require_bounded(kind, told)
+    owned = {"cell": cell, "runs": str(runs), "cleared": cleared, "tester": owner}
+    if kind.value in CATALOGUE:
+        declared = operation(kind.value)
+        own = {name: value for name, value in owned.items() if name in declared.owned}
+        checked = declared.request.of_json({**told, **own}, shown=kind.value)
+        require_ending(kind, told)
+        return checked
     request = request_type(kind)
     fields = request.__dataclass_fields__
-    owned = {"cell": cell, "runs": runs, "cleared": cleared, "tester": owner}
     filled = {**told, **{name: value for name, value in owned.items() if name in fields}}
     try:
         asked = TypeAdapter(request).validate_python(filled)
@@ -106,6 +118,8 @@ def request_of(
 
 def request_schema(kind: JobKind) -> dict[str, object]:
     """Return the JSON schema of what a client may say of a job; nothing else is taken."""
+    if kind.value in CATALOGUE:
+        return operation(kind.value).schema()
     schema = TypeAdapter(request_type(kind)).json_schema(schema_generator=_Schema)
     properties = {k: v for k, v in schema["properties"].items() if k not in OWNED}
     required = [name for name in schema.get("required", []) if name not in OWNED]

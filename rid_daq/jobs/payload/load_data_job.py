@@ -22,7 +22,7 @@ from identification.payload.controllers.formats import (
 )
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
-from rid_daq.report.formats import measured, number
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.choices import PAYLOAD
 from rid_daq.terminal.options import DEFAULT_RUNS

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from compensation.feedforward.file import TuningEntry
+from rid_daq.blocks.formats import measured
 from rid_daq.jobs.feedforward_job import CompensateRequest, compensate_motion
-from rid_daq.report.formats import measured
 from rid_daq.terminal.console import Console
 
 

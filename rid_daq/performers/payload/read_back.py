@@ -6,8 +6,8 @@ import typer
 
 from identification.choices import REPORTED
 from identification.payload.body import REPORTED_UNITS
+from rid_daq.blocks.formats import number
 from rid_daq.jobs.payload.load_data_job import ReadBackRequest, read_back_payload
-from rid_daq.report.formats import number
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 

@@ -10,6 +10,7 @@ from fpdf.enums import MethodReturnValue, XPos, YPos
 
 from identification.choices import REPORTED
 from identification.payload.body import REPORTED_UNITS
+from rid_daq.blocks.formats import number, unit
 from rid_daq.report.certificate.centre_views import HEIGHT_MM, draw_centre
 from rid_daq.report.certificate.certificate import Certificate
 from rid_daq.report.certificate.page import (
@@ -20,7 +21,6 @@ from rid_daq.report.certificate.page import (
     SMALL_PT,
     CertificatePage,
 )
-from rid_daq.report.formats import number, unit
 from rid_daq.report.sections.section import units
 
 NOT_RECORDED: Final = "not recorded"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
-from rid_daq.report.formats import number
+from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Section, units
 from rid_daq.terminal.console import Console
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rid_daq.report.formats import number
+from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.terminal.console import Console
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from identification.regression.fit_grade import Grade
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.consistency_entry import ConsistencyEntry
-from rid_daq.report.formats import measured, number
 from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console

@@ -10,7 +10,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import FitGrade, Grade, grade_fit
-from rid_daq.report.formats import measured, number
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts, units
 from rid_daq.terminal.console import Console
 

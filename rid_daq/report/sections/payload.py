@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
-from rid_daq.report.formats import measured, number
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts, say_doubts, units
 from rid_daq.report.sections.verdict import Check, Relation, Verdict
 from rid_daq.terminal.console import Console

@@ -9,7 +9,7 @@ from pydantic import Strict
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from identification.calibration.plate_mistake import PlateMistake
 from identification.regression.fit_grade import Grade
-from rid_daq.report.formats import measured, number
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.terminal.console import Console
 

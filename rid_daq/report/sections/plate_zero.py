@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
-from rid_daq.report.formats import measured
+from rid_daq.blocks.formats import measured
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.terminal.console import Console

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from rid_daq.report.formats import measured, number
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, rounded, thinned
 from rid_daq.report.sections.verdict import Check
 from rid_daq.terminal.console import Console

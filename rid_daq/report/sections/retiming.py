@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from rid_daq.report.formats import number
+from rid_daq.blocks.block import AnyBlock, Column, Table, Text
 from rid_daq.report.sections.section import Numbers, Section, rounded, thinned, units
 from rid_daq.report.sections.tracking import DrivenTiming
 from rid_daq.report.sections.verdict import Check
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from acquisition.motion.samples import JointTrajectory
@@ -242,27 +242,54 @@ class RetimingSection(Section):
             for joint in self.joints
         )
 
-    def print(self, console: Console) -> None:
-        """Say how fast the path is, and what each joint reaches of its limits."""
-        rows = [
-            (
-                joint.joint,
-                f"{joint.torque_limit:g} {joint.unit}",
-                f"{number(joint.torque_peak, 3)} + {number(joint.torque_margin, 2)}",
-                number(joint.torque_rms, 3),
-                f"{100.0 * joint.speed_share:.0f} %",
-                f"{100.0 * joint.acceleration_share:.0f} %",
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield what each joint and the base reach of their limits, and the duration."""
+        yield Table(
+            columns=(
+                Column(title="joint"),
+                Column(title="unit"),
+                Column(title="torque limit"),
+                Column(title="largest torque", digits=3),
+                Column(title="its margin", digits=2),
+                Column(title="RMS torque", digits=3),
+                Column(title="largest speed, share of limit", unit="%", digits=3),
+                Column(title="largest acceleration, share of limit", unit="%", digits=3),
+            ),
+            rows=tuple(
+                (
+                    joint.joint,
+                    joint.unit,
+                    joint.torque_limit,
+                    joint.torque_peak,
+                    joint.torque_margin,
+                    joint.torque_rms,
+                    100.0 * joint.speed_share,
+                    100.0 * joint.acceleration_share,
+                )
+                for joint in self.joints
+            ),
+        )
+        if self.base:
+            yield Table(
+                columns=(
+                    Column(title="reaction on the base"),
+                    Column(title="unit"),
+                    Column(title="limit"),
+                    Column(title="largest", digits=3),
+                    Column(title="its margin", digits=2),
+                ),
+                rows=tuple(
+                    (
+                        base.component,
+                        "N" if base.component.startswith("F") else "N m",
+                        base.limit,
+                        base.peak,
+                        base.margin,
+                    )
+                    for base in self.base
+                ),
             )
-            for joint in self.joints
-        ]
-        titles = ("joint", "torque limit", "largest + margin", "rms", "of speed", "of acceleration")
-        console.table(titles, rows)
-        for base in self.base or ():
-            console.say(
-                f"{base.component} of the base: {number(base.peak, 3)} + {number(base.margin, 2)}"
-                f" of {base.limit:g}."
-            )
-        console.say(self.sentence)
+        yield Text(text=self.sentence)
 
     @property
     def sentence(self) -> str:

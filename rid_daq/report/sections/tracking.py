@@ -15,7 +15,7 @@ from pydantic import Strict
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from rid_daq.report.formats import number
+from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, rounded, units
 from rid_daq.report.sections.verdict import Check, Verdict
 

@@ -10,7 +10,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade
-from rid_daq.report.formats import number
+from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
 from rid_daq.terminal.console import Console
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade, grade_fit
-from rid_daq.report.formats import measured, number
+from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.loop_curves import (
     CascadeCurves,
     ControllerResponse,

@@ -140,7 +140,7 @@ def test_what_is_written_is_held_with_what_it_carries(
 ) -> None:
     """A search that forgets the payload does not get as far as a file."""
     monkeypatch.setattr(
-        "rid_daq.jobs.retime_job.retimed",
+        "rid_daq.operations.path.retiming.retimed",
         lambda *known, **more: retimed(*known, **{**more, "payload": None}),
     )
     assert run(words(folder, "--confidence", "0", "--payload", tool)) != 0
@@ -277,11 +277,11 @@ def test_the_next_command_is_to_record(folder: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (["--confidence", "1.5"], "'--confidence': it should be at most"),
-        (["--margin", "2"], "'--margin': it should be at most"),
+        (["--confidence", "1.5"], "--confidence: 1.5 is outside its range"),
+        (["--margin", "2"], "--margin: 2 is outside its range"),
         (["--margin", "0.97"], "cannot be driven within its limits at any speed: torque of axis3"),
         (["--jerk", "1", "--jerk", "2"], "--jerk has 2 values: give one, or one for each of 3"),
-        (["--torque-rate", "-1"], "'--torque-rate': it should be at least"),
+        (["--torque-rate", "-1"], "--torque-rate: -1 is outside its range"),
         (["--mass", "300"], "--mass"),
         (["--base-limits"], "--base-limits: cell ir361 has no `plate` with `limits`"),
         (["--rms-torque", "5"], "RMS torque of axis2 is"),

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from rid_daq.report.formats import measured
+from rid_daq.blocks.formats import measured
 
 
 @pytest.mark.parametrize(

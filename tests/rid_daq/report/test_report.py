@@ -18,7 +18,7 @@ from justhtml import JustHTML
 from acquisition.runs.folder import RunFolder
 from acquisition.session.timing import CycleStatistics
 from config.errors import RecordingError
-from rid_daq.report.formats import duration, number
+from rid_daq.blocks.formats import duration, number
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import read_result
 from rid_daq.report.sections.section import CURVE_POINTS

@@ -1,4 +1,4 @@
-"""A motion's path timed to the limits of a model: what `rid-daq retime` does."""
+"""`retime_motion`: time the path of a motion file to the limits of a model."""
 
 from __future__ import annotations
 
@@ -17,24 +17,22 @@ from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
-from config.ranges import Confidence, FreeShare, Ranged, Rate
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import torque
 from dynamics.terms.conditions import Conditions
 from identification.calibration.base_reaction import base_limits
-from identification.choices import BaseMassKg
 from identification.estimation.estimate import Estimate, predict
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
 from rid_daq.jobs.cell_files import estimate_for, motion_for
+from rid_daq.operations.path.retime import RetimeRequest
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.render import render_report
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.terminal.choices import DEFAULT_CONFIDENCE
 
 BY_TIME: Final = {
     "fourier": "its periods",
@@ -43,53 +41,6 @@ BY_TIME: Final = {
     "constant_velocity": "its speeds",
 }
 """Kinds of motion that measure by when the robot is where, and what of it would be lost."""
-
-
-@dataclass(frozen=True)
-class RetimeRequest(Ranged):
-    """What `rid-daq retime` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    motion, model, output : Path
-        The motion file, a model by `identify`, and the motion file to write.
-    payload : Path or None
-        What the robot carries, by `payload`.
-    confidence : float
-        With which probability the robot's own torques keep to their limits; 0 for no margin.
-    margin : float
-        The share of torques and base wrench that is kept free besides.
-    torque_rate, jerk, torque_rms : tuple of float
-        Further limits, one for all joints or one a joint; none if empty.
-    base : bool
-        Whether the base wrench keeps to the limits of the cell's plate.
-    mass_kg : float or None
-        Mass of all that the base carries; by the robot's drawings if None.
-    temperature : str or None
-        How warm the joints are, as `compensation.operating_temperature` has it.
-    report : Path or None
-        The page to write.
-    overwrite : bool
-        Whether files may be replaced.
-    """
-
-    cell: str
-    motion: Path
-    model: Path
-    output: Path
-    payload: Path | None = None
-    confidence: Confidence = DEFAULT_CONFIDENCE
-    margin: FreeShare = 0.0
-    torque_rate: tuple[Rate, ...] = ()
-    jerk: tuple[Rate, ...] = ()
-    torque_rms: tuple[Rate, ...] = ()
-    base: bool = False
-    mass_kg: BaseMassKg | None = None
-    temperature: str | None = None
-    report: Path | None = None
-    overwrite: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Blocks: the parts of a result that people see, declared once for every renderer."""

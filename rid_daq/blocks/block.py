@@ -1,0 +1,113 @@
+"""Blocks: what people see of a result, declared once and drawn by every renderer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field, Strict, model_validator
+
+from config.model import ConfigModel
+from rid_daq.blocks.formats import measured, number
+
+
+class Heading(ConfigModel):
+    """A title."""
+
+    kind: Literal["heading"] = "heading"
+    text: str
+
+
+class Text(ConfigModel):
+    """A paragraph."""
+
+    kind: Literal["text"] = "text"
+    text: str
+
+
+class Verdict(ConfigModel):
+    """The sentence that decides; `passed` is None if nothing was judged."""
+
+    kind: Literal["verdict"] = "verdict"
+    passed: bool | None
+    text: str
+
+
+class Interval(ConfigModel):
+    """A value and the half width of its 95 % interval."""
+
+    value: float
+    reach: float
+
+
+class Column(ConfigModel):
+    """A column of a table: its title, the unit of its numbers, and their significant digits."""
+
+    title: str
+    unit: str = ""
+    digits: int = 4
+
+    @property
+    def head(self) -> str:
+        """The title with the unit."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+
+Cell = str | int | float | Interval | None
+"""What a table's cell holds; None is shown as a dash."""
+
+
+class Table(ConfigModel):
+    """Columns with units.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        The head.
+    rows : tuple of tuple
+        One cell a column.
+    failed : tuple of bool, or None
+        Rows that are shown in red.
+    key : int
+        Number of first columns that name a row.
+    """
+
+    kind: Literal["table"] = "table"
+    columns: Annotated[tuple[Column, ...], Strict(False)]
+    rows: Annotated[tuple[Annotated[tuple[Cell, ...], Strict(False)], ...], Strict(False)]
+    failed: Annotated[tuple[bool, ...], Strict(False)] | None = None
+    key: int = 1
+
+    @model_validator(mode="after")
+    def _require_whole_rows(self) -> Table:
+        if any(len(row) != len(self.columns) for row in self.rows):
+            raise ValueError("a row has more or fewer cells than there are columns")
+        if self.failed is not None and len(self.failed) != len(self.rows):
+            raise ValueError("`failed` has another length than the rows")
+        return self
+
+    def cells(self) -> Iterator[tuple[str, ...]]:
+        """Yield the rows as texts; the digits of a value with an interval follow from it."""
+        for row in self.rows:
+            yield tuple(map(_shown, row, self.columns))
+
+
+class Next(ConfigModel):
+    """A command of this program that is a sensible next step, as words."""
+
+    kind: Literal["next"] = "next"
+    words: Annotated[tuple[str, ...], Strict(False)]
+
+
+AnyBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
+
+
+def _shown(cell: Cell, column: Column) -> str:
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, Interval):
+        return " ± ".join(measured(cell.value, cell.reach))
+    if isinstance(cell, float) and math.isinf(cell):
+        return "∞" if cell > 0.0 else "-∞"
+    return number(cell, column.digits)

@@ -1,0 +1,159 @@
+"""`OperationCommand`: the command of an operation, built from its request."""
+
+from __future__ import annotations
+
+import textwrap
+import typing
+from pathlib import Path
+from typing import Any, Final
+
+import click
+from click.shell_completion import CompletionItem
+
+from config.errors import ConfigError
+from rid_daq.operations.operation import Operation
+from rid_daq.operations.option import FILES, OPTIONS
+from rid_daq.operations.perform import perform
+from rid_daq.operations.request import INVALID, ShownField, plain_type, shown_fields
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import SERVICE_HELP, here_or_there
+from rid_daq.terminal.console import JSON_HELP, Console
+
+PLACEHOLDERS: Final = {float: "NUMBER", int: "N", Path: "PATH"}
+_PARTS: Final = "__"
+_GOES_ON: Final = " \\"
+
+
+class OperationCommand(click.Command):
+    """The command of an operation: options from its fields, help in sections, examples.
+
+    Parameters
+    ----------
+    operation : Operation
+        The operation.
+    """
+
+    def __init__(self, operation: Operation) -> None:
+        self._operation = operation
+        self._fields = {_PARTS.join(each.path): each for each in shown_fields(operation.request)}
+        common: list[click.Parameter] = [
+            click.Option(["--service"], metavar="ADDRESS", help=SERVICE_HELP),
+            click.Option(["--json", "as_json"], is_flag=True, help=JSON_HELP),
+        ]
+        super().__init__(
+            operation.name,
+            params=[_parameter(key, each) for key, each in self._fields.items()] + common,
+            callback=self._call,
+            help=operation.request.__doc__,
+        )
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write arguments and options in the sections of their fields."""
+        arguments: list[tuple[str, str]] = []
+        sections: dict[str, list[tuple[str, str]]] = {OPTIONS: []}
+        last: list[tuple[str, str]] = []
+        for each in self.get_params(ctx):
+            shown = self._fields.get(each.name or "")
+            if shown is not None and shown.option.positional:
+                arguments.append((shown.flag, shown.help))
+            elif record := each.get_help_record(ctx):
+                group = FILES if shown is None else shown.option.group
+                (last if group == FILES else sections.setdefault(group, [])).append(record)
+        for title, records in (("Arguments", arguments), *sections.items(), (FILES, last)):
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the examples."""
+        with formatter.section("Examples"):
+            columns = formatter.width - formatter.current_indent - len(_GOES_ON)
+            for example in self._operation.examples:
+                lines = textwrap.wrap(
+                    f"rid-daq {example}", columns, subsequent_indent="    ", break_on_hyphens=False
+                )
+                for line in lines[:-1]:
+                    formatter.write(f"{'':{formatter.current_indent}}{line}{_GOES_ON}\n")
+                formatter.write(f"{'':{formatter.current_indent}}{lines[-1]}\n")
+
+    def _call(self, *, service: str | None, as_json: bool, **given: Any) -> None:
+        operation = self._operation
+        values: dict[str, object] = {}
+        for key, each in self._fields.items():
+            value = given[key]
+            if value is None or value == ():
+                continue
+            if typing.get_origin(each.type) is dict:
+                value = dict(_pair(each, text) for text in value)
+            inner: Any = values
+            for part in each.path[:-1]:
+                inner = inner.setdefault(part, {})
+            inner[each.path[-1]] = value
+        here_or_there(
+            service,
+            JobKind(operation.name),
+            operation.request.of(values, flags=True),
+            Console(as_json),
+            lambda request, console: perform(operation, request, console),
+        )
+
+
+class Value(click.ParamType[str]):
+    """A value that stays text: the request converts and checks it, as from every other way in.
+
+    Parameters
+    ----------
+    type_ : type
+        The type of the field.
+    """
+
+    name = "text"
+
+    def __init__(self, type_: Any) -> None:
+        literal = typing.get_origin(type_) is typing.Literal
+        self.choices = tuple(map(str, typing.get_args(type_))) if literal else ()
+        self._is_path = type_ is Path
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete a choice or the path of a file."""
+        if self._is_path:
+            return [CompletionItem(incomplete, type="file")]
+        return [CompletionItem(each) for each in self.choices if each.startswith(incomplete)]
+
+
+def _parameter(key: str, shown: ShownField) -> click.Parameter:
+    option, origin, repeated = shown.option, typing.get_origin(shown.type), shown.is_repeated
+    arguments = typing.get_args(shown.type)
+    element = plain_type(arguments[0]) if origin in (list, tuple) else shown.type
+    value, required = Value(element), shown.info.is_required()
+    if option.positional:
+        return click.Argument(
+            [key],
+            required=required,
+            metavar=shown.flag,
+            nargs=-1 if repeated else 1,
+            type=value,
+        )
+    names = [f"-{option.short}"] if option.short else []
+    if shown.type is bool:
+        no = f"/--no-{shown.flag[2:]}" if option.negatable else ""
+        flag = f"{shown.flag}{no}"
+        return click.Option([*names, flag, key], is_flag=True, default=None, help=shown.help)
+    return click.Option(
+        [*names, shown.flag, key],
+        multiple=repeated,
+        nargs=len(arguments) if origin is tuple and not repeated else 1,
+        metavar=option.metavar or "|".join(value.choices) or PLACEHOLDERS.get(element, "TEXT"),
+        help=shown.help,
+        required=required,
+        type=value,
+    )
+
+
+def _pair(shown: ShownField, text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ConfigError(f"{shown.flag}: {text!r} must have the form NAME=VALUE", code=INVALID)
+    return name, value

@@ -1,0 +1,1 @@
+"""Operations: what the program does, each declared once in a file of its own."""

@@ -1,0 +1,41 @@
+"""The catalogue of operations, and how one of them is imported."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from rid_daq.operations.operation import Operation
+
+
+class Entry(NamedTuple):
+    """An operation in the program's help: its room, its section, its summary."""
+
+    room: str
+    section: str
+    summary: str
+
+
+CATALOGUE: Final = {
+    "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
+}
+"""Every operation by its name; its module is `rid_daq.operations.ROOM.NAME`."""
+
+
+def operation(name: str) -> Operation:
+    """Import and return an operation.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the catalogue.
+
+    Raises
+    ------
+    KeyError
+        There is none of this name.
+    """
+    module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].room}.{name}")
+    found: Operation = module.OPERATION
+    return found

@@ -1,0 +1,107 @@
+"""`Operation`: the registration of an operation, and what its function takes and returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from rid_daq.operations.request import Request, option_of
+
+if TYPE_CHECKING:
+    from rid_daq.blocks.block import AnyBlock
+    from rid_daq.terminal.console import Progress
+
+
+class Context(Protocol):
+    """What an operation uses while it runs."""
+
+    def progress(
+        self, title: str, total: float | None, unit: str
+    ) -> AbstractContextManager[Progress]:
+        """Show the progress of a long step; `total` is None if it is unknown."""
+        ...
+
+
+class OperationResult(Protocol):
+    """What an operation returns."""
+
+    @property
+    def exit_code(self) -> int:
+        """0 if the result is good; a failed verdict is a result too, not an exception."""
+        ...
+
+    def document(self) -> Mapping[str, object]:
+        """Return the numbers for programs, the document of `--json`."""
+        ...
+
+    def blocks(self) -> Iterable[AnyBlock]:
+        """Return what people see, in its order."""
+        ...
+
+
+@dataclass(frozen=True)
+class Operation:
+    """The registration of an operation.
+
+    Attributes
+    ----------
+    name : str
+        Its name: the command, the kind of job, the name of its schema.
+    label : str
+        Title of its form.
+    request : type
+        The class of its request; the docstring is the help of the command.
+    run : callable
+        Takes a request and a context, and returns the result.
+    examples : tuple of str
+        At least two command lines without the program's name.
+    opens_cell, moves : bool
+        True if it opens the bus of a cell; if the robot moves.
+    """
+
+    name: str
+    label: str
+    request: type[Request]
+    run: Callable[[Any, Context], OperationResult]
+    examples: tuple[str, ...]
+    opens_cell: bool = False
+    moves: bool = False
+
+    @property
+    def owned(self) -> frozenset[str]:
+        """The fields that the service sets and a client cannot."""
+        fields = self.request.model_fields.items()
+        return frozenset(name for name, info in fields if option_of(info).owned)
+
+    @property
+    def outputs(self) -> dict[str, tuple[str, ...]]:
+        """The fields that name output files, and what their names must end in."""
+        options = {name: option_of(info) for name, info in self.request.model_fields.items()}
+        return {name: each.endings for name, each in options.items() if each.file == "output"}
+
+    def schema(self) -> dict[str, object]:
+        """Return the JSON schema of what a client may ask for."""
+        schema = self.request.model_json_schema()
+        schema["properties"] = {
+            name: each for name, each in schema["properties"].items() if name not in self.owned
+        }
+        schema["required"] = [name for name in schema.get("required", ()) if name not in self.owned]
+        found: dict[str, object] = _without_titles(schema)
+        return found
+
+
+def _without_titles(schema: Any) -> Any:
+    """Return a schema without the titles that pydantic makes of field names."""
+    if isinstance(schema, list):
+        return [_without_titles(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        name: {key: _without_titles(value) for key, value in each.items()}
+        if name == "properties"
+        else _without_titles(each)
+        for name, each in schema.items()
+        if name != "title"
+    }

@@ -1,0 +1,81 @@
+"""`Option`: how a field of a request is shown on the command line, in schemas and in forms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+OPTIONS: Final = "Options"
+FILES: Final = "Files and services"
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a field is shown; the field's type and description say what it is.
+
+    Attributes
+    ----------
+    group : str
+        Section of the help and of a form.
+    unit : str
+        Unit of the value; empty for texts and ratios.
+    metavar : str
+        Placeholder of the value in the help.
+    flag : str
+        Name on the command line without dashes, if it differs from the field's.
+    short : str
+        One-letter name on the command line.
+    positional : bool
+        True if the command line takes it as an argument.
+    negatable : bool
+        True if `--no-FLAG` exists too.
+    file : str
+        Role of a path that a client of the service may name.
+    endings : tuple of str
+        What the name of an output file must end in; any if empty.
+    owned : bool
+        True if the service sets the field and a client cannot.
+    needs : str
+        Field without which this one has no effect.
+    """
+
+    group: str = OPTIONS
+    unit: str = ""
+    metavar: str = ""
+    flag: str = ""
+    short: str = ""
+    positional: bool = False
+    negatable: bool = False
+    file: Literal["", "input", "output"] = ""
+    endings: tuple[str, ...] = ()
+    owned: bool = False
+    needs: str = ""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Add unit, section, file role and dependency to the JSON schema of the field."""
+        own = {
+            "x-group": self.group,
+            "x-unit": self.unit,
+            "x-file": self.file,
+            "x-needs": self.needs,
+        }
+        return {**handler(schema), **{key: value for key, value in own.items() if value}}
+
+
+CellName = Annotated[
+    str,
+    Field(description="A bundled cell (ir361, kr15) or a cell file."),
+    Option(positional=True, metavar="CELL", owned=True),
+]
+
+Overwrite = Annotated[
+    bool,
+    Field(description="Replace existing output files."),
+    Option(group=FILES, negatable=True),
+]

@@ -1,0 +1,1 @@
+"""Operations on paths: timing, feedforward and path errors."""

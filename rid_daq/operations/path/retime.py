@@ -1,0 +1,161 @@
+"""`retime`: drive a path as fast as the torque limits of a model allow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.ranges import Confidence, FreeShare, Rate
+from identification.choices import BaseMassKg
+from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import FILES, CellName, Option, Overwrite
+from rid_daq.operations.path.shared import ModelFile, Temperature
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.path.retiming import Retimed
+
+LIMITS: Final = "Limits"
+DEFAULT_CONFIDENCE: Final = 0.95
+
+
+class RetimeRequest(Request):
+    """Drive a path as fast as the torque limits of a model allow.
+
+    The path stays as it is. Its speed follows from the limits of the robot file: speed,
+    acceleration and torque of each joint, and the options below. Every row of the result is checked
+    against the model. Nothing moves: the result is a motion file for the cycle time of this cell.
+    If a limit cannot be kept, the message names the joint and the pose (exit code 3).
+    """
+
+    cell: CellName
+    motion: Annotated[
+        Path,
+        Field(description="Motion file with a path."),
+        Option(positional=True, metavar="MOTION", file="input"),
+    ]
+    model: ModelFile
+    output: Annotated[
+        Path,
+        Field(description="Motion file to write."),
+        Option(short="o", metavar="MOTION", group=FILES, file="output", endings=(".yaml",)),
+    ]
+    payload: Annotated[
+        Path | None,
+        Field(description="Payload on the flange, a file that `payload` wrote."),
+        Option(metavar="PAYLOAD", file="input"),
+    ] = None
+    confidence: Annotated[
+        Confidence,
+        Field(
+            description="Probability with which each torque keeps to its limit at any time; 0 uses"
+            " the model without a margin."
+        ),
+        Option(group=LIMITS),
+    ] = DEFAULT_CONFIDENCE
+    margin: Annotated[
+        FreeShare,
+        Field(description="Share of the torques and of the base wrench to keep free besides."),
+        Option(group=LIMITS),
+    ] = 0.0
+    torque_rate: Annotated[
+        tuple[Rate, ...],
+        Field(description="Largest rate of the torques; one value, or one a joint."),
+        Option(group=LIMITS, unit="N m/s", metavar="NM_S"),
+    ] = ()
+    jerk: Annotated[
+        tuple[Rate, ...],
+        Field(description="Largest jerk; one value, or one a joint."),
+        Option(group=LIMITS, unit="rad/s³", metavar="RAD_S3"),
+    ] = ()
+    torque_rms: Annotated[
+        tuple[Rate, ...],
+        Field(description="Largest RMS torque; one value, or one a joint."),
+        Option(group=LIMITS, unit="N m", metavar="NM", flag="rms-torque"),
+    ] = ()
+    base: Annotated[
+        bool,
+        Field(
+            description="Keep the reaction on the base within the limits of the cell's force plate;"
+            " needs a model from torques and plate."
+        ),
+        Option(group=LIMITS, flag="base-limits"),
+    ] = False
+    mass_kg: Annotated[
+        BaseMassKg | None,
+        Field(description="Mass of everything that the base carries; the robot file's if not set."),
+        Option(group=LIMITS, unit="kg", flag="mass", needs="base"),
+    ] = None
+    temperature: Temperature = None
+    report: Annotated[
+        Path | None,
+        Field(description="Report with the plots to write (HTML)."),
+        Option(group=FILES, metavar="PAGE", file="output", endings=(".html",)),
+    ] = None
+    overwrite: Overwrite = False
+
+
+@dataclass(frozen=True)
+class RetimeResult:
+    """A motion that was timed and written.
+
+    Attributes
+    ----------
+    request : RetimeRequest
+        What was asked for.
+    made : Retimed
+        The motion, its section of a report, and notes.
+    """
+
+    request: RetimeRequest
+    made: Retimed
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        section, report = self.made.section, self.request.report
+        return {
+            "motion": str(self.request.output),
+            "report": None if report is None else str(report),
+            "moving_s": section.moving_s,
+            "original_s": section.original_s,
+            "shorter_percent": section.shorter_percent,
+            "rows": section.rows,
+            "scans": section.scans,
+            "off_the_path": self.made.timed.off,
+            "joints": [joint.model_dump(mode="json") for joint in section.joints],
+            "base": [base.model_dump(mode="json") for base in section.base or ()],
+            "notes": self.made.notes,
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, what each joint reaches of its limits, the duration, the next command."""
+        for note in self.made.notes:
+            yield Text(text=f"note: {note}")
+        yield from self.made.section.blocks()
+        yield Next(words=("record", self.request.cell, str(self.request.output)))
+
+
+def run(request: RetimeRequest, _context: Context) -> RetimeResult:
+    """Time the path, and write the motion."""
+    from rid_daq.operations.path.retiming import retime_motion
+
+    return RetimeResult(request, retime_motion(request))
+
+
+OPERATION: Final = Operation(
+    name="retime",
+    label="Time a path to its limits",
+    request=RetimeRequest,
+    run=run,
+    examples=(
+        "retime ir361 path.yaml --model model.json --output fast.yaml",
+        "retime ir361 path.yaml --model model.json --output fast.yaml --payload payload.json"
+        " --margin 0.1 --report fast.html",
+    ),
+)

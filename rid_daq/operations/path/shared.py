@@ -1,0 +1,26 @@
+"""Fields that several operations on paths have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from rid_daq.operations.option import Option
+
+ModelFile = Annotated[
+    Path,
+    Field(description="Model file that `identify` wrote."),
+    Option(metavar="MODEL", file="input"),
+]
+
+Temperature = Annotated[
+    str | None,
+    Field(
+        description="Temperature of the joints, if the friction of the model depends on it: degrees"
+        " Celsius, one value or one a joint; `warm` (as the motion heats them) or `cold` for a"
+        " model without thermometers."
+    ),
+    Option(metavar="°C,..."),
+]

@@ -1,0 +1,32 @@
+"""`perform`: run an operation and show its result."""
+
+from __future__ import annotations
+
+from rid_daq.operations.operation import Operation
+from rid_daq.operations.request import Request
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.shown_blocks import show
+
+
+def perform(operation: Operation, request: Request, console: Console) -> None:
+    """Run an operation, and show its result.
+
+    Parameters
+    ----------
+    operation : Operation
+        The operation.
+    request : Request
+        Its request.
+    console : Console
+        Where the result is shown; a worker's console writes events instead.
+
+    Raises
+    ------
+    SystemExit
+        With the exit code of the result, if that is not 0.
+    """
+    result = operation.run(request, console)
+    console.document(result.document())
+    show(result.blocks(), console)
+    if result.exit_code:
+        raise SystemExit(result.exit_code)

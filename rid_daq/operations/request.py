@@ -1,0 +1,214 @@
+"""`Request`: the typed input of an operation, checked once for every way in."""
+
+from __future__ import annotations
+
+import json
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from config.errors import ConfigError
+from config.ranges import CODE as OUT_OF_RANGE
+from config.ranges import numbers_of, refusal
+from rid_daq.operations.option import Option
+
+INVALID: Final = "RID-REQUEST-INVALID"
+_BOUNDS: Final = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+_PROBLEMS: Final = {"missing": "is missing", "extra_forbidden": "is not a field of this request"}
+
+
+class Request(BaseModel):
+    """Input of an operation. Unknown fields, numbers out of range and NaN are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def of(cls, values: Mapping[str, object], *, shown: str = "", flags: bool = False) -> Self:
+        """Return the request of values that a person or a program gave.
+
+        Parameters
+        ----------
+        values : mapping
+            Values by field name; text is converted to numbers and paths.
+        shown : str
+            Prefix of messages, such as the name of the operation.
+        flags : bool
+            Name fields in messages as the command line does.
+
+        Raises
+        ------
+        ConfigError
+            A value is missing, unknown, of the wrong type (RID-REQUEST-INVALID), or out of range
+            (RID-REQ-RANGE).
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            raise _refused(cls, error, shown, flags=flags) from None
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, object], *, shown: str = "") -> Self:
+        """Return the request of a JSON document; nothing is converted from text to number.
+
+        Parameters
+        ----------
+        values : mapping
+            The document.
+        shown : str
+            Prefix of messages.
+
+        Raises
+        ------
+        ConfigError
+            As `of`.
+        """
+        try:
+            return cls.model_validate_json(json.dumps(values), strict=True)
+        except ValidationError as error:
+            raise _refused(cls, error, shown, flags=False) from None
+
+    @model_validator(mode="after")
+    def _require_ranges(self) -> Self:
+        for path, value, limits in numbers_of(self, type(self).model_fields, type(self)):
+            text = refusal(value, limits)
+            if text is not None:
+                where = ".".join(map(str, path))
+                raise PydanticCustomError("range", "{text}", {"text": text, "where": where})
+        return self
+
+    @model_validator(mode="after")
+    def _require_needs(self) -> Self:
+        for name in self.model_fields_set:
+            needs = option_of(type(self).model_fields[name]).needs
+            if needs and not getattr(self, needs):
+                text = "has no effect without {needs}; leave it out"
+                raise PydanticCustomError("needs", text, {"needs": needs, "where": name})
+        return self
+
+
+@dataclass(frozen=True)
+class ShownField:
+    """A field of a request as the command line and forms show it.
+
+    Attributes
+    ----------
+    path : tuple of str
+        The field's name; more than one name leads into a group of options.
+    info : FieldInfo
+        Its declaration.
+    type : object
+        Its type without `None` and annotations.
+    """
+
+    path: tuple[str, ...]
+    info: FieldInfo
+    type: Any
+
+    @property
+    def option(self) -> Option:
+        """How it is shown."""
+        return option_of(self.info)
+
+    @property
+    def is_repeated(self) -> bool:
+        """True if it holds any number of values."""
+        origin, arguments = typing.get_origin(self.type), typing.get_args(self.type)
+        return origin in (list, dict) or (origin is tuple and arguments[-1] is Ellipsis)
+
+    @property
+    def flag(self) -> str:
+        """Its name on the command line."""
+        if self.option.positional:
+            return self.option.metavar or self.path[-1].upper()
+        return f"--{self.option.flag or self.path[-1].replace('_', '-')}"
+
+    @property
+    def help(self) -> str:
+        """Description, unit and default."""
+        unit, default = self.option.unit, self.info.default
+        text = str(self.info.description)
+        if unit:
+            text = f"{text.rstrip('.')} [{unit}]."
+        if self.is_repeated and not self.option.positional:
+            text += " Repeatable."
+        known = isinstance(default, (int, float, str, Path)) and not isinstance(default, bool)
+        return f"{text} Default: {default}." if known and default != "" else text
+
+
+def option_of(info: FieldInfo) -> Option:
+    """Return how a field is shown."""
+    return next((each for each in info.metadata if isinstance(each, Option)), Option())
+
+
+def shown_fields(request: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[ShownField]:
+    """Yield the fields of a request; those of a nested model follow in its place."""
+    for name, info in request.model_fields.items():
+        found = plain_type(info.annotation)
+        if isinstance(found, type) and issubclass(found, BaseModel):
+            yield from shown_fields(found, (*path, name))
+        else:
+            yield ShownField((*path, name), info, found)
+
+
+def plain_type(annotation: Any) -> Any:
+    """Return a type without annotations and `None`."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return plain_type(arguments[0])
+    if origin in (typing.Union, types.UnionType):
+        return plain_type(next(each for each in arguments if each is not type(None)))
+    return annotation
+
+
+def _refused(
+    request: type[Request], error: ValidationError, shown: str, *, flags: bool
+) -> ConfigError:
+    """Return the first problem as an error; a number out of range comes first."""
+    found = error.errors(include_url=False)
+    ranges = (*_BOUNDS, "finite_number", "range")
+    first = next((each for each in found if each["type"] in ranges), found[0])
+    context = first.get("ctx", {})
+    path = tuple(map(str, first["loc"])) + tuple(filter(None, [context.get("where")]))
+    names = {each.path: each.flag for each in shown_fields(request)} if flags else {}
+    name = _name(path, names)
+    needs = names.get((str(context.get("needs")),), context.get("needs"))
+    text = _problem(first, needs)
+    code = OUT_OF_RANGE if first["type"] in ranges else INVALID
+    return ConfigError(": ".join(filter(None, (shown, name, text))), code=code)
+
+
+def _name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> str:
+    """Return a field's name; a number in its path is the place in a list."""
+    path = tuple(part for each in path for part in each.split("."))
+    for length in range(len(path), 0, -1):
+        if path[:length] in names:
+            return names[path[:length]]
+    return ".".join(path)
+
+
+def _problem(error: ErrorDetails, needs: str | None) -> str:
+    kind, value = error["type"], error["input"]
+    if kind in _BOUNDS:
+        key, words = _BOUNDS[kind]
+        return f"{value} is outside its range: give {words} {error['ctx'][key]:g}"
+    if kind == "finite_number":
+        return f"{value} is not a finite number: give a number"
+    if kind == "needs":
+        return f"has no effect without {needs}; leave it out"
+    if kind in _PROBLEMS:
+        return _PROBLEMS[kind]
+    message = error["msg"].partition(", unable to parse")[0]
+    message = message.removeprefix("Value error, ").replace("Input should", "must")
+    return message if kind == "range" else f"{value!r:.60} {message}"

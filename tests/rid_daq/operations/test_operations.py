@@ -1,0 +1,155 @@
+"""Every operation: one declaration, the same limits and descriptions at every way in."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import click
+import pytest
+from pydantic import BaseModel
+
+from config.errors import ConfigError
+from rid_daq.app import COMMAND_GROUPS
+from rid_daq.command_line.operation_command import OperationCommand
+from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.request import Request, ShownField, shown_fields
+from rid_daq.service.job_kinds import JobKind
+
+NAMES = pytest.mark.parametrize("name", CATALOGUE)
+
+
+def fields(name: str) -> list[ShownField]:
+    return list(shown_fields(operation(name).request))
+
+
+def nested(values: dict[str, object], path: tuple[str, ...], value: object) -> dict[str, object]:
+    """Return values with one more, in a nested model if the path is long."""
+    if len(path) == 1:
+        return {**values, path[0]: value}
+    inner = values.get(path[0], {})
+    assert isinstance(inner, dict)
+    return {**values, path[0]: nested(inner, path[1:], value)}
+
+
+def required(name: str) -> dict[str, object]:
+    """Return the fewest values of a request, as the command line gives them."""
+    values: dict[str, object] = {}
+    for each in fields(name):
+        if each.info.is_required():
+            values = nested(values, each.path, ("a.yaml",) if each.is_repeated else "a.yaml")
+    return values
+
+
+def numeric(name: str) -> Iterator[ShownField]:
+    for each in fields(name):
+        if each.type in (int, float) or (each.is_repeated and float in each.type.__args__):
+            yield each
+
+
+@NAMES
+def test_an_operation_is_declared_whole(name: str) -> None:
+    found = operation(name)
+    assert found.name == name
+    assert found.label
+    assert issubclass(found.request, Request)
+    assert found.request.__doc__
+    assert CATALOGUE[name].section in COMMAND_GROUPS
+    assert JobKind(name).opens_cell == found.opens_cell
+    assert JobKind(name).moves == found.moves
+
+
+@NAMES
+def test_every_field_has_a_description_of_its_own(name: str) -> None:
+    for each in fields(name):
+        assert str(each.info.description).endswith("."), each.path
+
+
+@NAMES
+def test_every_example_is_a_command_line_of_the_operation(name: str) -> None:
+    found = operation(name)
+    assert len(found.examples) >= 2
+    for example in found.examples:
+        first, *words = example.split()
+        assert first == name
+        command = OperationCommand(found)
+        context = command.make_context(name, words)
+        given = {key: value for key, value in context.params.items() if value not in (None, ())}
+        assert len(given) > 2
+
+
+@NAMES
+def test_an_option_says_its_unit_and_its_section(name: str) -> None:
+    found = operation(name)
+    context = click.Context(OperationCommand(found), info_name=name)
+    text = " ".join(context.get_help().split())
+    for each in fields(name):
+        assert each.flag in text
+        assert each.option.positional or f"{each.option.group}:" in text
+        assert f"[{each.option.unit}]" in text or not each.option.unit
+
+
+@NAMES
+def test_a_number_that_is_none_is_refused_with_the_name_of_its_option(name: str) -> None:
+    for each in numeric(name):
+        for odd in ("nan", "inf", "-inf", "1e300", "-1e300", "", "1,5", "one"):
+            value = (odd,) if each.is_repeated else odd
+            with pytest.raises(ConfigError) as caught:
+                operation(name).request.of(nested(required(name), each.path, value), flags=True)
+            assert caught.value.refusal in ("RID-REQ-RANGE", "RID-REQUEST-INVALID")
+            assert str(caught.value).startswith(f"{each.flag}: ")
+
+
+@NAMES
+def test_a_program_cannot_give_a_text_for_a_number(name: str) -> None:
+    for each in numeric(name):
+        value = ["1"] if each.is_repeated else "1"
+        with pytest.raises(ConfigError) as caught:
+            operation(name).request.of_json(nested(required(name), each.path, value), shown=name)
+        assert caught.value.refusal == "RID-REQUEST-INVALID"
+        assert str(caught.value).startswith(f"{name}: {'.'.join(each.path)}")
+
+
+@NAMES
+def test_an_option_without_effect_is_refused(name: str) -> None:
+    for each in fields(name):
+        if each.option.needs:
+            value = "1" if each.type in (int, float) else "a"
+            with pytest.raises(ConfigError) as caught:
+                operation(name).request.of(nested(required(name), each.path, value), flags=True)
+            assert caught.value.refusal == "RID-REQUEST-INVALID"
+            assert str(caught.value).startswith(f"{each.flag}: has no effect without --")
+
+
+@NAMES
+def test_the_schema_describes_every_field_that_a_client_may_set(name: str) -> None:
+    found = operation(name)
+    schema: Any = found.schema()
+    assert schema["additionalProperties"] is False
+    assert found.owned.isdisjoint(schema["properties"])
+    for field, each in schema["properties"].items():
+        info = found.request.model_fields[field]
+        is_group = isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel)
+        assert is_group or each["description"] == info.description
+
+
+def test_declarations_load_no_numerics() -> None:
+    names = ", ".join(f"operation({name!r})" for name in CATALOGUE)
+    program = (
+        "import sys; from rid_daq.operations.catalogue import operation;"
+        f"print(len([{names}]), {{'numpy', 'matplotlib', 'typer'}} & set(sys.modules))"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert shown.stdout.strip() == f"{len(CATALOGUE)} set()"
+
+
+def test_a_request_is_frozen_and_closed() -> None:
+    request = operation("retime").request.of({**required("retime"), "margin": "0.5"})
+    assert request.model_dump()["margin"] == 0.5
+    with pytest.raises(ConfigError) as caught:
+        operation("retime").request.of({**required("retime"), "margn": "0.5"})
+    assert caught.value.refusal == "RID-REQUEST-INVALID"
