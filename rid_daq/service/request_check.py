@@ -178,7 +178,7 @@ def _check_operation(kind: JobKind, request: object) -> None:
     found.request.of_json({**filled, **request}, shown=kind.value)
 
 
-def _check_schema(kind: JobKind, request: Mapping[str, object]) -> None:
+def _check_schema(kind: JobKind, request: Any) -> None:
     error = best_match(_validator(kind).iter_errors(request))
     if error is not None:
         where = ".".join(map(str, error.absolute_path)) or "request"

@@ -252,8 +252,8 @@ class RetimingSection(Section):
                 Column(title="largest torque", digits=3),
                 Column(title="its margin", digits=2),
                 Column(title="RMS torque", digits=3),
-                Column(title="largest speed, share of limit", unit="%", digits=3),
-                Column(title="largest acceleration, share of limit", unit="%", digits=3),
+                Column(title="speed / limit", unit="%", digits=3),
+                Column(title="acceleration / limit", unit="%", digits=3),
             ),
             rows=tuple(
                 (
