@@ -32,6 +32,7 @@ from acquisition.runs.manifest import (
 from acquisition.runs.run_id import RUN_ID, after_others, new_run_id
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.bounded_file import read_file
+from config.formats.json_file import OTHER_FORMAT, other_format
 from config.formats.whole_file import write_whole
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
@@ -144,11 +145,9 @@ class RunFolder:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise RecordingError(f"{path}: damaged: {where} {first['msg']}") from error
-        if not 1 <= manifest.format <= FORMAT:
-            raise RecordingError(
-                f"{path}: format {manifest.format}, this program reads up to {FORMAT}: use a newer"
-                " program"
-            )
+        if manifest.format != FORMAT:
+            refused = other_format(f"{path}: a run folder", manifest.format, FORMAT)
+            raise RecordingError(str(refused), code=OTHER_FORMAT)
         return manifest
 
     def file(self, name: str) -> Path:

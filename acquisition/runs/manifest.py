@@ -18,7 +18,7 @@ LATEST = "latest"
 MANIFEST = "manifest.json"
 RECORDING = "recording.mcap"
 JOURNAL = ".mcap"
-FORMAT = 2  # 1 did not count the rows of recordings
+FORMAT = 2
 
 _LABEL = re.compile(r"[\w .-]{1,64}")
 

@@ -10,7 +10,7 @@ import json
 import math
 from collections import Counter
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -18,9 +18,13 @@ from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.file_kinds import document_kind, kind_of_text
 
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
 M = TypeVar("M", bound=BaseModel)
 
 MAX_DEPTH = 64
+OTHER_FORMAT: Final = "RID-FILE-FORMAT"
 _LONGEST_INTEGER = 20
 _LARGEST_INTEGER = 1 << 63
 
@@ -96,8 +100,33 @@ def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
     except ValidationError as error:
         _refuse_kind(path, data, model, what)
         first = error.errors()[0]
+        _refuse_format(path, first, what)
         where = ".".join(str(part) for part in first["loc"]) or "the whole document"
         raise ConfigError(f"{path}: not {what}: {where}: {first['msg']}") from error
+
+
+def _refuse_format(path: Path, error: ErrorDetails, what: str) -> None:
+    """Refuse a file whose first error is that it states another format."""
+    if error["loc"] == ("format",) and error["type"] == "literal_error":
+        expected = error.get("ctx", {}).get("expected")
+        raise other_format(f"{path}: {what}", error["input"], expected)
+
+
+def other_format(where: str, found: object, expected: object) -> ConfigError:
+    """Return the error for a file of another format than the one that this program reads.
+
+    Parameters
+    ----------
+    where : str
+        The file and what it is.
+    found, expected : object
+        The formats.
+    """
+    return ConfigError(
+        f"{where}: format {str(found)[:80]}, this program reads format {expected} only: write the"
+        " file again with this version",
+        code=OTHER_FORMAT,
+    )
 
 
 def _refuse_kind(path: Path, data: bytes, model: type[BaseModel], what: str) -> None:

@@ -54,7 +54,7 @@ class Estimate:
     nonlinear_covariance : ndarray, shape (s, s)
         The cluster-robust covariance of the nonlinear parameters.
     clusters : int or None
-        Stretches or bins that `covariance_jackknife` rests on; None in files of version 0.1.
+        Stretches or bins that `covariance_jackknife` rests on; None if it is not counted.
     condition_number : float
         Of the weighted regressor, columns scaled to length one (2.25, 2.26).
     equations : int
@@ -64,7 +64,7 @@ class Estimate:
     noise_nm : ndarray, shape (n,), or None
         RMS that the measured noise alone would leave there.
     torque_nm : ndarray, shape (n,), or None
-        RMS of the measured torque there; None of the external model, and of files of version 0.1.
+        RMS of the measured torque there; None of the external model.
     held_out_share : ndarray, shape (n,), or None
         The residual's share of the torque on parts of the recording that were left out of a plain
         fit, zero where it is hardly more than on what was fitted; None where nobody looked.
@@ -93,8 +93,8 @@ class Estimate:
     still : tuple of StillJoint
         Joints that no run moved: it holds only at their positions.
     position_range : ndarray, shape (n, 2), or None
-        Lowest and highest position of each joint in the runs [rad or m]; None in files that do not
-        say it.
+        Lowest and highest position of each joint in the runs [rad or m]; None of an
+        estimate that comes from no runs.
     """
 
     robot: RobotDescription

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 LARGEST_FILE_BYTES = 50_000_000
 
 _ELSEWHERE = (
-    "options", "base", "values", "covariance_jackknife", "nonlinear_covariance", "cell_name",
-    "run_ids",
+    "options", "base", "values", "nonlinear_covariance", "cell_name", "run_ids",
 )  # fmt: skip
 """Fields of an estimate that the document has by another name."""
 
@@ -48,13 +47,13 @@ Matrix = tuple[Row, ...]
 
 
 class _Options(ConfigModel):
-    kind: ModelKind = "internal"
+    kind: ModelKind
     rotors: bool
     friction: bool
     spring: bool
     sign_smoothing_rad_s: float
-    friction_terms: tuple[FrictionTerm, ...] | None = None
-    payload: bool = False
+    friction_terms: tuple[FrictionTerm, ...] | None
+    payload: bool
 
 
 class _Still(ConfigModel):
@@ -86,7 +85,7 @@ class _Plate(ConfigModel):
     delay_sigma_s: Sizes
     left_out: tuple[tuple[str, ...], ...]
     drift_n_s: Matrix
-    wrench: Sizes | None = None
+    wrench: Sizes | None
 
 
 class _Channel(ConfigModel):
@@ -96,7 +95,7 @@ class _Channel(ConfigModel):
     lag_sigma_s: Sizes
     width_s: Sizes
     width_sigma_s: Sizes
-    order: Annotated[int, Field(ge=1)] = 1
+    order: Annotated[int, Field(ge=1)]
 
 
 class _Warming(ConfigModel):
@@ -110,37 +109,37 @@ class EstimateDocument(ConfigModel):
     """What stands in the file; see `Estimate` for the meaning."""
 
     kind: Literal["rid-daq estimate"]
-    format: Literal[1, 2]
+    format: Literal[3]
     software: str
     cell: str
     runs: tuple[str, ...]
     method: Literal["periodic", "smoothed"]
     band_hz: Annotated[float, Field(gt=0.0)]
     standstill_rad_s: Size
-    weighting: Weighting = "ml"
+    weighting: Weighting
     periods: Annotated[int, Field(ge=0)]
     equations: Annotated[int, Field(ge=1)]
     condition_number: Size
     residual_nm: Sizes
     noise_nm: Sizes | None
-    torque_nm: Sizes | None = None
-    held_out_share: Sizes | None = None
-    clusters: Annotated[int, Field(ge=1)] | None = None
+    torque_nm: Sizes | None
+    held_out_share: Sizes | None
+    clusters: Annotated[int, Field(ge=1)] | None
     left_out_fraction: tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...]
     parameters: tuple[_Parameter, ...]
-    shape_parameters: tuple[_Shape, ...] = ()
+    shape_parameters: tuple[_Shape, ...]
     unseen: tuple[str, ...]
     standard_parameters: tuple[str, ...]
     combination: Matrix
     covariance_noise: Matrix | None
     covariance_residual: Matrix
-    covariance_honest: Matrix | None = None
-    shape_covariance: Matrix = ()
-    plate: _Plate | None = None
-    channel: _Channel | None = None
-    warming: _Warming | None = None
-    still: tuple[_Still, ...] = ()
-    position_range: Matrix | None = None
+    covariance_jackknife: Matrix
+    shape_covariance: Matrix
+    plate: _Plate | None
+    channel: _Channel | None
+    warming: _Warming | None
+    still: tuple[_Still, ...]
+    position_range: Matrix | None
     model: _Options
     robot: RobotDescription
 
@@ -204,7 +203,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     return EstimateDocument.taken(
         estimate,
         kind="rid-daq estimate",
-        format=2,
+        format=3,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,
@@ -226,7 +225,6 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         unseen=base.unseen,
         standard_parameters=base.standard_names,
         combination=base.combination,
-        covariance_honest=estimate.covariance_jackknife,
         shape_covariance=estimate.nonlinear_covariance,
         plate=None if plate is None else _Plate.taken(plate),
         channel=None if estimate.channel is None else _Channel.taken(estimate.channel),
@@ -237,9 +235,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
 
 
 def _deviations(document: EstimateDocument) -> dict[str, list[float]]:
-    """Return the standard deviations that stand beside the covariances; none in format 1."""
-    if document.format == 1:
-        return {}
+    """Return the standard deviations that stand beside the covariances."""
     rows = document.parameters
     noise = [row.sigma_noise for row in rows if row.sigma_noise is not None]
     return {
@@ -276,7 +272,6 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         options=options,
         base=base,
         values=[parameter.value for parameter in document.parameters],
-        covariance_jackknife=document.covariance_honest or document.covariance_residual,
         nonlinear_covariance=np.array(document.shape_covariance).reshape(
             len(nonlinear), len(nonlinear)
         ),

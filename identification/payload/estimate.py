@@ -61,14 +61,13 @@ class PayloadEstimate:
         How many there were.
     cell_name, run_ids : str, tuple of str
         Where it was measured.
-    torque_nm : ndarray, shape (n,), or None
-        RMS of each joint's torque [N m or N]; None in files of version 0.1.
+    torque_nm : ndarray, shape (n,)
+        RMS of each joint's torque [N m or N].
     noise_nm : ndarray, shape (n,), or None
-        RMS that the measured noise alone leaves of each joint's torque [N m or N]; None where it is
-        not measured, and in files that do not tell it.
-    contradictions : ndarray, shape (k,), or None
-        How far each of `known` lies from what the recordings say without it [standard deviations];
-        None in files of version 0.1.
+        RMS that the measured noise alone leaves of each joint's torque [N m or N]; None if it is
+        not measured.
+    contradictions : ndarray, shape (k,)
+        How far each of `known` lies from what the recordings say without it [standard deviations].
     torque_constant_sigma : float
         Relative standard deviation of every joint's torque constant, which `covariance` has in it.
     """
@@ -85,10 +84,10 @@ class PayloadEstimate:
     residual_nm: FloatArray
     payload_nm: FloatArray
     equations: int
+    torque_nm: FloatArray
+    contradictions: FloatArray
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
-    torque_nm: FloatArray | None = None
-    contradictions: FloatArray | None = None
     torque_constant_sigma: float = 0.0
     noise_nm: FloatArray | None = None
 
@@ -155,26 +154,24 @@ class PayloadEstimate:
         return np.where(self.seen_parameters, sigma, np.inf)
 
     @property
-    def residual_share(self) -> FloatArray | None:
-        """What the fit leaves of each joint's torque, as a share of it, shape (n,); None unknown.
+    def residual_share(self) -> FloatArray:
+        """What the fit leaves of each joint's torque, as a share of it, shape (n,).
 
         A joint that hardly works has little to explain: its torque counts as at least
         `IDLE_SHARE` of its limit.
         """
-        if self.torque_nm is None:
-            return None
-        return np.asarray(self.residual_nm / self._work_nm(self.torque_nm))
+        return np.asarray(self.residual_nm / self._work_nm)
 
     @property
     def fit(self) -> tuple[FitGrade, ...]:
         """How well the payload and the robot explain each joint's torque, as `residual_share`."""
-        n = len(self.robot.joints)
-        work = np.full(n, np.nan) if self.torque_nm is None else self._work_nm(self.torque_nm)
-        return grade_fit(self.robot.joint_names, self.residual_nm, work, self.noise_nm)
+        names = self.robot.joint_names
+        return grade_fit(names, self.residual_nm, self._work_nm, self.noise_nm)
 
-    def _work_nm(self, torque_nm: FloatArray) -> FloatArray:
+    @property
+    def _work_nm(self) -> FloatArray:
         limits = np.array([joint.limits.torque for joint in self.robot.joints])
-        return np.asarray(np.maximum(torque_nm, IDLE_SHARE * limits))
+        return np.asarray(np.maximum(self.torque_nm, IDLE_SHARE * limits))
 
     @property
     def gain_effects(self) -> FloatArray:

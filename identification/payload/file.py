@@ -58,7 +58,7 @@ class PayloadDocument(ConfigModel):
     """What stands in the file; see `PayloadEstimate` for the meaning."""
 
     kind: Literal["rid-daq payload"]
-    format: Literal[1, 2]
+    format: Literal[2]
     software: str
     cell: str
     runs: tuple[str, ...]
@@ -68,8 +68,8 @@ class PayloadDocument(ConfigModel):
     principal_moments_kg_m2: Row | None
     principal_axes: Matrix | None
     known: tuple[_Known, ...]
-    contradictions: Row | None = None
-    torque_constant_sigma: Size = 0.0
+    contradictions: Row
+    torque_constant_sigma: Size
     parameters: tuple[str, ...]
     values: Row
     covariance: Matrix
@@ -77,9 +77,9 @@ class PayloadDocument(ConfigModel):
     gain_slopes: Matrix
     unseen: Matrix
     condition_number: Size
-    torque_nm: Sizes | None = None
+    torque_nm: Sizes
     residual_nm: Sizes
-    noise_nm: Sizes | None = None
+    noise_nm: Sizes | None
     payload_nm: Sizes
     equations: Annotated[int, Field(ge=1)]
     passed: bool

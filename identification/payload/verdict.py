@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED, PayloadLimits
@@ -146,11 +145,7 @@ def checks(
     rank = Check(
         "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
-    shares, contradictions = estimate.residual_share, estimate.contradictions
-    if shares is None or contradictions is None:
-        raise EstimationError(
-            "a payload's file of version 0.1 cannot be judged again: identify the payload again"
-        )
+    names, shares = estimate.robot.joint_names, estimate.residual_share.tolist()
     fit = [
         Check(
             f"residual of {joint} (RMS, of its torque)",
@@ -160,7 +155,7 @@ def checks(
             "%",
             BAD_FIT,
         )
-        for joint, share in zip(estimate.robot.joint_names, shares.tolist(), strict=True)
+        for joint, share in zip(names, shares, strict=True)
     ]
     agreed = [
         Check(
@@ -172,7 +167,7 @@ def checks(
             "σ",
             CONTRADICTED,
         )
-        for known, off in zip(estimate.known, contradictions, strict=True)
+        for known, off in zip(estimate.known, estimate.contradictions, strict=True)
     ]
     if left_on is not None:
         mass, sigma = left_on

@@ -20,7 +20,7 @@ def extrapolation_findings(estimate: Estimate, position: FloatArray) -> tuple[st
     Parameters
     ----------
     estimate : Estimate
-        The estimate; files of earlier versions do not say its positions.
+        The estimate.
     position : ndarray, shape (samples, n)
         The motion [rad or m].
     """

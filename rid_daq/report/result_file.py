@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, RecordingError
-from config.formats.json_file import parse_json
+from config.formats.json_file import OTHER_FORMAT, other_format, parse_json
 from rid_daq.report.result import SCHEMA, Result
 
 RESULT = "result.json"
@@ -39,10 +39,8 @@ def read_result(folder: RunFolder) -> Result:
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         found = document.get("schema") if isinstance(document, dict) else None
         if isinstance(found, str) and re.fullmatch(r"rid-daq result \d{1,9}", found):
-            raise RecordingError(
-                f"{path}: is {found!r}, of a newer rid-daq; this one reads {SCHEMA!r}: install the"
-                " newer one to read it"
-            )
+            refused = other_format(f"{path}: a run's result", found, SCHEMA)
+            raise RecordingError(str(refused), code=OTHER_FORMAT)
         raise RecordingError(f"{path}: not a result of rid-daq ({SCHEMA!r} expected)")
     try:
         return Result.model_validate_json(data)

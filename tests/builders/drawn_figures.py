@@ -86,6 +86,8 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
         residual_nm=np.full(6, 0.5),
         payload_nm=np.full(6, 10.0),
         equations=4000,
+        torque_nm=np.full(6, 50.0),
+        contradictions=np.zeros(1 if held else 0),
     )
 
 

@@ -262,8 +262,8 @@ def json_files(tmp_path: Path) -> dict[Any, bytes]:
         ],
     }  # fmt: skip
     texts = {read_loops: loops, read_feedforward: {"format": 1, "cycle_time_ms": 8}}
-    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 2}}
-    texts |= {read_payload: {"kind": "rid-daq payload", "format": 1}}
+    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 3}}
+    texts |= {read_payload: {"kind": "rid-daq payload", "format": 2}}
     return {read: json.dumps(content).encode() for read, content in texts.items()}
 
 

@@ -15,6 +15,7 @@ import pytest
 
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.runs.catalogue import find_run
+from config.errors import ConfigError
 from config.load import load_cell
 from identification.choices import LoadFormat
 from identification.estimation.file import write_estimate
@@ -374,13 +375,11 @@ def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
     assert "What hung on the flange in the unloaded runs is subtracted from the payload" in said
 
 
-def test_a_payload_file_of_version_0_1_is_still_read(workshop: Path, tmp_path: Path) -> None:
+def test_a_payload_file_of_another_format_is_refused(workshop: Path, tmp_path: Path) -> None:
     document = json.loads((workshop / "payload.json").read_text())
-    document["format"] = 1
-    for key in ("torque_nm", "contradictions"):
-        del document[key]
-    old = tmp_path / "old.json"
-    old.write_text(json.dumps(document))
-    read = read_payload(old).estimate
-    assert (read.residual_share, read.contradictions) == (None, None)
-    assert run(["payload", "export", str(old), "--to", "ur", "-o", str(tmp_path / "l.txt")]) == 0
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps({**document, "format": 1}))
+    with pytest.raises(ConfigError) as refused:
+        read_payload(other)
+    assert refused.value.refusal == "RID-FILE-FORMAT"
+    assert run(["payload", "export", str(other), "--to", "ur", "-o", str(tmp_path / "l.txt")]) == 2

@@ -168,8 +168,6 @@ def _limits(page: CertificatePage, certificate: Certificate) -> None:
 def _fit(page: CertificatePage, certificate: Certificate) -> None:
     """Write how well payload and robot explain each axis' torque."""
     estimate = certificate.payload.estimate
-    if estimate.torque_nm is None:
-        return
     page.heading("How well the recordings are explained", 30.0)
     page.rows(
         (20, 17, 17, 17, 12, 47),

@@ -103,12 +103,12 @@ class PayloadAxis(Section):
     payload, residual : float
         Torque of the payload, and the residual (RMS), in `unit`.
     residual_percent : float
-        The residual, of the axis' torque [%]; left out by versions that did not judge it.
+        The residual, of the axis' torque [%].
     noise, over_noise : float or None
-        What the measured noise alone leaves, in `unit`, and the residual over it; None where it is
-        not measured, left out by versions that did not tell it.
+        What the measured noise alone leaves, in `unit`, and the residual over it; None if it is
+        not measured.
     grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it; left out by versions that did not grade.
+        "good", "doubtful" or "bad", and what decides it.
     mass_per_percent : float or None
         By how much the mass changes for 1 % of this axis' torque [kg]; None where that is not told,
         as by `apart`.
@@ -201,9 +201,7 @@ class PayloadSection(Section):
                 mass_per_percent=[None] * len(estimate.robot.joints)
                 if estimate.procedure == "apart"
                 else 0.01 * estimate.gain_effects[0],
-                residual_percent=[None] * len(estimate.robot.joints)
-                if estimate.residual_share is None
-                else 100.0 * estimate.residual_share,
+                residual_percent=100.0 * estimate.residual_share,
                 noise=[fit.noise_nm for fit in estimate.fit],
                 over_noise=[fit.over_noise for fit in estimate.fit],
                 grade=[fit.grade for fit in estimate.fit],

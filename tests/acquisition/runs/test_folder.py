@@ -178,11 +178,13 @@ def test_a_damaged_manifest_is_a_clear_error(folder: RunFolder, text: str, messa
         RunFolder.open(folder.path)
 
 
-def test_a_newer_format_is_refused(folder: RunFolder) -> None:
+@pytest.mark.parametrize("other", [1, 3])
+def test_another_format_is_refused(folder: RunFolder, other: int) -> None:
     manifest = json.loads((folder.path / MANIFEST).read_text())
-    (folder.path / MANIFEST).write_text(json.dumps({**manifest, "format": 3}))
-    with pytest.raises(RecordingError, match="format 3"):
+    (folder.path / MANIFEST).write_text(json.dumps({**manifest, "format": other}))
+    with pytest.raises(RecordingError, match=f"format {other}") as refused:
         folder.manifest()
+    assert refused.value.refusal == "RID-FILE-FORMAT"
 
 
 def test_a_manifest_that_is_a_link_or_a_pipe_is_refused(folder: RunFolder, tmp_path: Path) -> None:

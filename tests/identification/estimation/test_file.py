@@ -16,7 +16,7 @@ from acquisition.recording.recording import Recording
 from config.errors import ConfigError, EstimationError, RecordingError
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_periodic
-from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.file import EstimateDocument, read_estimate, write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.changed_json import NASTY, changed, places
@@ -59,17 +59,18 @@ def test_what_is_read_is_what_was_written(path: Path, estimate: Estimate) -> Non
             assert new == old, field.name
 
 
-def test_a_file_of_the_first_format_is_read(path: Path, estimate: Estimate) -> None:
-    document = json.loads(path.read_text())
-    document["format"] = 1
-    for new in ("weighting", "shape_parameters", "covariance_honest", "shape_covariance"):
-        del document[new]
-    for new in ("friction_terms", "payload"):
-        del document["model"][new]
-    path.write_text(json.dumps(document))
-    found = read_estimate(path)
-    np.testing.assert_array_equal(found.values, estimate.values)
-    np.testing.assert_array_equal(found.covariance_jackknife, estimate.covariance_residual)
+@pytest.mark.parametrize("other", [1, 2, 4])
+def test_a_file_of_another_format_is_refused(path: Path, other: int) -> None:
+    with pytest.raises(ConfigError) as refused:
+        read_estimate(edited(path, lambda d: d.update(format=other)))
+    assert refused.value.refusal == "RID-FILE-FORMAT"
+    assert str(refused.value).startswith(str(path))
+
+
+@pytest.mark.parametrize("key", EstimateDocument.model_fields)
+def test_every_key_of_the_file_is_required(path: Path, key: str) -> None:
+    with pytest.raises(ConfigError, match=f"{key}: Field required"):
+        read_estimate(edited(path, lambda d: d.pop(key)))
 
 
 def test_a_file_alone_is_enough_to_predict(path: Path, estimate: Estimate) -> None:
@@ -143,11 +144,11 @@ def test_a_changed_file_is_refused_with_its_place(
 @pytest.mark.parametrize(
     "change",
     [
-        lambda d: d["covariance_honest"][3].__setitem__(3, -1.0),
+        lambda d: d["covariance_jackknife"][3].__setitem__(3, -1.0),
         lambda d: d["covariance_residual"][3].__setitem__(3, -1.0),
         lambda d: d["covariance_noise"][3].__setitem__(3, -1.0),
-        lambda d: d["covariance_honest"][3].__setitem__(4, 1e3),
-        lambda d: _both(d["covariance_honest"], 3, 4, 1e3),
+        lambda d: d["covariance_jackknife"][3].__setitem__(4, 1e3),
+        lambda d: _both(d["covariance_jackknife"], 3, 4, 1e3),
         lambda d: d["parameters"].__setitem__(slice(0, 2), d["parameters"][1::-1]),
         lambda d: d["parameters"].__setitem__(1, d["parameters"][0]),
         lambda d: d["parameters"][0].update(sigma=2.0 * d["parameters"][0]["sigma"]),

@@ -323,10 +323,11 @@ def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) 
         read_result(folder)
 
 
-def test_a_result_of_a_newer_version_says_so(folder: RunFolder) -> None:
+def test_a_result_of_another_format_is_refused(folder: RunFolder) -> None:
     folder.write("result.json", b'{"schema": "rid-daq result 2", "title": 1}')
-    with pytest.raises(RecordingError, match="of a newer rid-daq; this one reads"):
+    with pytest.raises(RecordingError, match="format rid-daq result 2") as refused:
         read_result(folder)
+    assert refused.value.refusal == "RID-FILE-FORMAT"
 
 
 def test_a_key_that_nobody_knows_is_named(result: dict[str, Any], folder: RunFolder) -> None:
