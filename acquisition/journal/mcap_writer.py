@@ -8,16 +8,14 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
-from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
 from typing import IO, Self, cast
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from acquisition.journal.disk_reserve import FULL, DiskReserve
+from acquisition.journal.mcap_chunks import keep_as_bytes
 from acquisition.journal.mcap_records import METADATA_NAME
 from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
 from config.errors import RecordingError, system_errors
@@ -83,25 +81,6 @@ class _Unbuffered:
         """Nothing is held back."""
 
 
-class _ChunkIndices:
-    """What the MCAP writer needs of its list of chunks, as the bytes that it writes in the end.
-
-    Its own list of objects takes ten times as much memory, and grows with the file.
-    """
-
-    def __init__(self) -> None:
-        self._records = RecordBuilder()
-
-    def append(self, index: ChunkIndex) -> None:
-        index.write(self._records)
-
-    def __iter__(self) -> Iterator[_ChunkIndices]:
-        yield self
-
-    def write(self, summary: RecordBuilder) -> None:
-        summary.write(self._records.end())  # type: ignore[no-untyped-call]
-
-
 class JournalFile:
     """A new MCAP file, open for writing; a context manager.
 
@@ -153,7 +132,7 @@ class JournalFile:
             compression=CompressionType.NONE,
             enable_crcs=True,
         )
-        vars(self._writer)["_Writer__chunk_indices"] = _ChunkIndices()
+        keep_as_bytes(self._writer)
         self._writer.start(profile="ros2", library="rid-daq")
         self._writer.add_metadata(METADATA_NAME, metadata)
 

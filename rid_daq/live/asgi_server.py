@@ -15,14 +15,12 @@ from http import HTTPStatus
 
 from h11 import LocalProtocolError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
-from uvicorn.config import Config
-from uvicorn.protocols.http.h11_impl import H11Protocol
-from uvicorn.server import ServerState
 
 from rid_daq.live.connection import Connection
 from rid_daq.live.door import Door, Limits
 from rid_daq.live.reception import Peer, Reception
 from rid_daq.live.turns import NoTurnError, Turn, Turns
+from rid_daq.live.uvicorn_parts import Uvicorn
 
 LAST_WORDS_S = 0.5
 _BACKLOG = 1024
@@ -62,25 +60,8 @@ class AsgiServer:
         self._app = app
         self._tls = tls
         self._reception = reception
-        self._state = ServerState()
         self._turns = Turns()
-        self._config = Config(
-            self._answer,
-            http="h11",
-            ws="websockets-sansio",
-            ws_max_size=self.limits.message_bytes,
-            ws_ping_interval=self.limits.stream_s / 2,
-            ws_ping_timeout=self.limits.stream_s / 2,
-            ws_per_message_deflate=False,
-            interface="asgi3",
-            log_config=None,
-            log_level="error",  # what unknown clients send is no news
-            access_log=False,
-            proxy_headers=False,
-            server_header=False,
-            date_header=False,
-        )
-        self._config.load()
+        self._uvicorn = Uvicorn(self._answer, self.limits.message_bytes, self.limits.stream_s / 2)
         self._doors: list[Door] = []
         self._adopting: dict[bool, Door] = {}
         self._adoptions: set[asyncio.Task[object]] = set()
@@ -115,7 +96,7 @@ class AsgiServer:
         RuntimeError
             The application's start has failed.
         """
-        lifespan = self._config.lifespan_class(self._config)
+        lifespan = self._uvicorn.lifespan()
         await lifespan.startup()
         if lifespan.should_exit:
             raise RuntimeError("the application did not start")
@@ -173,7 +154,7 @@ class AsgiServer:
                 "address": connection.peer.address,
                 _CONNECTION: connection,
             }
-            return _Http(self._config, self._state, own)
+            return self._uvicorn.protocol(own)
 
         door = Door(self.limits, speaker, tls, local=local, reception=self._reception)
         self._doors.append(door)
@@ -196,9 +177,10 @@ class AsgiServer:
     async def _abandon(self, patience_s: float) -> None:
         for door in self._doors:
             door.abort()
-        if self._state.tasks:
-            await asyncio.wait(tuple(self._state.tasks), timeout=patience_s)
-        tasks = tuple(self._state.tasks)
+        tasks = self._uvicorn.tasks
+        if tasks:
+            await asyncio.wait(tasks, timeout=patience_s)
+        tasks = self._uvicorn.tasks
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
@@ -305,16 +287,6 @@ class AsgiServer:
             if not message.get("more_body"):
                 return bytes(body)
         return None
-
-
-class _Http(H11Protocol):
-    """uvicorn's protocol, which stumbles over some malformed requests: they are no news."""
-
-    def data_received(self, data: bytes) -> None:
-        try:
-            super().data_received(data)
-        except LocalProtocolError:  # as for a HEAD request that is none: 400 has no body there
-            self.transport.abort()
 
 
 class _TooLongError(Exception):

@@ -1,0 +1,80 @@
+"""`Uvicorn`: the parts of uvicorn that speak HTTP and WebSocket, without its server.
+
+The only file that imports uvicorn. `AsgiServer` accepts and limits connections itself, for which
+uvicorn has no public interface. `tests/rid_daq/live/test_uvicorn_parts.py` fails if uvicorn changes
+what is used here, or no longer needs the correction in `HttpProtocol`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+from h11 import LocalProtocolError
+from starlette.types import ASGIApp
+from uvicorn.config import Config
+from uvicorn.lifespan.off import LifespanOff
+from uvicorn.lifespan.on import LifespanOn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
+
+
+class HttpProtocol(H11Protocol):
+    """uvicorn's protocol, which raises an error for some malformed requests.
+
+    Its answer to a HEAD request that becomes malformed has a body, which h11 refuses to send.
+    """
+
+    def data_received(self, data: bytes) -> None:
+        """Take bytes from a client; end the connection if it cannot be answered."""
+        try:
+            super().data_received(data)
+        except LocalProtocolError:
+            self.transport.abort()
+
+
+class Uvicorn:
+    """Makes one protocol a connection for an application.
+
+    Parameters
+    ----------
+    app : ASGI application
+        What answers.
+    message_bytes : int
+        The largest WebSocket message.
+    ping_s : float
+        Period and timeout of WebSocket pings.
+    """
+
+    def __init__(self, app: ASGIApp, message_bytes: int, ping_s: float) -> None:
+        self._state = ServerState()
+        self._config = Config(
+            app,
+            http="h11",
+            ws="websockets-sansio",
+            ws_max_size=message_bytes,
+            ws_ping_interval=ping_s,
+            ws_ping_timeout=ping_s,
+            ws_per_message_deflate=False,
+            interface="asgi3",
+            log_config=None,
+            log_level="error",  # requests of unknown clients are not worth a line
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            date_header=False,
+        )
+        self._config.load()
+
+    @property
+    def tasks(self) -> tuple[asyncio.Task[None], ...]:
+        """Tasks of the application that are running."""
+        return tuple(self._state.tasks)
+
+    def lifespan(self) -> LifespanOff | LifespanOn:
+        """Return what starts and ends the application."""
+        own: LifespanOff | LifespanOn = self._config.lifespan_class(self._config)
+        return own
+
+    def protocol(self, state: dict[str, object]) -> HttpProtocol:
+        """Return the protocol of one connection, whose requests have a copy of `state`."""
+        return HttpProtocol(self._config, self._state, state)
