@@ -10,20 +10,23 @@ from pydantic import Field, Strict, model_validator
 
 from config.model import ConfigModel
 from rid_daq.blocks.formats import measured, number
+from rid_daq.blocks.plot import Plot
 
 
 class Heading(ConfigModel):
-    """A title."""
+    """A title; level 2 begins a section of a report, level 3 a part of it."""
 
     kind: Literal["heading"] = "heading"
     text: str
+    level: Literal[2, 3] = 2
 
 
 class Text(ConfigModel):
-    """A paragraph."""
+    """A paragraph; a note is shown smaller."""
 
     kind: Literal["text"] = "text"
     text: str
+    is_note: bool = False
 
 
 class Verdict(ConfigModel):
@@ -42,11 +45,15 @@ class Interval(ConfigModel):
 
 
 class Column(ConfigModel):
-    """A column of a table: its title, the unit of its numbers, and their significant digits."""
+    """A column of a table: its title, the unit of its numbers, and their significant digits.
+
+    A column of texts is aligned to the left.
+    """
 
     title: str
     unit: str = ""
     digits: int = 4
+    is_text: bool = False
 
     @property
     def head(self) -> str:
@@ -100,7 +107,7 @@ class Next(ConfigModel):
     words: Annotated[tuple[str, ...], Strict(False)]
 
 
-AnyBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
+AnyBlock = Annotated[Heading | Text | Verdict | Table | Plot | Next, Field(discriminator="kind")]
 
 
 def _shown(cell: Cell, column: Column) -> str:

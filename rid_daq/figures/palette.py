@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, Final, NamedTuple
 
+from rid_daq.blocks.plot import Colour, Dash
+
 INK: Final = "#1b2530"
 SOFT: Final = "#5b6875"
 FAINT: Final = "#a9b4bf"
@@ -19,6 +21,19 @@ ORANGE: Final = "#e69f00"
 GREEN: Final = "#00805e"
 RED: Final = "#c8500a"
 PURPLE: Final = "#a8558a"
+
+NAMED: Final[dict[Colour, str]] = {
+    "ink": INK,
+    "soft": SOFT,
+    "faint": FAINT,
+    "blue": BLUE,
+    "sky": SKY,
+    "orange": ORANGE,
+    "green": GREEN,
+    "red": RED,
+    "purple": PURPLE,
+}
+"""The colours by the names that declared plots use."""
 
 _DARK: Final = {
     INK: "#e9eef3",
@@ -39,7 +54,7 @@ class Stroke(NamedTuple):
     """How a joint's lines are drawn."""
 
     color: str
-    dash: str
+    dash: Dash
 
 
 _STROKES: Final = (

@@ -202,7 +202,7 @@ def _problem(error: ErrorDetails, needs: str | None) -> str:
     kind, value = error["type"], error["input"]
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
-        return f"{value} is outside its range: give {words} {error['ctx'][key]:g}"
+        return f"{value} is outside its range: give {words} {error.get('ctx', {})[key]:g}"
     if kind == "finite_number":
         return f"{value} is not a finite number: give a number"
     if kind == "needs":

@@ -15,8 +15,8 @@ from rid_daq.figures.friction_figure import friction_figure
 from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
+from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
-from rid_daq.figures.retiming_figure import retiming_figure
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.truth_figure import truth_figure
 from rid_daq.report.sections.payload import PayloadSection
@@ -34,7 +34,7 @@ FIGURES: Final[dict[str, Callable[..., GridPlot]]] = {
     "lateness": lateness_figure,
     "loops": loops_bode,
     "path": path_figure,
-    "retiming": retiming_figure,
+    "plot": plot_figure,
     "spectrum": residual_spectrum,
     "stop": stop_figure,
     "truth": truth_figure,

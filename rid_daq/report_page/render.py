@@ -14,6 +14,8 @@ from config.errors import RecordingError
 from rid_daq.blocks.formats import duration, measured, moment, number, unit
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
+from rid_daq.report.sections.section import Section
+from rid_daq.report.shown.sections import SHOWN
 from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
 from rid_daq.terminal.console import printable
@@ -29,7 +31,7 @@ DRAWN: Final = (
     "error_figure",
     "path_figure",
     "centre_figure",
-    "retiming_figure",
+    "plot_svg",
     "stop_figure",
 )
 """The drawings that templates ask for."""
@@ -53,13 +55,21 @@ def render_report(result: Result, before: Result | None = None) -> str:
     parts = []
     figures = LiveFigures()
     for name, section in result.sections():
-        template = _environment().get_template(f"{name}.html")
         with _shown(name, read=getattr(before, name, None) == section):
-            parts.append(Markup(template.render(result=result, section=section, live=figures.keep)))
+            parts.append(_part(result, name, section, figures))
             parts.append(_origin(result, name))
     with _shown("the document", read=before is not None):
         page = _environment().get_template("page.html")
         return page.render(result=result, parts=parts, figures=figures)
+
+
+def _part(result: Result, name: str, section: Section, figures: LiveFigures) -> Markup:
+    """Return a section's part of the page: its blocks, or its template if it has none yet."""
+    if name in SHOWN:
+        template, blocks = _environment().get_template("blocks.html"), list(SHOWN[name](section))
+        return Markup(template.render(blocks=blocks, name=name, live=figures.keep))
+    template = _environment().get_template(f"{name}.html")
+    return Markup(template.render(result=result, section=section, live=figures.keep))
 
 
 def _origin(result: Result, name: str) -> Markup:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from rid_daq.blocks.block import AnyBlock, Heading, Next, Table, Text, Verdict
+from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console
 
 
@@ -29,3 +30,5 @@ def show(blocks: Iterable[AnyBlock], console: Console) -> None:
                 console.table(heads, list(block.cells()), block.failed, block.key)
             case Next():
                 console.next_step(*block.words)
+            case Plot():
+                pass  # a report has it

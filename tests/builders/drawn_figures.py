@@ -26,12 +26,13 @@ from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
+from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
-from rid_daq.figures.retiming_figure import retiming_figure
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.truth_figure import truth_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
+from rid_daq.report.shown.retiming import way_plot
 from tests.builders.invented import whole_result
 
 WRITTEN = Path(__file__).parents[1] / "rid_daq" / "report" / "results"
@@ -132,7 +133,7 @@ def all_figures() -> dict[str, UIElement]:
         "stop": stop_figure(stopped),
         "lateness": lateness_figure(late[0]),
         "truth": truth_figure(long.truth),
-        "retiming": retiming_figure(timed.ways[0], [joint.joint for joint in timed.joints]),
+        "retiming": plot_figure(way_plot(timed.ways[0], [joint.joint for joint in timed.joints])),
     }
 
 

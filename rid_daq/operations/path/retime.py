@@ -135,9 +135,11 @@ class RetimeResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, what each joint reaches of its limits, the duration, the next command."""
+        from rid_daq.report.shown.retiming import retiming_blocks
+
         for note in self.made.notes:
             yield Text(text=f"note: {note}")
-        yield from self.made.section.blocks()
+        yield from retiming_blocks(self.made.section)
         yield Next(words=("record", self.request.cell, str(self.request.output)))
 
 

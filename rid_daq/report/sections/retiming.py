@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from rid_daq.blocks.block import AnyBlock, Column, Table, Text
 from rid_daq.report.sections.section import Numbers, Section, rounded, thinned, units
 from rid_daq.report.sections.tracking import DrivenTiming
 from rid_daq.report.sections.verdict import Check
@@ -85,10 +83,10 @@ class RetimedWay(Section):
         Of each joint, over its limit.
     reached : tuple of ReachedLimit
         Which limit when.
-    done : tuple of float, or None
+    done : tuple of float
         Which share of the way is done, at `time_s`.
-    original_s, original_done : tuple of float, or None
-        The same of the motion that it was made of. None, all three, in older files.
+    original_s, original_done : tuple of float
+        The same of the motion that it was made of.
     measured : tuple of tuple of float, or None
         The torques of each joint as they were measured when it was driven, at `time_s`.
     """
@@ -100,9 +98,9 @@ class RetimedWay(Section):
     torques: tuple[Numbers, ...]
     margins: tuple[Numbers, ...]
     reached: tuple[ReachedLimit, ...]
-    done: Numbers | None = None
-    original_s: Numbers | None = None
-    original_done: Numbers | None = None
+    done: Numbers
+    original_s: Numbers
+    original_done: Numbers
     measured: tuple[Numbers, ...] | None = None
 
 
@@ -241,55 +239,6 @@ class RetimingSection(Section):
             )
             for joint in self.joints
         )
-
-    def blocks(self) -> Iterator[AnyBlock]:
-        """Yield what each joint and the base reach of their limits, and the duration."""
-        yield Table(
-            columns=(
-                Column(title="joint"),
-                Column(title="unit"),
-                Column(title="torque limit"),
-                Column(title="largest torque", digits=3),
-                Column(title="its margin", digits=2),
-                Column(title="RMS torque", digits=3),
-                Column(title="speed / limit", unit="%", digits=3),
-                Column(title="acceleration / limit", unit="%", digits=3),
-            ),
-            rows=tuple(
-                (
-                    joint.joint,
-                    joint.unit,
-                    joint.torque_limit,
-                    joint.torque_peak,
-                    joint.torque_margin,
-                    joint.torque_rms,
-                    100.0 * joint.speed_share,
-                    100.0 * joint.acceleration_share,
-                )
-                for joint in self.joints
-            ),
-        )
-        if self.base:
-            yield Table(
-                columns=(
-                    Column(title="reaction on the base"),
-                    Column(title="unit"),
-                    Column(title="limit"),
-                    Column(title="largest", digits=3),
-                    Column(title="its margin", digits=2),
-                ),
-                rows=tuple(
-                    (
-                        base.component,
-                        "N" if base.component.startswith("F") else "N m",
-                        base.limit,
-                        base.peak,
-                        base.margin,
-                    )
-                    for base in self.base
-                ),
-            )
-        yield Text(text=self.sentence)
 
     @property
     def sentence(self) -> str:

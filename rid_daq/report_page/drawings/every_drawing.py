@@ -17,7 +17,7 @@ from rid_daq.report_page.drawings.curves import (
 )
 from rid_daq.report_page.drawings.paths import error_figure, path_figure
 from rid_daq.report_page.drawings.payload import centre_figure
-from rid_daq.report_page.drawings.retiming import retiming_figure
+from rid_daq.report_page.drawings.plot import plot_svg
 from rid_daq.report_page.drawings.stop import stop_figure
 
 DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
@@ -33,7 +33,7 @@ DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
         error_figure,
         path_figure,
         centre_figure,
-        retiming_figure,
+        plot_svg,
         stop_figure,
     )
 }

@@ -4,24 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from rid_daq.figures.palette import (
-    BLUE,
-    FAINT,
-    GREEN,
-    GRID,
-    INK,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    RED,
-    SKY,
-    SOFT,
-    dark_colours,
-)
+from rid_daq.figures.palette import GRID, NAMED, PAPER, dark_colours
 
 NAMES: Final = {
-    INK: "ink", SOFT: "soft", FAINT: "faint", GRID: "grid", PAPER: "paper", BLUE: "blue",
-    SKY: "sky", ORANGE: "orange", GREEN: "green", RED: "red", PURPLE: "purple",
+    **{colour: name for name, colour in NAMED.items()}, GRID: "grid", PAPER: "paper",
 }  # fmt: skip
 """How a drawing names each light colour."""
 

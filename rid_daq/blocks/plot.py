@@ -1,0 +1,142 @@
+"""`Plot`: a figure, declared once; renderers draw it for paper, for zooming and for programs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Strict, model_validator
+
+from config.model import ConfigModel
+
+Colour = Literal["ink", "soft", "faint", "blue", "sky", "orange", "green", "red", "purple"]
+"""A colour of the palette, light and dark."""
+
+Dash = Literal["solid", "dashed", "dotted", "dotdash"]
+Numbers = Annotated[tuple[float, ...], Strict(False)]
+
+
+class Axis(ConfigModel):
+    """An axis of a panel.
+
+    Attributes
+    ----------
+    label, unit : str
+        What is drawn along it, and its unit; 1 for a ratio.
+    log : bool
+        True for a logarithmic scale.
+    least, most : float or None
+        Ends of the axis; by the data if None.
+    """
+
+    label: str
+    unit: str
+    log: bool = False
+    least: float | None = None
+    most: float | None = None
+
+    @property
+    def text(self) -> str:
+        """The label with the unit."""
+        return f"{self.label} [{self.unit}]"
+
+
+class Line(ConfigModel):
+    """A line of a panel, or points.
+
+    Attributes
+    ----------
+    label : str
+        Its name in the legend and beside the pointer.
+    x, y : tuple of float
+        One value a point.
+    stroke : str or int
+        Its colour; the number of a joint for that joint's colour and dash.
+    dash : str or None
+        How it is drawn; None for solid, or for the dash of the joint.
+    width : float
+        Its width [px].
+    points : bool
+        True for points that are not connected.
+    reach : tuple of float, or None
+        Half width of an interval: a band around a line, error bars of points.
+    is_named : bool
+        True if the legend names it.
+    """
+
+    label: str
+    x: Numbers
+    y: Numbers
+    stroke: Colour | int
+    dash: Dash | None = None
+    width: float = 1.8
+    points: bool = False
+    reach: Numbers | None = None
+    is_named: bool = True
+
+    @model_validator(mode="after")
+    def _require_equal_lengths(self) -> Line:
+        reach = self.y if self.reach is None else self.reach
+        if not len(self.x) == len(self.y) == len(reach):
+            raise ValueError(f"{self.label}: x, y and reach have different lengths")
+        return self
+
+
+class Span(ConfigModel):
+    """From where to where along x something holds; spans of one name share a row."""
+
+    name: str
+    begin: float
+    end: float
+    colour: Colour = "blue"
+
+
+class Panel(ConfigModel):
+    """One pair of axes: lines, or rows of spans.
+
+    Attributes
+    ----------
+    x, y : Axis
+        The axes; of a panel of spans y is not drawn.
+    lines : tuple of Line
+        Drawn in this order.
+    limits : tuple of float
+        Values of y that a line across the panel marks.
+    spans : tuple of Span
+        Rows of spans.
+    height_px : int
+        Height [px]; a panel of spans is as high as its rows.
+    zooms_with_previous : bool
+        True if it shares the x axis of the panel above it.
+    """
+
+    x: Axis
+    y: Axis
+    lines: tuple[Line, ...] = ()
+    limits: Numbers = ()
+    spans: tuple[Span, ...] = ()
+    height_px: int = 240
+    zooms_with_previous: bool = False
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The names of the spans, from top to bottom."""
+        return tuple(dict.fromkeys(span.name for span in self.spans))
+
+
+class Plot(ConfigModel):
+    """A figure.
+
+    Attributes
+    ----------
+    name : str
+        What its files are called.
+    panels : tuple of Panel
+        From top to bottom.
+    caption : str
+        What a reader must know to read it.
+    """
+
+    kind: Literal["plot"] = "plot"
+    name: str
+    panels: tuple[Panel, ...]
+    caption: str = ""

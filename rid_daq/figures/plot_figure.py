@@ -1,0 +1,156 @@
+"""`plot_figure`: a declared plot as a Bokeh figure that can be zoomed."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from bokeh.models import ColumnDataSource, FactorRange, GridPlot
+from bokeh.plotting import figure
+
+from rid_daq.blocks.plot import Axis, Dash, Line, Panel, Plot
+from rid_daq.figures.palette import NAMED, RED, stroke
+from rid_daq.figures.panel import (
+    Drawn,
+    Ranges,
+    add_hover,
+    add_legend,
+    layout,
+    limit_line,
+    panel,
+    source,
+)
+
+ROW_PX: Final = 24
+ROWS_BESIDES_PX: Final = 100
+
+
+def plot_figure(plot: Plot) -> GridPlot:
+    """Return the figure of a declared plot.
+
+    Parameters
+    ----------
+    plot : Plot
+        The declaration.
+    """
+    drawn: list[figure] = []
+    for each in plot.panels:
+        shared = drawn[-1].x_range if each.zooms_with_previous and drawn else None
+        draw = _spans if each.spans else _lines
+        drawn.append(draw(each, shared))
+    return layout(plot.name, drawn, drawn)
+
+
+def stroke_of(line: Line) -> tuple[str, Dash]:
+    """Return colour and dash of a line.
+
+    Parameters
+    ----------
+    line : Line
+        The line.
+    """
+    if isinstance(line.stroke, int):
+        own = stroke(line.stroke)
+        return own.color, line.dash or own.dash
+    return NAMED[line.stroke], line.dash or "solid"
+
+
+def _lines(of: Panel, shared: Ranges) -> figure:
+    drawing = panel(
+        "",
+        of.x.text,
+        of.y.text,
+        height=of.height_px,
+        x_range=shared if shared is not None else _ends(of.x),
+        y_range=_ends(of.y),
+        x_scale="log" if of.x.log else "auto",
+        y_scale="log" if of.y.log else "auto",
+    )
+    entries: dict[str, list[Drawn]] = defaultdict(list)
+    for line, rows in _sources(of):
+        name, (color, dash) = f"{line.label} [{of.y.unit}]", stroke_of(line)
+        drawn: list[Drawn] = []
+        if line.reach is not None and np.any(line.reach):
+            least, most = _bounds(line, of.y.unit)
+            if line.points:
+                drawn.append(
+                    drawing.segment(
+                        of.x.text, least, of.x.text, most, source=rows, line_color=color
+                    )
+                )
+            else:
+                drawn.append(
+                    drawing.varea(
+                        of.x.text, least, most, source=rows, fill_color=color, fill_alpha=0.2
+                    )
+                )
+        if line.points:
+            own: Drawn = drawing.scatter(of.x.text, name, source=rows, color=color, size=6)
+        else:
+            own = drawing.line(
+                of.x.text,
+                name,
+                source=rows,
+                line_color=color,
+                line_dash=dash,
+                line_width=line.width,
+            )
+        add_hover(drawing, own, {of.x.label: of.x.text, line.label: name}, digits=4)
+        if line.is_named:
+            entries[line.label] += [*drawn, own]
+    for at in of.limits:
+        limit_line(drawing, at, color=RED)
+    add_legend(drawing, entries)
+    return drawing
+
+
+def _sources(of: Panel) -> Iterator[tuple[Line, ColumnDataSource]]:
+    """Yield the lines with their data; lines of the same x share one table."""
+    tables: dict[tuple[float, ...], list[Line]] = defaultdict(list)
+    for line in of.lines:
+        tables[line.x].append(line)
+    made = {}
+    for x, lines in tables.items():
+        columns: dict[str, object] = {of.x.text: x}
+        for line in lines:
+            columns[f"{line.label} [{of.y.unit}]"] = line.y
+            if line.reach is not None and np.any(line.reach):
+                y, reach = np.asarray(line.y), np.asarray(line.reach)
+                least, most = _bounds(line, of.y.unit)
+                columns |= {least: y - reach, most: y + reach}
+        made[x] = source(lines[0].label if len(tables) > 1 else of.y.label, columns)
+    for line in of.lines:
+        yield line, made[line.x]
+
+
+def _bounds(line: Line, unit: str) -> tuple[str, str]:
+    return f"{line.label}, least [{unit}]", f"{line.label}, most [{unit}]"
+
+
+def _ends(axis: Axis) -> Ranges:
+    return None if axis.least is None or axis.most is None else (axis.least, axis.most)
+
+
+def _spans(of: Panel, shared: Ranges) -> figure:
+    begin, end = f"begin [{of.x.unit}]", f"end [{of.x.unit}]"
+    columns = {
+        of.y.label: [span.name for span in of.spans],
+        begin: [span.begin for span in of.spans],
+        end: [span.end for span in of.spans],
+    }
+    rows = source(of.y.label, columns)
+    rows.add([NAMED[span.colour] for span in of.spans], "colour")
+    drawing = panel(
+        of.y.label,
+        of.x.text,
+        "",
+        height=ROWS_BESIDES_PX + ROW_PX * len(of.rows),
+        x_range=shared if shared is not None else _ends(of.x),
+        y_range=FactorRange(factors=list(of.rows)[::-1]),
+    )
+    bars = drawing.hbar(of.y.label, 0.7, end, begin, source=rows, color="colour")
+    shown = {of.y.label: of.y.label, f"from [{of.x.unit}]": begin, f"to [{of.x.unit}]": end}
+    add_hover(drawing, bars, shown, digits=4)
+    return drawing

@@ -1,0 +1,1 @@
+"""What people see of the sections of a result, as blocks."""

@@ -1,0 +1,207 @@
+"""`retiming_blocks`: what people see of a path that was timed to its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from rid_daq.blocks.block import AnyBlock, Column, Heading, Table, Text
+from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Numbers, Panel, Plot, Span
+from rid_daq.report.sections.retiming import CHANGES, RetimedJoint, RetimedWay, RetimingSection
+from rid_daq.report.sections.tracking import DrivenTiming
+
+LIMIT_REACH: Final = 1.6
+"""Height of the phase plane, as a multiple of the largest speed."""
+
+
+def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
+    """Yield the duration, what joints and base reach of their limits, and the plots."""
+    yield Heading(text="Timed to its limits")
+    yield Text(text=section.sentence)
+    made = f"Made from {section.motion} and {section.model}"
+    cycle_ms, averaged_ms = 1e3 * section.cycle_s, 1e3 * section.averaged_s
+    times = f"cycles of {cycle_ms:.3g} ms; averaged over {averaged_ms:.3g} ms"
+    free = f"; {100.0 * section.margin:.2g} % of the torques are kept free"
+    yield Text(text=f"{made} for {times}{free if section.margin else ''}.", is_note=True)
+    yield _joint_table(section)
+    if section.base:
+        yield _base_table(section)
+    if section.driven is not None:
+        yield from _driven_blocks(section.driven, section.joints)
+    for number, way in enumerate(section.ways, start=1):
+        if len(section.ways) > 1:
+            yield Heading(text=f"Way {number}", level=3)
+        yield way_plot(way, [joint.joint for joint in section.joints])
+
+
+def _joint_table(section: RetimingSection) -> Table:
+    return Table(
+        columns=(
+            Column(title="joint", is_text=True),
+            Column(title="unit", is_text=True),
+            Column(title="torque limit"),
+            Column(title="largest torque"),
+            Column(title="its margin", digits=2),
+            Column(title="RMS torque", digits=3),
+            Column(title="speed / limit", unit="%", digits=3),
+            Column(title="acceleration / limit", unit="%", digits=3),
+        ),
+        rows=tuple(
+            (
+                joint.joint,
+                joint.unit,
+                joint.torque_limit,
+                joint.torque_peak,
+                joint.torque_margin,
+                joint.torque_rms,
+                100.0 * joint.speed_share,
+                100.0 * joint.acceleration_share,
+            )
+            for joint in section.joints
+        ),
+    )
+
+
+def _base_table(section: RetimingSection) -> Table:
+    return Table(
+        columns=(
+            Column(title="reaction on the base", is_text=True),
+            Column(title="unit", is_text=True),
+            Column(title="limit"),
+            Column(title="largest"),
+            Column(title="its margin", digits=2),
+        ),
+        rows=tuple(
+            (
+                base.component,
+                "N" if base.component.startswith("F") else "N m",
+                base.limit,
+                base.peak,
+                base.margin,
+            )
+            for base in section.base or ()
+        ),
+    )
+
+
+def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iterator[AnyBlock]:
+    """Yield what was measured when the path was driven, before and after it was timed."""
+    before, after = driven.before, driven.after
+    yield Heading(text="As it was driven", level=3)
+    yield Text(text=driven.sentence)
+    rows: list[tuple[str, str, float, float]] = [
+        ("duration of the motion", "s", before.moving_s, after.moving_s)
+    ]
+    for j, joint in enumerate(joints):
+        shares = (100.0 * before.torque_share[j], 100.0 * after.torque_share[j])
+        rows.append((f"largest torque of {joint.joint} / limit", "%", *shares))
+    for c, name in enumerate(driven.components):
+        peaks = (before.base_peak[c], after.base_peak[c])
+        first, second = (100.0 * peak / driven.limit[c] for peak in peaks)
+        rows.append((f"largest {name} on the base / limit", "%", first, second))
+    for word, key in (("mean", "mean_m"), ("largest", "max_m")):
+        first, second = (1e3 * getattr(each, key) for each in (before, after))
+        rows.append((f"{word} distance from the path, at the motor encoders", "mm", first, second))
+    yield Table(
+        columns=(
+            Column(title="measured", is_text=True),
+            Column(title="unit", is_text=True),
+            Column(title="before", digits=3),
+            Column(title="timed", digits=3),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def way_plot(way: RetimedWay, joints: Sequence[str]) -> Plot:
+    """Return progress, phase plane, torques and reached limits.
+
+    Parameters
+    ----------
+    way : RetimedWay
+        The way.
+    joints : sequence of str
+        The joints' names.
+    """
+    band = "The band is the margin for what the model does not know."
+    dotted = "" if way.measured is None else " Dotted: as measured."
+    return Plot(
+        name="retiming",
+        panels=(_progress(way), _plane(way), _torques(way, joints), _limits(way)),
+        caption=f"Torques by the model. {band}{dotted}",
+    )
+
+
+def _progress(way: RetimedWay) -> Panel:
+    return Panel(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="of the path", unit="%", least=0.0, most=102.0),
+        lines=(
+            _done("original", way.original_s, way.original_done, "soft", "dashed"),
+            _done("timed", way.time_s, way.done, "ink", "solid"),
+        ),
+        height_px=200,
+    )
+
+
+def _done(word: str, time_s: Numbers, done: Numbers, stroke: Colour, dash: Dash) -> Line:
+    percent = tuple(100.0 * share for share in done)
+    return Line(label=f"{word}, {time_s[-1]:.4g} s", x=time_s, y=percent, stroke=stroke, dash=dash)
+
+
+def _plane(way: RetimedWay) -> Panel:
+    return Panel(
+        x=Axis(label="length of the path, as time at the speed limits", unit="s"),
+        y=Axis(
+            label="speed, as a share of them",
+            unit="1",
+            least=0.0,
+            most=LIMIT_REACH * max(way.speed),
+        ),
+        lines=(
+            Line(label="limit curve", x=way.place, y=way.limit, stroke="red"),
+            Line(label="speed of the path", x=way.place, y=way.speed, stroke="ink"),
+        ),
+    )
+
+
+def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
+    lines = []
+    for j, (joint, share, margin) in enumerate(zip(joints, way.torques, way.margins, strict=True)):
+        dash: Dash | None = None if way.measured is None else "solid"
+        lines.append(Line(label=joint, x=way.time_s, y=share, stroke=j, dash=dash, reach=margin))
+        if way.measured is not None:
+            lines.append(
+                Line(
+                    label=f"{joint} as measured",
+                    x=way.time_s,
+                    y=way.measured[j],
+                    stroke=j,
+                    dash="dotted",
+                    width=1.0,
+                    is_named=False,
+                )
+            )
+    return Panel(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="torque over its limit", unit="1", least=-1.1, most=1.1),
+        lines=tuple(lines),
+        limits=(-1.0, 1.0),
+    )
+
+
+def _limits(way: RetimedWay) -> Panel:
+    return Panel(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="limits reached", unit="1"),
+        spans=tuple(
+            Span(
+                name=part.limit,
+                begin=part.begin_s,
+                end=part.end_s,
+                colour="faint" if part.limit == CHANGES else "blue",
+            )
+            for part in way.reached
+        ),
+        zooms_with_previous=True,
+    )

@@ -1,0 +1,14 @@
+"""`SHOWN`: the function that gives the blocks of each section."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from rid_daq.blocks.block import AnyBlock
+from rid_daq.report.shown.retiming import retiming_blocks
+
+SHOWN: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
+    "retiming": retiming_blocks,
+}
+"""By the name of the section; sections without an entry have a template."""

@@ -1,0 +1,109 @@
+"""`plot_svg`: a declared plot as SVG for print, drawn by matplotlib."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rid_daq.blocks.plot import Axis, Line, Panel, Plot
+from rid_daq.figures.palette import NAMED
+from rid_daq.figures.plot_figure import stroke_of
+from rid_daq.report_page.drawings.curves import STYLE, WRONG, as_label, as_svg
+
+PX_PER_INCH: Final = 120.0
+WIDTH_IN: Final = 9.6
+MARGIN_IN: Final = 1.3
+ROW_IN: Final = 0.2
+MOST_NAMES: Final = 4
+_DASHES: Any = {"dotdash": "dashdot"}
+_SCALE: Final = 0.75  # of the widths in px that a screen has
+
+
+def plot_svg(plot: Plot, name: str) -> Markup:
+    """Return the drawing of a declared plot.
+
+    Parameters
+    ----------
+    plot : Plot
+        The declaration.
+    name : str
+        Prefix of the ids in the drawing, different for every figure of a page.
+    """
+    heights = [
+        0.3 + ROW_IN * len(each.rows) if each.spans else each.height_px / PX_PER_INCH
+        for each in plot.panels
+    ]
+    with mpl.rc_context(STYLE):
+        size = (WIDTH_IN, MARGIN_IN + sum(heights))
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False).ravel()
+        for number, (each, drawing) in enumerate(zip(plot.panels, axes, strict=True)):
+            (_draw_spans if each.spans else _draw_lines)(drawing, each)
+            if each.zooms_with_previous and number:
+                drawing.set_xlim(*axes[number - 1].get_xlim())
+        return as_svg(figure, name)
+
+
+def _draw_lines(drawing: Axes, of: Panel) -> None:
+    for line in of.lines:
+        _draw_line(drawing, line)
+    for at in of.limits:
+        drawing.axhline(at, color=WRONG, linewidth=0.8)
+    named = sum(line.is_named for line in of.lines)
+    if named:
+        drawing.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=min(named, MOST_NAMES),
+            borderaxespad=0.0,
+        )
+    _draw_axes(drawing, of)
+
+
+def _draw_line(drawing: Axes, line: Line) -> None:
+    x, y = np.asarray(line.x), np.asarray(line.y)
+    color, dash = stroke_of(line)
+    label = as_label(line.label) if line.is_named else None
+    if line.points:
+        drawing.errorbar(
+            x, y, line.reach, fmt="o", color=color, markersize=3.5, capsize=2.0, label=label
+        )
+        return
+    if line.reach is not None and np.any(line.reach):
+        reach = np.asarray(line.reach)
+        drawing.fill_between(x, y - reach, y + reach, color=color, alpha=0.2, linewidth=0)
+    style = _DASHES.get(dash, dash)
+    drawing.plot(x, y, color=color, linestyle=style, linewidth=_SCALE * line.width, label=label)
+
+
+def _draw_spans(drawing: Axes, of: Panel) -> None:
+    for span in of.spans:
+        row = of.rows.index(span.name)
+        place = [(span.begin, span.end - span.begin)]
+        drawing.broken_barh(place, (row - 0.4, 0.8), color=NAMED[span.colour])
+    drawing.set_yticks(range(len(of.rows)), [as_label(row) for row in of.rows])
+    drawing.set_ylim(len(of.rows) - 0.5, -0.5)
+    drawing.set_xlabel(as_label(of.x.text))
+    _draw_ends(drawing, of.x, None)
+
+
+def _draw_axes(drawing: Axes, of: Panel) -> None:
+    if of.x.log:
+        drawing.set_xscale("log")
+    if of.y.log:
+        drawing.set_yscale("log")
+    drawing.set_xlabel(as_label(of.x.text))
+    drawing.set_ylabel(as_label(of.y.text))
+    _draw_ends(drawing, of.x, of.y)
+
+
+def _draw_ends(drawing: Axes, x: Axis, y: Axis | None) -> None:
+    drawing.set_xlim(x.least, x.most)
+    drawing.margins(x=0.0)
+    if y is not None:
+        drawing.set_ylim(y.least, y.most)

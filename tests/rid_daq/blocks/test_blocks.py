@@ -1,0 +1,137 @@
+"""Blocks: what a table and a plot hold, and that every renderer draws all of it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from bokeh.models.annotations import Span
+from bokeh.models.renderers import GlyphRenderer
+from pydantic import TypeAdapter, ValidationError
+
+from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Next, Table, Text, Verdict
+from rid_daq.blocks.plot import Axis, Line, Panel, Plot
+from rid_daq.blocks.plot import Span as Stretch
+from rid_daq.figures.embedding import as_item
+from rid_daq.figures.palette import NAMED
+from rid_daq.figures.plot_figure import plot_figure
+from rid_daq.report_page.drawings.page_colours import NAMES
+from rid_daq.report_page.drawings.plot import plot_svg
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.shown_blocks import show
+
+TIME = Axis(label="time", unit="s")
+PLOT = Plot(
+    name="every-form",
+    panels=(
+        Panel(
+            x=TIME,
+            y=Axis(label="torque", unit="N m", least=-3.0, most=3.0),
+            lines=(
+                Line(label="model", x=(0, 1, 2), y=(0, 1, 2), stroke=0, reach=(0.1, 0.2, 0.3)),
+                Line(label="measured", x=(0, 1, 2), y=(0, 2, 1), stroke="ink", dash="dotted"),
+                Line(label="other times", x=(0, 3), y=(1, 1), stroke=1, is_named=False),
+            ),
+            limits=(-2.5, 2.5),
+        ),
+        Panel(
+            x=Axis(label="frequency", unit="Hz", log=True),
+            y=Axis(label="residual", unit="N m", log=True),
+            lines=(
+                Line(
+                    label="residual",
+                    x=(1, 10, 100),
+                    y=(1, 2, 3),
+                    stroke="red",
+                    points=True,
+                    reach=(0.1, 0.1, 0.1),
+                ),
+            ),
+        ),
+        Panel(
+            x=TIME,
+            y=Axis(label="limits reached", unit="1"),
+            spans=(
+                Stretch(name="torque", begin=0.0, end=1.0),
+                Stretch(name="speed", begin=1.0, end=2.0, colour="faint"),
+                Stretch(name="torque", begin=2.0, end=3.0),
+            ),
+            zooms_with_previous=True,
+        ),
+    ),
+    caption="All forms of a plot.",
+)
+TABLE = Table(
+    columns=(Column(title="joint", is_text=True), Column(title="mass", unit="kg", digits=3)),
+    rows=(("axis1", Interval(value=9.6123, reach=0.1234)), ("axis2", 2.0), ("axis3", None)),
+    failed=(False, True, False),
+)
+
+
+def test_digits_follow_from_the_interval_or_from_the_column() -> None:
+    assert [row[1] for row in TABLE.cells()] == ["9.61 ± 0.12", "2", "–"]
+    assert [column.head for column in TABLE.columns] == ["joint", "mass [kg]"]
+
+
+@pytest.mark.parametrize("rows", [(("axis1",),), (("axis1", 1.0, 2.0),)])
+def test_a_row_has_a_cell_for_every_column(rows: tuple[tuple[str | float, ...], ...]) -> None:
+    with pytest.raises(ValidationError):
+        Table(columns=TABLE.columns, rows=rows)
+
+
+def test_a_line_has_as_many_x_as_y() -> None:
+    with pytest.raises(ValidationError):
+        Line(label="a", x=(0.0, 1.0), y=(0.0,), stroke="ink")
+
+
+def test_blocks_survive_json() -> None:
+    blocks = (
+        Heading(text="Result"),
+        Text(text="A sentence."),
+        Verdict(passed=True, text="Good."),
+        TABLE,
+        PLOT,
+        Next(words=("record", "ir361")),
+    )
+    adapter: TypeAdapter[tuple[AnyBlock, ...]] = TypeAdapter(tuple[AnyBlock, ...])
+    assert adapter.validate_json(adapter.dump_json(blocks)) == blocks
+
+
+def test_a_terminal_shows_text_tables_and_the_next_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    show((Text(text="A sentence."), TABLE, PLOT, Next(words=("runs",))), Console())
+    assert capsys.readouterr().out.splitlines() == [
+        "A sentence.",
+        "joint  mass [kg]",
+        "axis1  9.61 ± 0.12",
+        "axis2  2",
+        "axis3  –",
+        "Next: rid-daq runs",
+    ]
+
+
+def test_a_plot_that_is_zoomed_has_every_part() -> None:
+    figure = plot_figure(PLOT)
+    glyphs = [
+        type(each.glyph).__name__ for each in figure.references() if isinstance(each, GlyphRenderer)
+    ]
+    assert sorted(glyphs) == ["HBar", "Line", "Line", "Line", "Scatter", "Segment", "VArea"]
+    limits = [str(each.location) for each in figure.references() if isinstance(each, Span)]
+    assert sorted(limits) == ["-2.5", "2.5"]
+    text = json.dumps(as_item(figure, dark=False), allow_nan=False)
+    for word in ("time [s]", "torque [N m]", "frequency [Hz]", "limits reached", "other times"):
+        assert word in text
+
+
+def test_a_plot_on_paper_has_the_same_words() -> None:
+    text = str(plot_svg(PLOT, "a"))
+    for word in ("time [s]", "torque [N m]", "frequency [Hz]", "model", "measured", "residual"):
+        assert f">{word}<" in text
+    assert ">other times<" not in text, "it is not in the legend"
+    assert ">speed<" in text
+    assert "var(--red)" in text
+
+
+def test_the_page_has_every_colour_that_a_plot_can_name() -> None:
+    assert set(NAMED) < set(NAMES.values())
