@@ -36,9 +36,8 @@ class PlateFit:
         The channels that were left out in each run.
     drift_n_s : ndarray, shape (runs, c)
         Linear drift that was removed from each channel [N/s].
-    wrench : ndarray, shape (6,), or None
-        RMS of the measured base wrench inside the band, without its constant part [N, N m]; None in
-        files that have none.
+    wrench : ndarray, shape (6,)
+        RMS of the measured base wrench inside the band, without its constant part [N, N m].
     """
 
     residual: FloatArray
@@ -47,7 +46,7 @@ class PlateFit:
     delay_sigma_s: FloatArray
     left_out: tuple[tuple[str, ...], ...]
     drift_n_s: FloatArray
-    wrench: FloatArray | None = None
+    wrench: FloatArray
 
     def __post_init__(self) -> None:
         runs = len(self.left_out)
@@ -96,8 +95,6 @@ class PlateFit:
 
         A force or a moment that is small beside the others counts as a share of the largest.
         """
-        if self.wrench is None:
-            return ()
         size = self.wrench.copy()
         for part in (slice(0, 3), slice(3, 6)):
             size[part] = np.maximum(size[part], SMALL_COMPONENT * size[part].max())

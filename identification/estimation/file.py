@@ -85,7 +85,7 @@ class _Plate(ConfigModel):
     delay_sigma_s: Sizes
     left_out: tuple[tuple[str, ...], ...]
     drift_n_s: Matrix
-    wrench: Sizes | None
+    wrench: Sizes
 
 
 class _Channel(ConfigModel):

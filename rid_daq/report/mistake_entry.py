@@ -51,7 +51,7 @@ class Explanation(Section):
     change : tuple of str
         The keys to change, file by file.
     places : tuple of PlaceToChange
-        The lines that they stand in; left out by versions that did not look for them.
+        The lines that they stand in; left out if they were not looked for.
     """
 
     kind: Kind

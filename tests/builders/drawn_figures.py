@@ -40,7 +40,7 @@ JOINTS = ("axis1", "axis2", "axis3")
 
 
 def written(kind: str) -> Result:
-    """Return a result as a command of version 0.1 wrote it on a bundled cell."""
+    """Return a result of a bundled cell, with long curves cut short."""
     return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
 
 

@@ -23,23 +23,21 @@ class MemoryTrial(Section):
         Presliding distance of each joint that has it [rad or m].
     without, with_memory : tuple of float
         RMS error of each joint on what the fit left out [N m or N].
-    share : tuple of float or None
-        Share of each joint's friction that gives way so; None in results of earlier versions, where
-        all of it does.
+    share : tuple of float
+        Share of each joint's friction that gives way so.
     """
 
     distance: tuple[float | None, ...]
     without: Numbers
     with_memory: Numbers
-    share: Numbers | None = None
+    share: Numbers
 
     @property
     def shown_shares(self) -> tuple[float | None, ...]:
         """The share of each joint that has a distance."""
-        shares = self.share or (1.0,) * len(self.distance)
         return tuple(
             None if distance is None else share
-            for distance, share in zip(self.distance, shares, strict=True)
+            for distance, share in zip(self.distance, self.share, strict=True)
         )
 
 

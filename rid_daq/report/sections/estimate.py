@@ -69,8 +69,8 @@ class AxisResidual(Section):
     left_out_fraction : float
         Share of the samples that are not used for friction (standstill).
     torque, percent, over_noise : float or None
-        RMS torque, in `unit`; the residual in percent of it, and over the noise. Left out in
-        results of version 0.1, and where torques say nothing of the fit.
+        RMS torque, in `unit`; the residual in percent of it, and over the noise. Left out
+        if torques say nothing of the fit.
     held_out_percent : float or None
         The residual in percent of the torque on parts of the recording that were left out of a
         plain fit, 0 where it is hardly more than on what was fitted; left out where nobody looked.

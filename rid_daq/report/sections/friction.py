@@ -123,8 +123,8 @@ class JointFriction(Section):
     percent, over_noise : float or None
         RMS error of the best model in percent of the friction, and over its standard deviation.
     grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it. All four are left out in results of
-        version 0.1.
+        "good", "doubtful" or "bad", and what decides it. All four are left out if no model was
+        fitted.
     """
 
     joint: str

@@ -119,11 +119,11 @@ class PayloadAxis(Section):
     payload: float
     residual: float
     mass_per_percent: float | None
-    residual_percent: float | None = None
+    residual_percent: float
     noise: float | None = None
     over_noise: float | None = None
     grade: Grade | None = None
-    reason: str | None = None
+    reason: str
 
 
 class PayloadSection(Section):

@@ -33,7 +33,7 @@ class WrenchResidual(Section):
     percent : float or None
         The residual in percent of the component, at least of a share of the largest like it.
     grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it. All three are left out in older results.
+        "good", "doubtful" or "bad", and what decides it.
     """
 
     name: str
@@ -42,7 +42,7 @@ class WrenchResidual(Section):
     noise: float
     percent: float | None = None
     grade: Grade | None = None
-    reason: str | None = None
+    reason: str
 
 
 class ImprovedParameter(Section):
@@ -219,9 +219,9 @@ class PlateSection(Section):
                 unit=WRENCH_UNITS,
                 residual=plate.residual,
                 noise=plate.noise,
-                percent=[each.percent for each in grades] or [None] * len(WRENCH_NAMES),
-                grade=[each.grade for each in grades] or [None] * len(WRENCH_NAMES),
-                reason=[each.reason for each in grades] or [None] * len(WRENCH_NAMES),
+                percent=[each.percent for each in grades],
+                grade=[each.grade for each in grades],
+                reason=[each.reason for each in grades],
             ),
             delay_std_s=plate.delay_sigma_s,
             improvement=None if improved is None else ImprovementSection.of(improved),

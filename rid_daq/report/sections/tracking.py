@@ -210,18 +210,18 @@ class TrackingSection(Section):
         The robot's joints.
     motions : tuple of FollowedMotion
         One a motion.
-    unseen : str or None
-        What the encoders do not see, and its size if known; None in results of older versions.
-    with_stiffness, without_stiffness : tuple of str or None
+    unseen : str
+        What the encoders do not see, and its size if known.
+    with_stiffness, without_stiffness : tuple of str
         Joints whose gear's stiffness the robot file has, and those that are missing.
     """
 
     sentence: str
     joints: tuple[JointUnit, ...]
     motions: tuple[FollowedMotion, ...]
-    unseen: str | None = None
-    with_stiffness: Texts | None = None
-    without_stiffness: Texts | None = None
+    unseen: str
+    with_stiffness: Texts
+    without_stiffness: Texts
 
     @classmethod
     def of(
@@ -247,9 +247,8 @@ class TrackingSection(Section):
         ratios = [motion.mean_ratio for motion in self.motions if motion.mean_ratio is not None]
         mean = f"Mean distance from the path at the motor encoders {number(1e3 * max(after), 3)} mm"
         mean += " at most" if len(after) > 1 else ""
-        unseen = self.unseen or ENCODERS_AT_MOTORS
         if not ratios:
-            return Verdict.of([], mean, f"No run to compare with was given. {unseen}")
+            return Verdict.of([], mean, f"No run to compare with was given. {self.unseen}")
         least = min(ratios)
         if least < 1.0:
             changed = f"error grew {number(1.0 / max(least, 1e-12), 3)} times"
@@ -258,7 +257,7 @@ class TrackingSection(Section):
             changed = f"error reduced {number(least, 3)} times"
             changed += " at least" if len(ratios) > 1 else ""
         two = "Before and after are two runs of the same motion."
-        return Verdict.of([], f"{mean}: {changed}", f"{two} {unseen}")
+        return Verdict.of([], f"{mean}: {changed}", f"{two} {self.unseen}")
 
 
 def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str, ...]:

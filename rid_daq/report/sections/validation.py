@@ -46,8 +46,7 @@ class AxisError(Section):
     over_noise : float or None
         The error over what noise alone leaves, where periods show it.
     grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it. Left out in results of version 0.1, and
-        of an external model.
+        "good", "doubtful" or "bad", and what decides it. Left out of an external model.
     """
 
     joint: str

@@ -56,8 +56,7 @@ class AxisLoop(Section):
     inertia, damping : float
         Apparent ones of the axis. They have no interval: friction that holds and other joints that
         give way bias them by more than the noise. With them the share that is not explained
-        (`mechanics_misfit`), and what noise alone leaves of it (`mechanics_noise`; left out by
-        0.1).
+        (`mechanics_misfit`), and what noise alone leaves of it (`mechanics_noise`).
     velocity_margins, position_margins : LoopMargins
         Of the two loops.
     position_peak : float
@@ -70,7 +69,7 @@ class AxisLoop(Section):
         What is wrong, if anything.
     grade, reason : str or None
         "good", "doubtful" or "bad" by the share that the mechanics leave unexplained, and what
-        decides it; left out by versions that did not grade.
+        decides it.
     """
 
     joint: str
@@ -97,8 +96,8 @@ class AxisLoop(Section):
     cascade: CascadeCurves
     findings: Texts
     grade: Grade | None = None
-    reason: str | None = None
-    mechanics_noise: float | None = None
+    reason: str
+    mechanics_noise: float
 
     @property
     def left_words(self) -> str:

@@ -98,7 +98,7 @@ async function showPaths(run) {
   ]);
   const columns = ["motion", "mean before", "mean after", "", "largest before", "largest after"];
   const cards = await figuresOf(run, (name) => name.startsWith("path-"), (name) => name === "path-1");
-  const list = [...new Set([tracking.unseen ?? "", ...(notes ?? []), ...tracking.motions.map((each) => each.use)])].filter(Boolean);
+  const list = [...new Set([tracking.unseen, ...(notes ?? []), ...tracking.motions.map((each) => each.use)])].filter(Boolean);
   place.replaceChildren(table(columns, rows, null, "distance from the path, at the motor encoders"), findingList(list.map(told)), ...cards);
 }
 

@@ -193,9 +193,9 @@ function parameters(payload) {
 
 function axes(payload) {
   const rows = payload.axes.map((axis) => [
-    axis.joint, gradeOf(axis.grade), axis.reason ?? "–", `${number(axis.payload, 3)} ${axis.unit}`,
+    axis.joint, gradeOf(axis.grade), axis.reason, `${number(axis.payload, 3)} ${axis.unit}`,
     `${number(axis.residual, 3)} ${axis.unit}`,
-    axis.residual_percent == null ? "–" : `${number(axis.residual_percent, 3)} %`,
+    `${number(axis.residual_percent, 3)} %`,
     axis.over_noise == null ? "–" : `${number(axis.over_noise, 2)} times`,
     axis.mass_per_percent == null ? "–" : `${number(axis.mass_per_percent, 2)} kg`,
   ]);
