@@ -182,7 +182,9 @@ def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
 
 def test_a_value_that_is_meant_is_named_in_its_file(tmp_path: Path) -> None:
     text = bundled("robots").replace("torque: 600.0", "torque: 600000.0")
+    assert "joints.1.limits.torque" in refusal(tmp_path, "robot", text)
     loaded(tmp_path, "robot", f"{text}\nimplausible_on_purpose: [joints.1.limits.torque]\n")
+    assert load_robot(str(tmp_path / "robot.yaml")).joints[1].limits.torque == 600000.0
 
 
 def test_a_map_s_own_unit_is_the_unit_of_its_zero(tmp_path: Path) -> None:
@@ -261,6 +263,8 @@ cad: [{{mass_kg: {mass}, inertia_kg_m2: [{i}, 0.0, 0.0, {i}, 0.0, {i}]}}]
 )
 def test_small_large_and_fast_robots_are_plausible(size: dict[str, float], tmp_path: Path) -> None:
     loaded(tmp_path, "robot", ARM.format(**size))
+    limits = load_robot(str(tmp_path / "robot.yaml")).joints[0].limits
+    assert (limits.velocity, limits.torque) == (size["speed"], size["torque"])
 
 
 WITHOUT_RANGE = {

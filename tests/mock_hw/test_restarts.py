@@ -108,6 +108,7 @@ def test_a_second_boot_up_before_its_setup_takes_nothing_away(rig: Rig) -> None:
     rig.cell.axes.bring_up()
     rig.cell.axes.start()
     rig.cell.axes.enable()
+    assert (rig.base.nmt, rig.elbow.nmt) == (NmtState.OPERATIONAL, NmtState.OPERATIONAL)
 
 
 def test_the_resets_of_a_watch_trial_are_no_restarts(rig: Rig) -> None:

@@ -125,7 +125,10 @@ class TestDrawings:
         assert "principal moments" in message
 
     def test_a_thin_rod_is_a_body(self) -> None:
-        read("cad: [{mass_kg: 1.0, inertia_kg_m2: [0.0, 0.0, 0.0, 0.1, 0.0, 0.1]}, {mass_kg: 1.0}]")
+        inertia = "inertia_kg_m2: [0.0, 0.0, 0.0, 0.1, 0.0, 0.1]"
+        robot = read(f"cad: [{{mass_kg: 1.0, {inertia}}}, {{mass_kg: 1.0}}]")
+        assert robot.cad is not None
+        assert robot.cad[0].inertia_kg_m2 == (0.0, 0.0, 0.0, 0.1, 0.0, 0.1)
 
 
 class TestCalibration:

@@ -141,8 +141,9 @@ def test_a_dask_cluster_computes_as_well(problem) -> None:
 
 def test_a_caller_that_has_seen_enough_may_stop(problem) -> None:
     stream = candidates(problem, range(50), CYCLE_S, iterations=5, jobs=1)
-    next(stream)
+    assert next(stream).seed == 0
     stream.close()
+    assert next(stream, None) is None
 
 
 def test_a_scheduler_that_does_not_answer_is_told(problem, monkeypatch) -> None:

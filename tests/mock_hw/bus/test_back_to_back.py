@@ -135,6 +135,12 @@ def test_a_thread_safe_bus_sends_from_many_threads(serve: Serve) -> None:
 
 
 def test_a_bus_shuts_down_twice(serve: Serve) -> None:
-    bus = open_bus(serve(realtime=True))
+    hub = serve(realtime=True)
+    bus = open_bus(hub)
     bus.shutdown()
     bus.shutdown()
+    with open_bus(hub) as one, open_bus(hub) as other:
+        one.send(can.Message(arbitration_id=0x12, is_extended_id=False))
+        got = other.recv(PATIENCE_S)
+    assert got is not None
+    assert got.arbitration_id == 0x12

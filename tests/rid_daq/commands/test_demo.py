@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,25 +12,42 @@ from tests.builders.screens import noted, require_fitting
 pytestmark = pytest.mark.slow
 
 
-NUMBERS = Path(__file__).with_name("demo_numbers.json")
-SECTIONS = (
-    *("average", "estimate", "validation", "tracking", "retiming", "truth"),
-    "without_unmodelled",
-)
+ANY = float("inf")
+# Lowest and highest value of all numbers at a place, and how many there are.
+BOUNDS: dict[str, tuple[float, float, int]] = {
+    "average.samples_per_period": (1250, 1250, 1),
+    "average.missing_samples": (0, 0, 1),
+    "average.axes.*.torque_noise": (0.3, 2.0, 3),
+    "average.axes.*.position_noise": (1e-7, 5e-6, 3),
+    "estimate.condition_number": (10.0, 60.0, 1),
+    "estimate.equations": (400, 700, 1),
+    "estimate.axes.*.percent": (0.1, 1.0, 3),
+    "estimate.axes.*.over_noise": (1.0, 5.0, 3),
+    "validation.axes.*.relative_error_percent": (0.5, 2.0, 3),
+    "validation.axes.*.all_samples_percent": (1.0, 5.0, 3),
+    "validation.axes.*.error_over_floor": (0.5, 1.0, 3),
+    "tracking.motions.*.before.mean_m": (1e-3, 4e-3, 2),
+    "tracking.motions.*.after.mean_m": (0.0, 1e-4, 2),
+    "tracking.motions.*.after.max_m": (0.0, 1e-3, 2),
+    "tracking.motions.*.mean_ratio": (20.0, ANY, 2),
+    "tracking.motions.*.max_ratio": (7.0, ANY, 2),
+    "retiming.moving_s": (0.9, 1.1, 1),
+    "retiming.joints.*.speed_share": (0.0, 1.0, 3),
+    "retiming.joints.*.acceleration_share": (0.0, 1.0, 3),
+    "without_unmodelled.estimate.condition_number": (10.0, 80.0, 1),
+    "without_unmodelled.estimate.parameters.*.deviation_sigmas": (-3.5, 3.5, 23),
+    "without_unmodelled.estimate.axes.*.percent": (0.05, 0.5, 3),
+    "without_unmodelled.estimate.axes.*.over_noise": (0.7, 1.1, 3),
+    "without_unmodelled.validation.axes.*.relative_error_percent": (0.5, 2.0, 3),
+    "without_unmodelled.validation.axes.*.error_over_floor": (0.95, 1.05, 3),
+}
 
 
-def numbers(value: object, place: str) -> dict[str, float]:
-    """Return the numbers of a result by where they stand, without the curves of pictures."""
-    if isinstance(value, bool | str) or value is None:
-        return {}
-    if isinstance(value, int | float):
-        return {place: value}
-    assert isinstance(value, dict | list)
-    found: dict[str, float] = {}
-    for key, part in value.items() if isinstance(value, dict) else enumerate(value):
-        if key not in ("drawn", "ways"):
-            found |= numbers(part, f"{place}.{key}")
-    return found
+def numbers_at(value: Any, place: str) -> list[float]:
+    """Return the numbers of a document at a place, of which `*` stands for each of a list."""
+    key, _, rest = place.partition(".")
+    parts = value if key == "*" else [value[key]]
+    return [n for part in parts for n in (numbers_at(part, rest) if rest else [part])]
 
 
 def test_the_whole_demo_reaches_what_it_is_held_to(
@@ -39,21 +57,23 @@ def test_the_whole_demo_reaches_what_it_is_held_to(
         assert run(["demo", "--json", "--runs", str(tmp_path)]) == 0
     require_fitting(["demo"], calls)
     document = json.loads(capsys.readouterr().out)
-    found = {place: n for key in SECTIONS for place, n in numbers(document[key], key).items()}
-    # bit by bit on one computer; another one's arithmetic may round otherwise
-    assert found == pytest.approx(json.loads(NUMBERS.read_text()), rel=1e-6, abs=1e-12)
+    for place, (lowest, highest, count) in BOUNDS.items():
+        found = numbers_at(document, place)
+        assert len(found) == count, place
+        assert all(lowest <= n <= highest for n in found), (place, found)
+    for joint in document["retiming"]["joints"]:
+        assert joint["torque_uncertain_peak"] <= joint["torque_limit"]
+    for base in document["retiming"]["base"]:
+        assert base["peak"] + base["margin"] <= base["limit"] * (1.0 + 1e-6)
     assert document["average"]["periods_kept"] == 16
     assert document["validation"]["has_floor"]
-    assert all(axis["error_over_floor"] <= 1.3 for axis in document["validation"]["axes"])
     off = document["truth"][1]
     assert off["inside"] >= 0.9 * off["of"]
     assert len(document["verdict"]["checks"]) == 11
     assert all(check["passed"] for check in document["verdict"]["checks"])
     circle, path = document["tracking"]["motions"]
     assert (circle["use"], path["use"]) == ("tuned on it", "never used")
-    assert 1e-3 < circle["before"]["mean_m"] < 3e-3
-    assert circle["mean_ratio"] > 10.0
-    assert path["mean_ratio"] > 6.0
+    assert circle["mean_ratio"] > path["mean_ratio"]
     driven = document["retiming"]["driven"]
     before, after = driven["before"], driven["after"]
     assert after["moving_s"] < 0.8 * before["moving_s"]
@@ -63,7 +83,7 @@ def test_the_whole_demo_reaches_what_it_is_held_to(
     assert after["max_m"] < 3.0 * before["max_m"]
     page = Path(document["report"]).read_text()
     assert "As it was driven" in page
-    assert "as measured (dotted)" in page
+    assert "Dotted: as measured" in page
     assert page.count("times as large") == 4
     assert [run["role"] for run in document["runs"]][2:] == [
         "Multisine",
