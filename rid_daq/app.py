@@ -68,11 +68,7 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
         "sensitivity": "what wrong knowledge of the robot does to a payload's estimate",
     },
     "Path": {
-        "loop": "the drives' velocity loops, out of a multisine run",
-        "compensate": "the feedforward that makes a motion accurate, from model and loops",
-        "refine": "the next feedforward, from what the robot missed with this one",
         "stream": "follow a path more closely, live: from a file or from another program",
-        "tracking": "how far the robot was from where it should have been",
     },
     "Runs": {
         "runs": "list the runs, and check that their files are unchanged",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 import typing
 from pathlib import Path
@@ -69,12 +70,10 @@ class OperationCommand(click.Command):
         with formatter.section("Examples"):
             columns = formatter.width - formatter.current_indent - len(_GOES_ON)
             for example in self._operation.examples:
-                lines = textwrap.wrap(
-                    f"rid-daq {example}", columns, subsequent_indent="    ", break_on_hyphens=False
-                )
-                for line in lines[:-1]:
+                *lines, last = _wrapped(f"rid-daq {example}", columns)
+                for line in lines:
                     formatter.write(f"{'':{formatter.current_indent}}{line}{_GOES_ON}\n")
-                formatter.write(f"{'':{formatter.current_indent}}{lines[-1]}\n")
+                formatter.write(f"{'':{formatter.current_indent}}{last}\n")
 
     def _call(self, *, service: str | None, as_json: bool, **given: Any) -> None:
         operation = self._operation
@@ -150,6 +149,13 @@ def _parameter(key: str, shown: ShownField) -> click.Parameter:
         required=required,
         type=value,
     )
+
+
+def _wrapped(command: str, columns: int) -> list[str]:
+    """Return a command in lines; an option stays beside its value."""
+    joined = re.sub(r" (?!-)", "\0", command)
+    lines = textwrap.wrap(joined, columns, subsequent_indent="    ", break_on_hyphens=False)
+    return [line.replace("\0", " ") for line in lines]
 
 
 def _pair(shown: ShownField, text: str) -> tuple[str, str]:

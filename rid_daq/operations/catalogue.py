@@ -18,7 +18,11 @@ class Entry(NamedTuple):
 
 
 CATALOGUE: Final = {
+    "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
+    "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),
+    "refine": Entry("path", "Path", "correct a feedforward by the error that remained with it"),
+    "tracking": Entry("path", "Path", "compare measured with commanded positions"),
 }
 """Every operation by its name; its module is `rid_daq.operations.ROOM.NAME`."""
 

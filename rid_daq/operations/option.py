@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, GetJsonSchemaHandler
@@ -78,4 +79,32 @@ Overwrite = Annotated[
     bool,
     Field(description="Replace existing output files."),
     Option(group=FILES, negatable=True),
+]
+
+RunName = Annotated[
+    str,
+    Field(description="Run: a folder, an id, a label, or `latest`."),
+    Option(positional=True, metavar="RUN"),
+]
+
+RunNames = Annotated[
+    tuple[str, ...],
+    Field(min_length=1, description="Runs: folders, ids, labels, or `latest`."),
+    Option(positional=True, metavar="RUN..."),
+]
+
+RunsFolder = Annotated[
+    Path,
+    Field(description="Folder that holds the run folders."),
+    Option(group=FILES, metavar="FOLDER", owned=True),
+]
+DEFAULT_RUNS: Final = Path("runs")
+
+Unfinished = Annotated[
+    bool,
+    Field(
+        description="Use a run that was never finished too, such as one that a killed program left;"
+        " the report says so."
+    ),
+    Option(group=FILES),
 ]

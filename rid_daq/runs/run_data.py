@@ -334,9 +334,14 @@ def lacks(runs: Sequence[RunData]) -> list[str]:
     return said
 
 
+def every_lack(runs: Sequence[RunData]) -> list[str]:
+    """Return what runs lack, and what their robot's kinematics lack."""
+    return [*lacks(runs), *(runs[0].robot.kinematics.notes if runs else ())]
+
+
 def report_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
     """Say what runs lack, and return it."""
-    said = [*lacks(runs), *(runs[0].robot.kinematics.notes if runs else ())]
+    said = every_lack(runs)
     for note in said:
         console.say(f"note: {note}")
     return said

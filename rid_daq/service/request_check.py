@@ -49,9 +49,6 @@ OUTPUT_ENDINGS: Final = MappingProxyType(
     {
         JobKind.DESIGN: (".yaml",),
         JobKind.IDENTIFY: _JSON,
-        JobKind.LOOP: _JSON,
-        JobKind.COMPENSATE: _JSON,
-        JobKind.REFINE: _JSON,
         JobKind.PAYLOAD_IDENTIFY: _JSON,
         JobKind.PAYLOAD_CERTIFICATE: (".pdf",),
         JobKind.EXPORT: (

@@ -30,11 +30,7 @@ _MODULES = {
     JobKind.PAYLOAD_EXPORT: "payload.export",
     JobKind.PAYLOAD_READ_BACK: "payload.read_back",
     JobKind.PAYLOAD_CERTIFICATE: "payload.certificate",
-    JobKind.LOOP: "compensation.loop",
-    JobKind.COMPENSATE: "compensation.compensate",
-    JobKind.REFINE: "compensation.refine",
     JobKind.STREAM: "compensation.stream",
-    JobKind.TRACKING: "compensation.tracking",
 }
 """Where a kind's performer stands, where its file is not called as the kind is."""
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from rid_daq.operations.option import Option
+from rid_daq.operations.option import FILES, Option
 
 ModelFile = Annotated[
     Path,
@@ -23,4 +23,16 @@ Temperature = Annotated[
         " model without thermometers."
     ),
     Option(metavar="°C,..."),
+]
+
+LoopsFile = Annotated[
+    Path,
+    Field(description="File of velocity loops that `loop` wrote."),
+    Option(metavar="LOOPS", file="input"),
+]
+
+FeedforwardOutput = Annotated[
+    Path,
+    Field(description="Feedforward file to write."),
+    Option(short="o", metavar="FEEDFORWARD", group=FILES, file="output", endings=(".json",)),
 ]

@@ -8,7 +8,7 @@ import numpy as np
 
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade, grade_fit
-from rid_daq.blocks.formats import measured, number
+from rid_daq.blocks.formats import number
 from rid_daq.report.sections.loop_curves import (
     CascadeCurves,
     ControllerResponse,
@@ -16,7 +16,6 @@ from rid_daq.report.sections.loop_curves import (
     MechanicsResponse,
 )
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from compensation.loops.cascade import Cascade, GainAdvice
@@ -204,49 +203,6 @@ class VelocityLoopsSection(Section):
         """The joints whose measured response the fitted loop does not explain."""
         return tuple(axis.joint for axis in self.axes if axis.grade is Grade.BAD)
 
-    def print(self, console: Console) -> None:
-        """Print controllers, margins, distortion and advice."""
-        console.table(
-            ("axis", "gain", "± 2σ", "integral time [s]", "± 2σ", "delay + lag [ms]", "p", "white"),
-            [
-                (
-                    axis.joint,
-                    *_gain(axis),
-                    *measured(axis.integral_time_s, 2.0 * axis.std["integral_time_s"]),
-                    f"{1e3 * (axis.delay_s + axis.lag_s):.2f}",
-                    f"{axis.p_value:.2g}",
-                    f"{axis.whiteness:.2g}",
-                )
-                for axis in self.axes
-            ],
-        )
-        console.table(
-            ("axis", "apparent inertia", "velocity loop", "", "position loop", "", "largest K_v"),
-            [
-                (
-                    axis.joint,
-                    f"{number(axis.inertia, 3)} {axis.inertia_unit}",
-                    *axis.velocity_margins.words,
-                    *axis.position_margins.words,
-                    f"{number(axis.largest_position_gain_per_s, 3)} 1/s",
-                )
-                for axis in self.axes
-            ],
-        )
-        for axis in self.axes:
-            lines = axis.response.frequency_hz
-            console.say(
-                f"{axis.joint}: {len(lines)} lines from {lines[0]:.3g} to {lines[-1]:.3g} Hz;"
-                f" {_distortion(axis)}."
-            )
-            if axis.grade is not None:
-                console.say(
-                    f"{axis.joint}: {axis.left_words}; the fit is {axis.grade}, {axis.reason}."
-                )
-            for finding in axis.findings:
-                console.say(f"{axis.joint}: {finding}.")
-        console.say(self.advice)
-
 
 def _sentence(measured: LoopMeasurement) -> str:
     first, left_out = measured.controllers[0], measured.left_out
@@ -290,23 +246,3 @@ def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
             " elastic, or stuck; its margins do not hold"
         )
     return found
-
-
-def _gain(axis: AxisLoop) -> tuple[str, str]:
-    gain, reach = measured(axis.gain, 2.0 * axis.std["gain"])
-    return f"{gain} {axis.unit}", reach
-
-
-def _distortion(axis: AxisLoop) -> str:
-    parts = []
-    for kind, found in (("even", axis.response.even), ("odd", axis.response.odd)):
-        if found.level:
-            level, noise = number(_rms(found.level), 2), number(_rms(found.noise), 2)
-            parts.append(f"{kind} {level} (noise {noise})")
-    if not parts:
-        return "no line was left empty, so distortion is not told"
-    return f"distortion [{axis.unit} RMS]: {', '.join(parts)}"
-
-
-def _rms(values: Numbers) -> float:
-    return float((sum(value**2 for value in values) / len(values)) ** 0.5)

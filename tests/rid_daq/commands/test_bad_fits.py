@@ -13,9 +13,9 @@ from identification.friction.fits import fit_friction
 from identification.regression.fit_grade import Grade
 from rid_daq.app import run
 from rid_daq.jobs.friction_job import FrictionMeasured
-from rid_daq.jobs.loop_job import LoopsMeasured
+from rid_daq.operations.path import loop_measurement
+from rid_daq.operations.path.loop_measurement import LoopsMeasured
 from rid_daq.performers import friction
-from rid_daq.performers.compensation import loop
 from rid_daq.report.result import Result
 from rid_daq.report.sections.friction import FrictionSection
 
@@ -61,7 +61,7 @@ def test_a_loop_that_does_not_explain_its_response(
     first = first.model_copy(update={"grade": grade, "reason": "40 % is left"})
     section = section.model_copy(update={"axes": (first, *others)})
     found = LoopsMeasured("a-run", section, Path("loops.json"), Path("report.html"), [], "ir361")
-    monkeypatch.setattr(loop, "measure_velocity_loops", lambda request: found)
+    monkeypatch.setattr(loop_measurement, "measure_velocity_loops", lambda request: found)
     assert run(["loop", "a-run"]) == code
     said = " ".join(capsys.readouterr().out.split())
     assert f"{first.joint}: an inertia leaves" in said

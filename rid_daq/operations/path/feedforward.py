@@ -1,4 +1,4 @@
-"""Feedforward that makes a motion accurate: from model and loops, refined by what was missed."""
+"""Feedforward files: computed from model and loops, refined by the error of runs with it."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from config.load import load_cell
-from config.ranges import Ranged
 from identification.estimation.estimate import Estimate
 from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
+from rid_daq.operations.path.compensate import CompensateRequest
+from rid_daq.operations.path.refine import RefineRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 from rid_daq.runs.origins import cell_of
@@ -37,38 +38,6 @@ from rid_daq.runs.run_data import MOTION, lacks
 
 GROWN: Final = 1.2
 STALLED: Final = 0.9
-
-
-@dataclass(frozen=True)
-class CompensateRequest(Ranged):
-    """What `rid-daq compensate` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    motion, model, loop, output : Path
-        The motion file, a model by `identify`, loops by `loop`, and the file to write.
-    runs : Path
-        The folder of the run folders.
-    reference : str or None
-        The run by which scale and delay are tuned.
-    temperature : str or None
-        How warm the joints are, as `compensation.operating_temperature` has it.
-    overwrite, unfinished : bool
-        Whether the file may be replaced, and a run that was never finished will do.
-    """
-
-    cell: str
-    motion: Path
-    model: Path
-    loop: Path
-    output: Path
-    runs: Path
-    reference: str | None = None
-    temperature: str | None = None
-    overwrite: bool = False
-    unfinished: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,34 +60,6 @@ class Compensated:
     largest: dict[str, float]
     tuning: TuningEntry | None
     notes: list[str]
-
-
-@dataclass(frozen=True)
-class RefineRequest(Ranged):
-    """What `rid-daq refine` was asked for.
-
-    Attributes
-    ----------
-    run : sequence of str
-        Runs of one motion with one feedforward.
-    model, loop, output : Path
-        A model by `identify`, loops by `loop`, and the file to write.
-    runs : Path
-        The folder of the run folders.
-    temperature : str or None
-        How warm the joints are, as `compensation.operating_temperature` has it.
-    overwrite, unfinished : bool
-        Whether the file may be replaced, and a run that was never finished will do.
-    """
-
-    run: Sequence[str]
-    model: Path
-    loop: Path
-    output: Path
-    runs: Path
-    temperature: str | None = None
-    overwrite: bool = False
-    unfinished: bool = False
 
 
 @dataclass(frozen=True)

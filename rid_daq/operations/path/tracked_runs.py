@@ -1,40 +1,19 @@
-"""`rid-daq tracking`: how closely runs followed their motions, each beside the run before it."""
+"""`track_runs`: compare measured with commanded positions, and write the report."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
-from config.ranges import Ranged
+from rid_daq.operations.path.tracking import TrackingRequest
 from rid_daq.report.sections.tracking import TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import followed
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
-from rid_daq.runs.run_data import report_lacks, result_of
-from rid_daq.terminal.console import Console, as_command
-
-
-@dataclass(frozen=True)
-class TrackingRequest(Ranged):
-    """What `rid-daq tracking` was asked for.
-
-    Attributes
-    ----------
-    run, against : sequence of str
-        Runs, and those of the same motions without compensation.
-    runs : Path
-        The folder of the run folders.
-    unfinished : bool
-        Whether runs that were never finished will do.
-    """
-
-    run: Sequence[str]
-    against: Sequence[str]
-    runs: Path
-    unfinished: bool = False
+from rid_daq.runs.run_data import every_lack, result_of
+from rid_daq.terminal.console import as_command
 
 
 @dataclass(frozen=True)
@@ -59,7 +38,7 @@ class Tracked:
     report: Path
 
 
-def track_runs(request: TrackingRequest, console: Console) -> Tracked:
+def track_runs(request: TrackingRequest) -> Tracked:
     """Compare positions reached with positions wanted, and put it into the first run's report.
 
     Raises
@@ -79,7 +58,7 @@ def track_runs(request: TrackingRequest, console: Console) -> Tracked:
     )
     first = driven[0]
     robot = first.data.robot
-    notes = report_lacks(console, [one.data for one in (*driven, *others)])
+    notes = every_lack([one.data for one in (*driven, *others)])
     for one in (*driven, *others):
         other_tool = one.data.robot.tool_offset_m != robot.tool_offset_m
         if one.data.robot.differences(robot) or other_tool:

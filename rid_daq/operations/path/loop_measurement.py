@@ -1,4 +1,4 @@
-"""The velocity loops of a multisine run: measured, written, and put into its report."""
+"""`measure_velocity_loops`: fit the velocity loops of a multisine run, and write them."""
 
 from __future__ import annotations
 
@@ -14,36 +14,13 @@ from compensation.loops.loop_measurement import measure_loops
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
-from config.ranges import Ranged
+from rid_daq.operations.path.loop import LoopRequest
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs import made_file
 from rid_daq.runs.origins import cell_of
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
-
-
-@dataclass(frozen=True)
-class LoopRequest(Ranged):
-    """What `rid-daq loop` was asked for.
-
-    Attributes
-    ----------
-    run : str
-        A multisine run: folder, id, label or `latest`.
-    runs : Path
-        The folder of the run folders.
-    output : Path or None
-        The file of loops; the run's `loops.json` if None.
-    overwrite, unfinished : bool
-        Whether the file may be replaced, and a run that was never finished will do.
-    """
-
-    run: str
-    runs: Path
-    output: Path | None = None
-    overwrite: bool = False
-    unfinished: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,156 @@
+"""`compensate`: compute the velocity feedforward that makes a motion accurate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Column, Interval, Next, Table, Text
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import (
+    DEFAULT_RUNS,
+    CellName,
+    Option,
+    Overwrite,
+    RunsFolder,
+    Unfinished,
+)
+from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from compensation.feedforward.file import TuningEntry
+    from rid_daq.operations.path.feedforward import Compensated
+
+
+class CompensateRequest(Request):
+    """Compute the velocity feedforward that makes the drives produce the torques of a motion.
+
+    A reference run tunes scale and delay of the feedforward, joint by joint. It may be of this or
+    of another periodic motion, with or without compensation, and is averaged over its periods.
+    Nothing moves. Run the motion with the result by `rid-daq record CELL MOTION --feedforward
+    FEEDFORWARD`.
+    """
+
+    cell: CellName
+    motion: Annotated[
+        Path,
+        Field(description="Motion file."),
+        Option(positional=True, metavar="MOTION", file="input"),
+    ]
+    model: ModelFile
+    loop: LoopsFile
+    output: FeedforwardOutput
+    reference: Annotated[
+        str | None,
+        Field(description="Run of a periodic motion that tunes scale and delay of each joint."),
+        Option(metavar="RUN"),
+    ] = None
+    temperature: Temperature = None
+    overwrite: Overwrite = False
+    unfinished: Unfinished = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class CompensateResult:
+    """A feedforward that was written.
+
+    Attributes
+    ----------
+    request : CompensateRequest
+        What was asked for.
+    made : Compensated
+        Its size, and what the reference run showed.
+    """
+
+    request: CompensateRequest
+    made: Compensated
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        tuning = self.made.tuning
+        return {
+            "feedforward": str(self.request.output),
+            "rows": self.made.rows,
+            "largest_correction": self.made.largest,
+            "tuning": None if tuning is None else tuning.model_dump(mode="json"),
+            "notes": self.made.notes,
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, the tuning, the largest corrections, the next command."""
+        for note in self.made.notes:
+            yield Text(text=f"note: {note}")
+        if self.made.tuning is not None:
+            yield from _tuning_blocks(self.made.tuning, tuple(self.made.largest))
+        changes = ", ".join(f"{name} {value:.3g}" for name, value in self.made.largest.items())
+        yield Text(text=f"Largest correction of the speed [rad/s or m/s]: {changes}.")
+        request = self.request
+        words = ("record", request.cell, str(request.motion), "--feedforward", str(request.output))
+        yield Next(words=words)
+
+
+def _tuning_blocks(tuning: TuningEntry, names: tuple[str, ...]) -> Iterator[AnyBlock]:
+    yield Text(
+        text="Scale and delay of the feedforward by the reference run. If it does not determine"
+        " them, 1 and 0 are applied."
+    )
+    yield Table(
+        columns=(
+            Column(title="joint", is_text=True),
+            Column(title="scale ± 2σ"),
+            Column(title="applied scale"),
+            Column(title="delay ± 2σ", unit="ms"),
+            Column(title="applied delay", unit="ms"),
+        ),
+        rows=tuple(
+            (
+                name,
+                Interval(value=scale, reach=2.0 * scale_std),
+                applied,
+                Interval(value=1e3 * delay_s, reach=2e3 * delay_std_s),
+                1e3 * applied_s,
+            )
+            for name, scale, scale_std, applied, delay_s, delay_std_s, applied_s in zip(
+                names,
+                tuning.scale,
+                tuning.scale_std,
+                tuning.applied_scale,
+                tuning.delay_s,
+                tuning.delay_std_s,
+                tuning.applied_delay_s,
+                strict=True,
+            )
+        ),
+    )
+    left = [name for name, used in zip(names, tuning.used, strict=True) if not used]
+    if left:
+        yield Text(
+            text=f"Not tuned, since the reference run moves them too little: {', '.join(left)}."
+        )
+
+
+def run(request: CompensateRequest, _context: Context) -> CompensateResult:
+    """Compute the feedforward and write it."""
+    from rid_daq.operations.path.feedforward import compensate_motion
+
+    return CompensateResult(request, compensate_motion(request))
+
+
+OPERATION: Final = Operation(
+    name="compensate",
+    label="Compute a feedforward",
+    request=CompensateRequest,
+    run=run,
+    examples=(
+        "compensate ir361 circle.yaml --model model.json --loop loops.json --output ff.json",
+        "compensate ir361 circle.yaml --model model.json --loop loops.json --output ff.json"
+        " --reference latest --overwrite",
+    ),
+)

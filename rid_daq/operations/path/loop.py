@@ -1,0 +1,102 @@
+"""`loop`: measure the velocity loops of the drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import (
+    DEFAULT_RUNS,
+    FILES,
+    Option,
+    Overwrite,
+    RunName,
+    RunsFolder,
+    Unfinished,
+)
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.path.loop_measurement import LoopsMeasured
+
+DATA_QUALITY: Final = 6
+
+
+class LoopRequest(Request):
+    """Measure the frequency responses of the velocity loops, and fit gain and integral time.
+
+    The run must be of a motion that `rid-daq design --kind multisine` wrote. Intervals are two
+    standard deviations, from the differences between periods and between realisations. The margins
+    are those of current, velocity and position loop together. The report of the run has all
+    figures. If the fit of a joint is bad, the exit code is 6.
+    """
+
+    run: RunName
+    output: Annotated[
+        Path | None,
+        Field(description="File of velocity loops to write; loops.json of the run if not set."),
+        Option(short="o", metavar="LOOPS", group=FILES, file="output", endings=(".json",)),
+    ] = None
+    overwrite: Overwrite = False
+    unfinished: Unfinished = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """Velocity loops that were measured and written.
+
+    Attributes
+    ----------
+    found : LoopsMeasured
+        The loops, and the files with them.
+    """
+
+    found: LoopsMeasured
+
+    @property
+    def exit_code(self) -> int:
+        """6 if the fit of a joint is bad."""
+        return DATA_QUALITY if self.found.section.bad_joints else 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        found = self.found
+        names = {"run": found.run_id, "loops": str(found.output), "report": str(found.report)}
+        return {**names, **found.section.model_dump(mode="json"), "notes": found.notes}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, controllers, margins, advice, files and the next command."""
+        from rid_daq.report.shown.velocity_loops import loop_blocks
+
+        found = self.found
+        for note in found.notes:
+            yield Text(text=f"note: {note}")
+        yield from loop_blocks(found.section)
+        yield Text(text=f"Report: {found.report}")
+        yield Text(text=f"Loops: {found.output}")
+        if not self.exit_code:
+            words = ("compensate", found.cell, "MOTION", "--model", "MODEL")
+            yield Next(words=(*words, "--loop", str(found.output), "-o", "FEEDFORWARD"))
+
+
+def run(request: LoopRequest, _context: Context) -> LoopResult:
+    """Measure the loops and write them."""
+    from rid_daq.operations.path.loop_measurement import measure_velocity_loops
+
+    return LoopResult(measure_velocity_loops(request))
+
+
+OPERATION: Final = Operation(
+    name="loop",
+    label="Measure the velocity loops",
+    request=LoopRequest,
+    run=run,
+    examples=("loop latest --output loops.json", "loop multisine --overwrite --json"),
+)

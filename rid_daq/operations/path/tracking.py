@@ -1,0 +1,149 @@
+"""`tracking`: compare measured with commanded positions, joint by joint and along the path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Cell, Column, Table, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.path.tracked_runs import Tracked
+    from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion
+
+
+class TrackingRequest(Request):
+    """Compare measured with commanded positions, joint by joint and along the path of the tool.
+
+    Runs of several motions, each with its own run to compare with, make one table and one report in
+    the folder of the first run. Only the main part of a motion counts. The kinematics are those of
+    the robot file.
+    """
+
+    run: RunNames
+    against: Annotated[
+        tuple[str, ...],
+        Field(
+            description="Run of the same motion to compare with, such as one without feedforward."
+        ),
+        Option(metavar="RUN"),
+    ] = ()
+    unfinished: Unfinished = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class TrackingResult:
+    """Path errors of runs.
+
+    Attributes
+    ----------
+    tracked : Tracked
+        The runs in pairs, their section of a report, notes.
+    """
+
+    tracked: Tracked
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        section = self.tracked.section
+        return {
+            "motions": self._motions(),
+            "measured_at": "motor encoders",
+            "unseen": section.unseen,
+            "with_stiffness": section.with_stiffness,
+            "without_stiffness": section.without_stiffness,
+            "notes": self.tracked.notes,
+            "report": str(self.tracked.report),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, the errors before and after, the verdict and its limits, the report."""
+        from rid_daq.report.sections.tracking import ENCODERS_AT_MOTORS
+
+        section = self.tracked.section
+        for note in self.tracked.notes:
+            yield Text(text=f"note: {note}")
+        yield Table(
+            columns=(
+                Column(title="motion", is_text=True),
+                Column(title="feedforward", is_text=True),
+                Column(title="mean error", unit="mm"),
+                Column(title="before", unit="mm"),
+                Column(title="reduced, times", digits=3),
+                Column(title="largest error", unit="mm"),
+                Column(title="before", unit="mm"),
+                Column(title="reduced, times", digits=3),
+            ),
+            rows=tuple(
+                (
+                    one.data.folder.manifest().label,
+                    motion.use,
+                    *_errors(motion, "mean_m", motion.mean_ratio),
+                    *_errors(motion, "max_m", motion.max_ratio),
+                )
+                for (one, _), motion in zip(self.tracked.pairs, section.motions, strict=True)
+            ),
+        )
+        yield Verdict(passed=None, text=section.verdict.headline)
+        yield Text(text=section.unseen or ENCODERS_AT_MOTORS)
+        yield Text(text=f"Report: {self.tracked.report}")
+
+    def _motions(self) -> list[dict[str, object]]:
+        joints = self.tracked.pairs[0][0].data.robot.joint_names
+        return [
+            {
+                "run": one.run_id,
+                "use": motion.use,
+                **_sizes(motion.after, joints),
+                "against": None
+                if before is None or motion.before is None
+                else {"run": before.run_id, **_sizes(motion.before, joints)},
+                "mean_ratio": motion.mean_ratio,
+                "max_ratio": motion.max_ratio,
+            }
+            for (one, before), motion in zip(
+                self.tracked.pairs, self.tracked.section.motions, strict=True
+            )
+        ]
+
+
+def _sizes(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:
+    return {
+        "mean_m": size.mean_m,
+        "max_m": size.max_m,
+        "joint_peak": dict(zip(joints, size.joint_peak, strict=True)),
+        "bending": None if size.bending is None else size.bending.model_dump(),
+    }
+
+
+def _errors(motion: FollowedMotion, key: str, ratio: float | None) -> tuple[Cell, Cell, Cell]:
+    """Return an error [mm], the one before it, and their ratio."""
+    before = None if motion.before is None else 1e3 * getattr(motion.before, key)
+    return 1e3 * getattr(motion.after, key), before, ratio
+
+
+def run(request: TrackingRequest, _context: Context) -> TrackingResult:
+    """Compare positions and write the report."""
+    from rid_daq.operations.path.tracked_runs import track_runs
+
+    return TrackingResult(track_runs(request))
+
+
+OPERATION: Final = Operation(
+    name="tracking",
+    label="Compare path errors",
+    request=TrackingRequest,
+    run=run,
+    examples=(
+        "tracking compensated --against plain",
+        "tracking circle-ff square-ff --against circle --against square --json",
+    ),
+)
