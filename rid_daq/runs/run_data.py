@@ -326,8 +326,6 @@ def lacks(runs: Sequence[RunData]) -> list[str]:
             case RunStatus.RECOVERED:
                 lost = manifest.facts.get("rows_lost", 0)
                 said.append(f"{name}: was recovered; {lost} rows are known to be lost")
-            case _:
-                pass
         found = () if data.import_report is None else data.import_report.findings
         held = held_sentence(next(data.parts()))
         said += [f"{name}: {note}" for note in (*data.damage, *found, *([held] if held else ()))]
