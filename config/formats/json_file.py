@@ -106,10 +106,16 @@ def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
 
 
 def _refuse_format(path: Path, error: ErrorDetails, what: str) -> None:
-    """Refuse a file whose first error is that it states another format."""
+    """Refuse a file whose first error is that it states another format of its own kind."""
     if error["loc"] == ("format",) and error["type"] == "literal_error":
-        expected = error.get("ctx", {}).get("expected")
-        raise other_format(f"{path}: {what}", error["input"], expected)
+        expected, found = str(error.get("ctx", {}).get("expected")), error["input"]
+        if _format_name(expected) == _format_name(repr(found)):
+            raise other_format(f"{path}: {what}", found, expected)
+
+
+def _format_name(shown: str) -> str:
+    """Return the name of a format such as 'rid-daq feedforward 1'; empty for a bare number."""
+    return shown.strip("'").rpartition(" ")[0]
 
 
 def other_format(where: str, found: object, expected: object) -> ConfigError:
