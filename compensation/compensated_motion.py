@@ -166,5 +166,6 @@ def refuse_torque(
             where += f", {place},"
         raise LimitError(
             f"{where} the motion takes {torque[row, j]:.4g} {unit} of joint {joint.name!r} by the"
-            f" model, its limit is {joint.limits.torque:g}: drive it more slowly"
+            f" model, its limit is {joint.limits.torque:g}: drive it more slowly",
+            code="RID-MOTION-LIMIT",
         )

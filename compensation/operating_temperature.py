@@ -66,7 +66,8 @@ def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | N
         if asked is not None:
             raise ConfigError(
                 f"--temperature {asked}: has no effect, friction in this model does not depend on"
-                " temperature; leave it out"
+                " temperature; leave it out",
+                code="RID-OPTION-NO-EFFECT",
             )
         return AtOperation(estimate)
     told = ", ".join(name for name, own in zip(names, depends, strict=True) if own)
@@ -76,14 +77,16 @@ def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | N
             raise ConfigError(
                 f"friction of {told} depends on temperatures that were measured: say at how many"
                 " degrees Celsius the drives work, --temperature 40, or one for each joint"
-                " separated by commas"
+                " separated by commas",
+                code="RID-MODEL-TEMPERATURE",
             )
         return _at_degrees(estimate, asked, names)
     if asked not in words:
         raise ConfigError(
             f"friction of {told} depends on warmth that nobody measured: say --temperature {WARM},"
             f" as the motion makes them that is repeated, or --temperature {COLD}, as after a long"
-            " rest"
+            " rest",
+            code="RID-MODEL-TEMPERATURE",
         )
     cold = np.array([joint.reference_temperature_k for joint in estimate.robot.joints])
     if asked == COLD:
@@ -93,7 +96,8 @@ def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | N
     if velocity is None:
         raise ConfigError(
             f"--temperature {WARM}: the motion comes point by point, nobody knows how warm it makes"
-            f" the joints: give --temperature {COLD}, or a motion file"
+            f" the joints: give --temperature {COLD}, or a motion file",
+            code="RID-MODEL-TEMPERATURE",
         )
     settled = estimate.warming.settled(estimate.robot, velocity)
     heat = ", ".join(
@@ -118,7 +122,8 @@ def _at_degrees(estimate: Estimate, asked: str, names: list[str]) -> AtOperation
     ):
         raise ConfigError(
             f"--temperature {asked}: give one temperature of {LOWEST_C:g} to {HIGHEST_C:g} °C, or"
-            f" {len(names)} separated by commas"
+            f" {len(names)} separated by commas",
+            code="RID-OPTION-SYNTAX",
         )
     each = np.broadcast_to(np.array(degrees), (len(names),))
     said = ", ".join(f"{value:g} °C" for value in degrees)

@@ -18,7 +18,8 @@ class RidDaqError(Exception):
     text : str
         What is wrong, where, and what to do.
     code : str
-        Stable name of the refusal, `RID-AREA-NAME`; empty for errors without a code.
+        Stable name of the error, `RID-AREA-NAME`, as declared in `config/bundled/error_codes`; an
+        error that is raised again with more text keeps it (``code=error.refusal``).
     """
 
     def __init__(self, text: str = "", *, code: str = "") -> None:
@@ -96,9 +97,9 @@ def with_notes(text: str, error: BaseException) -> str:
 
 
 @contextmanager
-def system_errors(kind: type[RidDaqError], what: str) -> Iterator[None]:
+def system_errors(kind: type[RidDaqError], what: str, *, code: str) -> Iterator[None]:
     """Raise what the operating system refuses as an error of a kind: `what`, and its reason."""
     try:
         yield
     except OSError as error:
-        raise kind(f"{what}: {error.strerror}") from error
+        raise kind(f"{what}: {error.strerror}", code=code) from error

@@ -105,7 +105,8 @@ def load_cell(reference: str) -> LoadedCell:
     if moved != robot.joint_names:
         raise ConfigError(
             f"{cell_tree.where(('axes',))}: axes move {', '.join(moved)}, but robot {robot.name}"
-            f" has {', '.join(robot.joint_names)}: list one axis a joint, in the robot's order"
+            f" has {', '.join(robot.joint_names)}: list one axis a joint, in the robot's order",
+            code="RID-CELL-JOINTS",
         )
     _check_home(cell_tree, cell, robot)
     plant = profile = drive_profile = None
@@ -187,7 +188,8 @@ def read_faults(path: str | Path, cell: CellConfig) -> tuple[FaultScript, bytes]
             if joint is not None and joint not in joints:
                 raise ConfigError(
                     f"{tree.where((part, number, 'joint'))}: cell {cell.name} has no joint"
-                    f" {joint!r}; it has {', '.join(joints)}"
+                    f" {joint!r}; it has {', '.join(joints)}",
+                    code="RID-CELL-JOINTS",
                 )
     return script, text
 
@@ -242,13 +244,18 @@ def read_named(
         path = folder / path
     if not looks_like_path and not path.is_file():
         if (path / f"{kind[:-1]}.yaml").is_file():
-            raise ConfigError(f"{path}: is a folder: give {path / f'{kind[:-1]}.yaml'}")
+            raise ConfigError(
+                f"{path}: is a folder: give {path / f'{kind[:-1]}.yaml'}", code="RID-FILE-UNKNOWN"
+            )
         names = bundled_names(kind)
         hint = difflib.get_close_matches(reference, names, n=1)
         meant = f" Did you mean {hint[0]}?" if hint else ""
         known = f" Bundled {kind}: {', '.join(names)}." if names else ""
-        raise ConfigError(f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}")
-    with system_errors(ConfigError, f"{path}: cannot read"):
+        raise ConfigError(
+            f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}",
+            code="RID-FILE-UNKNOWN",
+        )
+    with system_errors(ConfigError, f"{path}: cannot read", code="RID-FILE-READ"):
         return read_file(path, MAX_BYTES), str(path), path.parent
 
 
@@ -280,16 +287,20 @@ def validate(tree: YamlTree, model: type[T]) -> T:
     except ValidationError as error:
         details = error.errors(include_url=False)
         other = wrong_kind(tree, getattr(model, "__name__", ""))
-        code = "RID-FILE-PLACEHOLDER" if any(d["input"] == PLACEHOLDER for d in details) else ""
         lines = other or [described(tree, d, model) for d in details]
+        code = "RID-FILE-VALUE"
+        if any(detail["input"] == PLACEHOLDER for detail in details):
+            code = "RID-FILE-PLACEHOLDER"
+        elif other:
+            code = "RID-FILE-TYPE"
         raise _refused(tree, lines, code) from None
     found = [f"{tree.where(path)}: {key_name(path)}: {words}" for path, words in implausible(file)]
     if found:
-        raise _refused(tree, found)
+        raise _refused(tree, found, "RID-FILE-VALUE")
     return file
 
 
-def _refused(tree: YamlTree, lines: list[str], code: str = "") -> ConfigError:
+def _refused(tree: YamlTree, lines: list[str], code: str) -> ConfigError:
     """Return the error that says what is wrong with a file, a line each, as far as one can read."""
     more = [f"{tree.name}: … and {len(lines) - 20} more"] if len(lines) > 20 else []
     return ConfigError("\n".join((*lines[:20], *more)), code=code)
@@ -313,7 +324,8 @@ def _check_home(tree: YamlTree, cell: CellConfig, robot: RobotDescription) -> No
         if not low <= value <= high:
             raise ConfigError(
                 f"{tree.where(('home', number))}: home: {joint.name} would be at {value:g}, outside"
-                f" its limits {low:g} to {high:g}"
+                f" its limits {low:g} to {high:g}",
+                code="RID-CELL-VALUE",
             )
 
 
@@ -321,15 +333,20 @@ def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) ->
     n = len(robot.joints)
     for key, entries in (("links", plant.links), ("axes", plant.axes)):
         if len(entries) != n:
-            raise ConfigError(f"{tree.where((key,))}: {len(entries)} {key} for {n} joints")
+            raise ConfigError(
+                f"{tree.where((key,))}: {len(entries)} {key} for {n} joints", code="RID-PLANT-UNFIT"
+            )
     if plant.unmodelled is not None and len(plant.unmodelled.axes) != n:
         raise ConfigError(
             f"{tree.where(('unmodelled', 'axes'))}: {len(plant.unmodelled.axes)} axes"
-            f" for {n} joints"
+            f" for {n} joints",
+            code="RID-PLANT-UNFIT",
         )
     if (plant.spring is None) != (robot.spring is None):
         raise ConfigError(
-            f"{tree.where(('spring',))}: the plant and the robot must both have a spring or neither"
+            f"{tree.where(('spring',))}: the plant and the robot must both have a spring or"
+            " neither",
+            code="RID-PLANT-UNFIT",
         )
 
 
@@ -340,4 +357,6 @@ def _check_line(
         require_line(plate.amplifier, profile, cycle_time_s)
     except ConfigError as error:
         where = tree.where(("plate", "amplifier", "rate_hz"))
-        raise ConfigError(f"{where}: plate.amplifier.rate_hz: {error}") from None
+        raise ConfigError(
+            f"{where}: plate.amplifier.rate_hz: {error}", code=error.refusal
+        ) from None

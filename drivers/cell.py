@@ -68,7 +68,8 @@ class Cell:
     def _halt(self) -> None:
         if not self.axes.halt():
             raise DeviceFaultError(
-                "an axis was not seen at rest in time after the quick stop; use the emergency stop"
+                "an axis was not seen at rest in time after the quick stop; use the emergency stop",
+                code="RID-DRIVE-NOT-STOPPED",
             )
 
     def _disable(self) -> None:
@@ -76,7 +77,8 @@ class Cell:
         if unconfirmed:
             raise DeviceFaultError(
                 f"without confirmation that power is off: {', '.join(unconfirmed)}; make sure of it"
-                " before entering the cell"
+                " before entering the cell",
+                code="RID-DRIVE-NOT-STOPPED",
             )
 
 
@@ -120,4 +122,4 @@ def _attempt(action: Callable[[], None], troubles: list[RidDaqError]) -> None:
     except RidDaqError as error:
         troubles.append(error)
     except Exception as error:
-        troubles.append(DriverError(f"{type(error).__name__}: {error}"))
+        troubles.append(DriverError(f"{type(error).__name__}: {error}", code="RID-INTERNAL-ERROR"))

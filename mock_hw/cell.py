@@ -84,7 +84,10 @@ class SimulatedCell:
             The cell is not served.
         """
         if self._snapshots is None:
-            raise TransportError("this simulated cell is not running; enter it with 'with' first")
+            raise TransportError(
+                "this simulated cell is not running; enter it with 'with' first",
+                code="RID-MOCK-NOT-SERVED",
+            )
         return self._snapshots.read()
 
     @property
@@ -109,7 +112,10 @@ class SimulatedCell:
         """
         changed = self.simulation.with_payload(payload)
         if self.axes().enabled.any():
-            raise TransportError("a payload is mounted while the drives are without power only")
+            raise TransportError(
+                "a payload is mounted while the drives are without power only",
+                code="RID-DRIVE-POWERED",
+            )
         assert self._snapshots is not None
         names = [None, *self.payloads]
         self._snapshots.ask_for_payload(names.index(payload))

@@ -114,7 +114,8 @@ class DriveRack:
         if set(axes) != set(robot.joint_names):
             raise ConfigError(
                 f"cell {cell.name!r} has drives for {', '.join(axes)}, robot {robot.name!r} has"
-                f" joints {', '.join(robot.joint_names)}: each joint needs one drive"
+                f" joints {', '.join(robot.joint_names)}: each joint needs one drive",
+                code="RID-CELL-JOINTS",
             )
         count = len(robot.joints)
         self._plant = Plant(robot, plant, cell.torque_filter, seed)

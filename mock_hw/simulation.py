@@ -144,7 +144,7 @@ class CellSimulation:
         )
         for refused, why in refusals:
             if refused:
-                raise ConfigError(f"cell {cell.name}: {why}")
+                raise ConfigError(f"cell {cell.name}: {why}", code="RID-CELL-NOT-SIMULATED")
         if can.interface == "slcan" and self.private:
             return can.model_copy(update={"channel": str(folder / f"{self.name}.tty")})
         return as_served(can)

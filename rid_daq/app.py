@@ -267,7 +267,7 @@ def _typed(error: Exception) -> RidDaqError:
     except OSError:
         if not isinstance(error, OSError) or error.filename is None:
             raise
-        return RecordingError(f"{error.filename}: {error.strerror}")
+        return RecordingError(f"{error.filename}: {error.strerror}", code="RID-FILE-ACCESS")
 
 
 def _end_once(number: int, _frame: FrameType | None) -> NoReturn:

@@ -67,10 +67,11 @@ def bag_as_table(
         known = ", ".join(BAG_ENDINGS)
         raise ConfigError(
             f"{path}: is no bag (a folder with metadata.yaml, or a file {known}), which map"
-            f" {import_map.name!r} reads joint_states of"
+            f" {import_map.name!r} reads joint_states of",
+            code="RID-FILE-TYPE",
         )
     if not path.exists():
-        raise ConfigError(f"cannot read {path}: there is no such file")
+        raise ConfigError(f"cannot read {path}: there is no such file", code="RID-FILE-UNKNOWN")
     n, names = len(joint_names), states.names or joint_names
     stamps, received, numbers = array("q"), array("q"), array("d")
     try:
@@ -87,18 +88,21 @@ def bag_as_table(
         raise
     except Exception as error:  # whatever a damaged file makes the library stumble over
         raise ConfigError(
-            f"{path}: cannot be read as a bag: {type(error).__name__}: {error}"
+            f"{path}: cannot be read as a bag: {type(error).__name__}: {error}",
+            code="RID-FILE-TYPE",
         ) from error
     if not stamps:
         raise ConfigError(
             f"{path}: no message names a joint of the robot ({', '.join(names)}): say in"
-            " joint_states.names how the messages name them"
+            " joint_states.names how the messages name them",
+            code="RID-BAG-TOPIC",
         )
     values = np.frombuffer(numbers, dtype=np.float64).reshape(-1, 3, n)
     there = np.array([bool(np.isfinite(values[:, i]).any()) for i in range(len(_QUANTITIES))])
     if not there[2]:
         raise DataQualityError(
-            f"{path}: its messages have no efforts: record a topic that has torques or currents"
+            f"{path}: its messages have no efforts: record a topic that has torques or currents",
+            code="RID-BAG-TOPIC",
         )
     moving = np.ptp(np.frombuffer(stamps, dtype=np.int64)) > 0
     times = np.frombuffer(stamps if moving else received, dtype=np.int64)
@@ -149,13 +153,15 @@ def _messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any]]:
             there = topics or sorted({each.topic for each in reader.connections})
             raise ConfigError(
                 f"{path}: has {what} of {JOINT_STATE}; there are: {', '.join(there) or 'none'}."
-                " Name one in the map: joint_states.topic"
+                " Name one in the map: joint_states.topic",
+                code="RID-BAG-TOPIC",
             )
         wanted = [each for each in found if topic in (None, each.topic)]
         if not wanted:
             raise ConfigError(
                 f"{path}: topic {topic} has no {JOINT_STATE}; such topics are:"
-                f" {', '.join(topics) or 'none'}"
+                f" {', '.join(topics) or 'none'}",
+                code="RID-BAG-TOPIC",
             )
         deserialize: Callable[..., Any] = reader.deserialize
         for connection, received_ns, raw in reader.messages(connections=wanted):
@@ -185,7 +191,7 @@ def _row(message: Any, names: Sequence[str]) -> list[float] | None:
 
 def _write(path: Path, time_s: FloatArray, values: FloatArray) -> None:
     with (
-        system_errors(ConfigError, f"{path}: cannot be written"),
+        system_errors(ConfigError, f"{path}: cannot be written", code="RID-FILE-WRITE"),
         path.open("w", encoding="ascii") as file,
     ):
         for stamp, row in zip(time_s.tolist(), values, strict=True):

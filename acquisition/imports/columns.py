@@ -138,7 +138,8 @@ def _known(
     if robot.joint_names != import_map.joint_names:
         raise ConfigError(
             f"map {import_map.name!r} reads joints {', '.join(import_map.joint_names)}, robot"
-            f" {robot.name!r} has {', '.join(robot.joint_names)}: name them alike, base to flange"
+            f" {robot.name!r} has {', '.join(robot.joint_names)}: name them alike, base to flange",
+            code="RID-IMPORT-JOINTS",
         )
     return robot.joints[robot.joint_names.index(joint.joint)]
 
@@ -152,7 +153,8 @@ def _gear(import_map: ImportMap, joint: ImportJoint, description: Joint | None) 
     if description is None:
         raise ConfigError(
             f"map {import_map.name!r}: side is motor, and joint {joint.joint!r} has no gear_ratio:"
-            " state it in the map, or read the file together with its robot"
+            " state it in the map, or read the file together with its robot",
+            code="RID-IMPORT-MOTOR-SIDE",
         )
     return description.gear_ratio
 
@@ -166,6 +168,7 @@ def _torque_constant(
     if description is None or description.torque_constant_nm_per_a is None:
         raise ConfigError(
             f"map {import_map.name!r}: the current of joint {joint.joint!r} has no"
-            " torque_constant_nm_per_a, neither in the map nor in its robot: state it in one"
+            " torque_constant_nm_per_a, neither in the map nor in its robot: state it in one",
+            code="RID-IMPORT-MOTOR-SIDE",
         )
     return math.copysign(description.torque_constant_nm_per_a, gear)

@@ -149,7 +149,8 @@ def _velocity_ratios(
                 f"the position of {joint.joint} (column {joint.position}) moves at"
                 f" {moved:.3g} per second RMS, its velocity column {joint.velocity} says"
                 f" {said:.3g}, and they do not go together{_likely(moved, said)}: correct the"
-                " columns or units in the map"
+                " columns or units in the map",
+                code="RID-IMPORT-UNITS",
             )
         equations = np.column_stack([b, velocity[:, number], time_s])
         solution = np.linalg.lstsq(equations, a, rcond=None)[0]
@@ -257,7 +258,8 @@ def _limits(rows: ImportRows, robot: RobotDescription, import_map: ImportMap) ->
         may = f"the robot file's limits are {limits.position_min:g} to {limits.position_max:g}"
         if beyond > BEYOND_LIMIT * span:
             raise DataQualityError(
-                f"{goes}; {may}: {cause_of_positions(position, robot, import_map, number)}"
+                f"{goes}; {may}: {cause_of_positions(position, robot, import_map, number)}",
+                code="RID-IMPORT-UNITS",
             )
         if beyond > 0.0:
             yield f"{goes}; {may}: check its zero_offset and unit, or the limits"
@@ -265,7 +267,8 @@ def _limits(rows: ImportRows, robot: RobotDescription, import_map: ImportMap) ->
             raise DataQualityError(
                 f"{joint.name} moves at {speed:.4g} per second, the robot file's limit is"
                 f" {limits.velocity:g}: the unit of its position (degrees?), of the time stamps, or"
-                " the limit is wrong; correct the map or the robot file"
+                " the limit is wrong; correct the map or the robot file",
+                code="RID-IMPORT-UNITS",
             )
         if speed > 1.1 * limits.velocity:
             yield (

@@ -334,18 +334,21 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
         if states.names and len(states.names) != len(named):
             raise ConfigError(
                 f"{tree.where(('joint_states', 'names'))}: {len(states.names)} names, robot"
-                f" {robot.name} has {len(named)} joints: name one a joint, base to flange"
+                f" {robot.name} has {len(named)} joints: name one a joint, base to flange",
+                code="RID-IMPORT-JOINTS",
             )
         for number, joint in enumerate(states.joints):
             if joint.joint not in named:
                 where = tree.where(("joint_states", "joints", number, "joint"))
                 raise ConfigError(
                     f"{where}: robot {robot.name} has no joint {joint.joint!r}; it has"
-                    f" {', '.join(named)}"
+                    f" {', '.join(named)}",
+                    code="RID-IMPORT-JOINTS",
                 )
     if named != robot.joint_names:
         raise ConfigError(
             f"{tree.where(('joints',))}: joints are {', '.join(named)}, robot"
-            f" {robot.name} has {', '.join(robot.joint_names)}: name them alike, base to flange"
+            f" {robot.name} has {', '.join(robot.joint_names)}: name them alike, base to flange",
+            code="RID-IMPORT-JOINTS",
         )
     return import_map, robot

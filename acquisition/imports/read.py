@@ -96,7 +96,8 @@ def import_csv(
         raise DataQualityError(
             f"{file.name}: only {used} of {table.rows_read} rows are sound by map"
             f" {import_map.name!r} ({needed}): {_counted(damaged)}; wrong map or broken file:"
-            f" {cause}.{_first_of_each(damaged)}"
+            f" {cause}.{_first_of_each(damaged)}",
+            code="RID-IMPORT-ROWS",
         )
     stamps = rows.time_s
     judged = judge_clock(
@@ -118,7 +119,7 @@ def import_csv(
     try:
         findings = find(rows, columns, import_map, robot)
     except DataQualityError as error:
-        raise DataQualityError(f"{file.name}: {error}") from None
+        raise DataQualityError(f"{file.name}: {error}", code=error.refusal) from None
     position_step = position_steps(rows)
     position = columns.joint_positions(between_steps(rows, position_step))
     steps = np.diff(stamps)

@@ -79,7 +79,8 @@ def read_tables(
     if len(files) != expected:
         raise ConfigError(
             f"map {import_map.name!r} reads {expected} files, {len(files)} are given: name them in"
-            " the map's order"
+            " the map's order",
+            code="RID-IMPORT-FILES",
         )
     first = _read_file(files[0], import_map, 0, columns, damaged)
     for number, path in enumerate(files[1:], start=1):
@@ -169,7 +170,8 @@ def _read_file(
         counts.append(count)
     if row < (asked.last or asked.first) and asked != RowRange():
         raise ConfigError(
-            f"{path}: has {row} rows, and rows to {asked.last or asked.first} are asked for"
+            f"{path}: has {row} rows, and rows to {asked.last or asked.first} are asked for",
+            code="RID-IMPORT-RANGE",
         )
     read = np.frombuffer(numbers, dtype=np.float64).reshape(-1, len(wanted))
     values = np.full((len(rows), len(columns)), np.nan)
@@ -184,7 +186,7 @@ def _read_file(
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the lines that are not empty, with their numbers."""
     with (
-        system_errors(ConfigError, f"cannot read {path}"),
+        system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
         open_file(path, LARGEST_FILE_BYTES) as file,
     ):
         mark = file.read(2)
@@ -200,7 +202,9 @@ def _strict(decimal: str) -> Callable[[str], float]:
     def read(text: str) -> float:
         if decimal == ",":
             if "." in text:
-                raise ConfigError("a point in a number with a decimal comma")
+                raise ConfigError(
+                    "a point in a number with a decimal comma", code="RID-FILE-NUMBER"
+                )
             text = text.replace(",", ".")
         return parse_number(text)
 
@@ -231,7 +235,10 @@ def _beside(
             " of their time stamps; the rows around them are used",
         )
     if len(stamps) < 2:
-        raise ConfigError(f"{path}: holds fewer than 2 rows that can be read: wrong file or map")
+        raise ConfigError(
+            f"{path}: holds fewer than 2 rows that can be read: wrong file or map",
+            code="RID-IMPORT-ROWS",
+        )
     after = np.clip(np.searchsorted(stamps, first.time_s), 1, len(stamps) - 1)
     step_s = float(np.median(np.diff(stamps)))
     inside = (first.time_s >= stamps[0] - step_s / 2) & (first.time_s <= stamps[-1] + step_s / 2)

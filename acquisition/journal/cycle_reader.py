@@ -54,7 +54,10 @@ class CycleReader:
             There is no row, or the header is lost.
         """
         if self._header is None:
-            raise RecordingError(f"{self.path}: no readable row of a rid-daq recording in it")
+            raise RecordingError(
+                f"{self.path}: no readable row of a rid-daq recording in it",
+                code="RID-RECORDING-EMPTY",
+            )
         return self._header
 
     @property
@@ -80,7 +83,8 @@ class CycleReader:
                 self._header = first_header(JournalHeader, self._reader.headers)
             if self._header is None:
                 raise RecordingError(
-                    f"{self.path}: the names of the joints are lost, rows alone mean nothing"
+                    f"{self.path}: the names of the joints are lost, rows alone mean nothing",
+                    code="RID-RECORDING-DAMAGED",
                 )
             yield self._as_rows(messages.payloads, len(self._header.joint_names))
 
@@ -97,7 +101,8 @@ class CycleReader:
             if part.time_s[0] <= self._last_s:
                 raise RecordingError(
                     f"recording: time stamps must increase; {part.time_s[0]:.6f} s comes after"
-                    f" {self._last_s:.6f} s"
+                    f" {self._last_s:.6f} s",
+                    code="RID-RECORDING-CLOCK",
                 )
             self._last_s = float(part.time_s[-1])
             yield part
@@ -112,7 +117,8 @@ class CycleReader:
                     f"{self.path}: its rows have {len(payload)} bytes, those of {joints} joints"
                     f" have {size}"
                     + (f" (they look like {found} joints)" if found else "")
-                    + ": another program's or version's file"
+                    + ": another program's or version's file",
+                    code="RID-RECORDING-FOREIGN",
                 )
         return np.frombuffer(b"".join(payload[4:] for payload in payloads), dtype=dtype)
 
@@ -139,7 +145,9 @@ def read_tail(path: Path, seconds: float) -> Recording:
             while len(kept) > 1 and part.time_s[-1] - kept[1].time_s[0] >= seconds:
                 kept.popleft()
         if not kept:
-            raise RecordingError(f"{path}: no readable row of a rid-daq recording in it")
+            raise RecordingError(
+                f"{path}: no readable row of a rid-daq recording in it", code="RID-RECORDING-EMPTY"
+            )
     return joined(kept)
 
 

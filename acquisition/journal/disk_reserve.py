@@ -36,7 +36,7 @@ class DiskReserve:
         self._descriptor: int | None = None
         if not size_bytes:
             return
-        with system_errors(RecordingError, f"{folder}: cannot be written"):
+        with system_errors(RecordingError, f"{folder}: cannot be written", code="RID-FILE-WRITE"):
             descriptor, name = tempfile.mkstemp(".tmp", "reserve", folder)
             os.unlink(name)
         try:
@@ -46,7 +46,8 @@ class DiskReserve:
             if error.errno in FULL:
                 raise RecordingError(
                     f"{folder}: no room for {size_bytes >> 20} MB that a recording keeps free for"
-                    " its end: make room or choose another folder"
+                    " its end: make room or choose another folder",
+                    code="RID-SYSTEM-DISK-FULL",
                 ) from error
             return
         self._descriptor = descriptor

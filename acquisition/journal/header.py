@@ -33,11 +33,13 @@ class HeaderModel(ConfigModel):
         """
         text = pairs.get("header", "")
         if pairs.get("crc32") != str(zlib.crc32(text.encode())):
-            raise RecordingError("journal header: missing or damaged")
+            raise RecordingError("journal header: missing or damaged", code="RID-RECORDING-DAMAGED")
         try:
             return cls.model_validate_json(text)
         except ValidationError as error:
-            raise RecordingError(f"journal header: {error}") from error
+            raise RecordingError(
+                f"journal header: {error}", code="RID-RECORDING-DAMAGED"
+            ) from error
 
 
 class JournalHeader(HeaderModel):

@@ -180,7 +180,7 @@ class JournalReader:
                 # A mapped file on a failing disk would end the program by SIGBUS.
                 more = self._file.read(PIECE_BYTES)
                 if not (more or self._origin or self._data or growing):
-                    raise RecordingError("the file is empty")
+                    raise RecordingError("the file is empty", code="RID-RECORDING-DAMAGED")
                 at_end = self._file.tell() >= self._size or not more
                 if len(self._head) < 2 * HEAD_BYTES:
                     self._head += more[: 2 * HEAD_BYTES - len(self._head)]
@@ -219,11 +219,13 @@ class JournalReader:
         try:
             yield
         except OSError as error:
-            raise RecordingError(f"{self._path}: cannot be read: {error.strerror}") from error
+            raise RecordingError(
+                f"{self._path}: cannot be read: {error.strerror}", code="RID-FILE-READ"
+            ) from error
         except RecordingError as error:
             text = str(error)
             named = text if text.startswith(str(self._path)) else f"{self._path}: {text}"
-            raise RecordingError(named) from error
+            raise RecordingError(named, code=error.refusal) from error
 
     def _messages(self, last: bool) -> Messages:
         """Return the messages of all chunks that are there as a whole."""
@@ -236,7 +238,10 @@ class JournalReader:
                 if opcode == MESSAGE:
                     channel, sequence, time_ns, _ = MESSAGE_HEAD.unpack_from(records, start)
                     if sequence < self._next:
-                        raise RecordingError(f"row {sequence} follows row {self._next - 1}")
+                        raise RecordingError(
+                            f"row {sequence} follows row {self._next - 1}",
+                            code="RID-RECORDING-DAMAGED",
+                        )
                     if sequence > self._next:
                         self._gaps.append((self._next, sequence - self._next))
                     self._next = sequence + 1
@@ -275,7 +280,10 @@ class JournalReader:
                 break
             self._spent += stored_size
             if self._spent > 4 * size + MAX_CHUNK_BYTES:
-                raise RecordingError("too damaged to read: more pieces of chunks than data")
+                raise RecordingError(
+                    "too damaged to read: more pieces of chunks than data",
+                    code="RID-RECORDING-DAMAGED",
+                )
             records = data[begin : begin + stored_size]
             if zlib.crc32(records) != crc:
                 yield None
@@ -336,7 +344,7 @@ def messages_written(path: Path) -> int | None:
         The file cannot be read.
     """
     with (
-        system_errors(RecordingError, f"{path}: cannot be read"),
+        system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"),
         open_file(path, MAX_FILE_BYTES) as file,
     ):
         return count_written(file)

@@ -26,12 +26,18 @@ def records_of(data: bytes) -> Iterator[tuple[int, int, int]]:
     position = 0
     while position < len(data):
         if position + RECORD.size > len(data):
-            raise RecordingError("a record is cut inside a chunk whose checksum is right")
+            raise RecordingError(
+                "a record is cut inside a chunk whose checksum is right",
+                code="RID-RECORDING-DAMAGED",
+            )
         opcode, length = RECORD.unpack_from(data, position)
         start = position + RECORD.size
         position = start + length
         if position > len(data) or (opcode == MESSAGE and length < MESSAGE_HEAD.size):
-            raise RecordingError("a record is cut inside a chunk whose checksum is right")
+            raise RecordingError(
+                "a record is cut inside a chunk whose checksum is right",
+                code="RID-RECORDING-DAMAGED",
+            )
         yield opcode, start, position
 
 

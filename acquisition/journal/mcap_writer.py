@@ -44,7 +44,7 @@ def being_written(path: Path) -> bool:
     RecordingError
         The file cannot be read.
     """
-    with system_errors(RecordingError, f"{path}: cannot be read"):
+    with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     try:
         return lock_holder(descriptor) is not None
@@ -113,10 +113,13 @@ class JournalFile:
             self._file = open_new(path)
         except FileExistsError as error:
             raise RecordingError(
-                f"{path}: exists already; a recording is never replaced"
+                f"{path}: exists already; a recording is never replaced",
+                code="RID-OUTPUT-EXISTS",
             ) from error
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be made: {error.strerror}") from error
+            raise RecordingError(
+                f"{path}: cannot be made: {error.strerror}", code="RID-FILE-WRITE"
+            ) from error
         with contextlib.suppress(OSError):  # a file system without locks
             fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
@@ -218,7 +221,8 @@ class JournalFile:
 
     def _lost(self, error: OSError) -> RecordingError:
         return RecordingError(
-            f"{self.path}: cannot be written: {error.strerror}; what was flushed before is kept"
+            f"{self.path}: cannot be written: {error.strerror}; what was flushed before is kept",
+            code="RID-RECORDING-LOST",
         )
 
     def __enter__(self) -> Self:

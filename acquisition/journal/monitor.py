@@ -127,11 +127,16 @@ def read_monitor(path: Path) -> MonitorStream:
     raw = read_raw_journal(path)
     header = first_header(MonitorHeader, raw.headers)
     if header is None or not raw.payloads:
-        raise RecordingError(f"{path}: no readable round of a drive monitor in it")
+        raise RecordingError(
+            f"{path}: no readable round of a drive monitor in it", code="RID-RECORDING-EMPTY"
+        )
     dtype = packed_dtype(FIELDS, len(header.joint_names))
     size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize
     if any(len(payload) != size for payload in raw.payloads):
-        raise RecordingError(f"{path}: its rows are not those of a drive monitor of this version")
+        raise RecordingError(
+            f"{path}: its rows are not those of a drive monitor of this version",
+            code="RID-RECORDING-FOREIGN",
+        )
     body = b"".join(payload[len(CDR_LITTLE_ENDIAN) :] for payload in raw.payloads)
     rows = np.frombuffer(body, dtype)
     return MonitorStream(
@@ -177,12 +182,14 @@ def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None,
     if stream.joint_names != recording.joint_names:
         raise RecordingError(
             f"{path}: monitors {', '.join(stream.joint_names)}, the recording is of"
-            f" {', '.join(recording.joint_names)}: it belongs to another run"
+            f" {', '.join(recording.joint_names)}: it belongs to another run",
+            code="RID-RUN-MIXED",
         )
     if "" not in (stream.run_id, recording.run_id) and stream.run_id != recording.run_id:
         raise RecordingError(
             f"{path}: belongs to run {stream.run_id}, the recording to run {recording.run_id}: put"
-            " the original back"
+            " the original back",
+            code="RID-RUN-MIXED",
         )
     if not stream.valid.any(axis=0).all():
         return None, ("without temperatures: one of the drives never told its own",)

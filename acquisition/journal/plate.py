@@ -285,7 +285,9 @@ def read_plate_journal(path: Path) -> PlateRows:
     raw = read_raw_journal(path)
     header = first_header(PlateHeader, raw.headers)
     if header is None:
-        raise RecordingError(f"{path}: no header of a force plate's recording in it")
+        raise RecordingError(
+            f"{path}: no header of a force plate's recording in it", code="RID-RECORDING-EMPTY"
+        )
     bodies: dict[int, list[bytes]] = {ROW_CHANNEL: [], EVENT_CHANNEL: []}
     sizes = {ROW_CHANNEL: ROW_DTYPE.itemsize, EVENT_CHANNEL: EVENT_DTYPE.itemsize}
     for channel, payload in zip(raw.channels, raw.payloads, strict=True):
@@ -293,7 +295,8 @@ def read_plate_journal(path: Path) -> PlateRows:
         if len(body) != sizes.get(channel) or not payload.startswith(CDR_LITTLE_ENDIAN):
             raise RecordingError(
                 f"{path}: channel {channel} has a message of {len(payload)} bytes: another"
-                " program's or version's file"
+                " program's or version's file",
+                code="RID-RECORDING-FOREIGN",
             )
         bodies[channel].append(body)
     rows = np.frombuffer(b"".join(bodies[ROW_CHANNEL]), dtype=ROW_DTYPE)

@@ -52,7 +52,8 @@ def refuse_collision(
         raise PreflightError(
             f"where {what} begins, {clearances.names[pair]} overlap by"
             f" {-1e3 * at_start[pair]:.0f} mm: lead the robot out by hand, or correct `bodies` in"
-            " the robot file and `workspace` in the cell file"
+            " the robot file and `workspace` in the cell file",
+            code="RID-MOTION-COLLISION",
         )
     row = clear_rows(clearances, position, meanwhile)
     if row == len(position):
@@ -63,7 +64,8 @@ def refuse_collision(
         f"{what} brings {clearances.names[pair]} to {1e3 * distance[pair]:.0f} mm of"
         f" each other after {row * sample_period_s:.2f} s;"
         f" {1e3 * clearances.margin_m:.0f} mm is the least that `workspace` in the cell"
-        " file allows. Nothing was moved: design another motion, or start elsewhere"
+        " file allows. Nothing was moved: design another motion, or start elsewhere",
+        code="RID-MOTION-COLLISION",
     )
 
 

@@ -36,12 +36,14 @@ def samples_of_period(period_s: float, sample_period_s: float) -> int:
         )
         raise ConfigError(
             f"period_s {period_s:g} is {exact:.9g} cycles of {sample_period_s * 1e3:g} ms; a period"
-            f" must hold a whole number of cycles. The nearest that do: {nearest}"
+            f" must hold a whole number of cycles. The nearest that do: {nearest}",
+            code="RID-MOTION-PERIOD",
         )
     if samples < 4:
         raise ConfigError(
             f"period_s {period_s:g} holds {samples} cycles of {sample_period_s * 1e3:g} ms; at"
-            " least 4 are needed: choose a longer period"
+            " least 4 are needed: choose a longer period",
+            code="RID-MOTION-PERIOD",
         )
     return samples
 
@@ -79,7 +81,8 @@ class FourierTrajectory:
         if 2 * len(self.sine) >= self.samples_per_period:
             raise ConfigError(
                 f"harmonic {len(self.sine)} of a period of {self.samples_per_period} samples is"
-                " beyond half the sampling frequency: use fewer harmonics or a longer period"
+                " beyond half the sampling frequency: use fewer harmonics or a longer period",
+                code="RID-MOTION-BAND",
             )
 
     @property

@@ -142,7 +142,8 @@ def beyond_limits(broken: list[str], what: str) -> LimitError:
     """Return the error that says what a path, called `what`, exceeds."""
     return LimitError(
         f"{what} exceeds the robot's limits: {'; '.join(broken)}. Reduce the amplitudes or"
-        " speeds, or correct the limits in the robot file"
+        " speeds, or correct the limits in the robot file",
+        code="RID-MOTION-LIMIT",
     )
 
 
@@ -177,7 +178,8 @@ def verify_limits(
     if samples.joint_names != robot.joint_names:
         raise ConfigError(
             f"the motion is for joints {', '.join(samples.joint_names)}, robot {robot.name!r} has"
-            f" {', '.join(robot.joint_names)}"
+            f" {', '.join(robot.joint_names)}",
+            code="RID-MOTION-JOINTS",
         )
     brief = samples.whole(most_periods=2)  # with the step from one period to the next
     path = JointTrajectory(brief.position, brief.velocity, brief.acceleration)
@@ -208,7 +210,8 @@ def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
         if not low <= value <= high:
             raise PreflightError(
                 f"joint {joint.name} stands at {value:.4f}, outside its limits {low:g} to"
-                f" {high:g}: move the robot inside them by hand, or correct the robot file"
+                f" {high:g}: move the robot inside them by hand, or correct the robot file",
+                code="RID-POSE-OUTSIDE",
             )
 
 

@@ -30,7 +30,10 @@ def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
         `slower` is below 1 or not finite.
     """
     if not 1.0 <= slower < math.inf:
-        raise ConfigError(f"a rehearsal is slower than the motion, not {slower:g} times as slow")
+        raise ConfigError(
+            f"a rehearsal is slower than the motion, not {slower:g} times as slow",
+            code="RID-OPTION-RANGE",
+        )
     rows = _once(samples)
     period_s = samples.sample_period_s
     path = CubicHermiteSpline(

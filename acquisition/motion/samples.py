@@ -89,11 +89,17 @@ class MotionSamples:
     def __post_init__(self) -> None:
         n = len(self.joint_names)
         if not (np.isfinite(self.sample_period_s) and self.sample_period_s > 0.0):
-            raise ConfigError(f"motion: sample_period_s must be positive: {self.sample_period_s}")
+            raise ConfigError(
+                f"motion: sample_period_s must be positive: {self.sample_period_s}",
+                code="RID-API-ARGUMENT",
+            )
         freeze(self, ConfigError, (None, n), "position", what="motion ")
         samples = len(self.position)
         if samples < 2:
-            raise ConfigError(f"motion: {samples} samples are none to stream, 2 are the least")
+            raise ConfigError(
+                f"motion: {samples} samples are none to stream, 2 are the least",
+                code="RID-API-ARGUMENT",
+            )
         rates = ("velocity", "acceleration", "feedforward")
         freeze(self, ConfigError, (samples, n), *rates, what="motion ")
         freeze(self, ConfigError, (samples,), "phase", what="motion ", dtype=np.uint8)
@@ -102,7 +108,8 @@ class MotionSamples:
         if rows is not None and main not in (rows * min(1, self.periods), rows * self.periods):
             raise ConfigError(
                 f"motion: {main} samples of the main phase are not {self.periods} periods of"
-                f" {rows} samples"
+                f" {rows} samples",
+                code="RID-API-ARGUMENT",
             )
 
     def __len__(self) -> int:

@@ -119,13 +119,17 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
     highest = np.array([joint.limits.position_max for joint in robot.joints])
     middle = 0.5 * (lowest + highest) if reference is None else np.asarray(reference, float)
     if middle.shape != lowest.shape or not np.isfinite(middle).all():
-        raise ConfigError(f"the reference pose has {middle.size} values for {len(lowest)} joints")
+        raise ConfigError(
+            f"the reference pose has {middle.size} values for {len(lowest)} joints",
+            code="RID-MOTION-JOINTS",
+        )
     for joint, value in zip(robot.joints, middle.tolist(), strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max
         if not low <= value <= high:
             raise ConfigError(
                 f"the reference pose has {joint.name} at {value:g}; its limits are {low:g} to"
-                f" {high:g}"
+                f" {high:g}",
+                code="RID-POSE-OUTSIDE",
             )
     axis = _vertical_axis(robot)
     room = float(min(middle[0] - lowest[0], highest[0] - middle[0])) - LIMIT_MARGIN_RAD
@@ -135,7 +139,8 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
             f"{robot.joints[0].name} can turn by {math.degrees(max(turn_rad, 0.0)):.0f} degrees"
             f" about {middle[0]:g} rad; offset and gravity are told apart from"
             f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees on: choose a reference pose nearer to"
-            " the middle of its range"
+            " the middle of its range",
+            code="RID-PLATE-ZERO-POSE",
         )
     first, second = middle.copy(), middle.copy()
     first[0] -= 0.5 * turn_rad
@@ -268,7 +273,8 @@ def _vertical_axis(robot: RobotDescription) -> FloatArray:
     if first.type != "revolute" or not np.any(gravity) or off > VERTICAL_RAD:
         raise ConfigError(
             f"{first.name} does not turn about the vertical, so that turning it does not tell the"
-            " plate's offset from the moment of gravity: this robot's plate cannot be zeroed so"
+            " plate's offset from the moment of gravity: this robot's plate cannot be zeroed so",
+            code="RID-PLATE-ZERO-POSE",
         )
     return axis
 
@@ -307,7 +313,8 @@ def _blocks(
             raise DataQualityError(
                 f"reading {number + 1} of {READINGS}: {', '.join(bad)} of the force plate was"
                 " overloaded or delivered nothing: choose a larger plate.amplifier.range_n, or"
-                " look at the line"
+                " look at the line",
+                code="RID-PLATE-CHANNEL",
             )
         rows = rows[valid[rows].all(axis=1)]
         place = np.floor((time_s[rows] - time_s[rows[:1]].sum()) / BLOCK_S).astype(np.int64)
@@ -316,7 +323,8 @@ def _blocks(
         if len(kept) < FEWEST_BLOCKS:
             raise DataQualityError(
                 f"reading {number + 1} of {READINGS} lasts less than {FEWEST_BLOCKS * BLOCK_S:g} s:"
-                " read longer"
+                " read longer",
+                code="RID-RECORDING-SHORT",
             )
         times += [time_s[block].mean() for block in kept]
         levels += [channels_n[block].mean(axis=0) for block in kept]

@@ -73,5 +73,6 @@ class BlockFile:
 def _no_room(reason: str | None) -> RecordingError:
     return RecordingError(
         f"{tempfile.gettempdir()}: there is no room for the periods of a recording ({reason}); make"
-        " room, or set TMPDIR to another folder"
+        " room, or set TMPDIR to another folder",
+        code="RID-SYSTEM-DISK-FULL",
     )

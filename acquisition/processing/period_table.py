@@ -155,7 +155,8 @@ class PeriodCutter:
         samples = self._samples
         if self._first is None or self._origin is None or self._blocks is None:
             raise DataQualityError(
-                "the recording holds no row of the main periods: it ended before"
+                "the recording holds no row of the main periods: it ended before",
+                code="RID-RECORDING-PERIODS",
             )
         if start is None:
             start = self._first_row()
@@ -184,7 +185,8 @@ class PeriodCutter:
         if self._first is None or self._first.samples_per_period is None:
             raise DataQualityError(
                 "the recording is not periodic, so there are no periods to average; `rid-daq"
-                " identify` uses it as it is"
+                " identify` uses it as it is",
+                code="RID-RECORDING-NOT-PERIODIC",
             )
         return self._first.samples_per_period
 
@@ -200,7 +202,8 @@ class PeriodCutter:
         if earliest != latest:
             raise DataQualityError(
                 f"the first main period starts between rows {earliest} and {latest} of the motion,"
-                " but the rows around it were lost: record again"
+                " but the rows around it were lost: record again",
+                code="RID-RECORDING-ROWS-LOST",
             )
         return latest
 
@@ -288,7 +291,8 @@ def _refuse_gaps(table: PeriodTable, reached: int) -> None:
         raise DataQualityError(
             f"{table.of_joint(worst)}{missing[worst]} of {reached} rows of the main periods"
             f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much (it is"
-            f" more in {_listed(where + 1)}): look for lost frames on the bus"
+            f" more in {_listed(where + 1)}): look for lost frames on the bus",
+            code="RID-RECORDING-ROWS-LOST",
         )
 
 

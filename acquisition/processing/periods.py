@@ -104,7 +104,10 @@ class PeriodAverage:
         bins = (len(self.position) // 2 + 1, n)
         freeze(self, DataQualityError, bins, "position_bin_variance", "torque_bin_variance")
         if self.periods_kept < 2:
-            raise DataQualityError(f"{self.periods_kept} periods have no noise variance, 2 do")
+            raise DataQualityError(
+                f"{self.periods_kept} periods have no noise variance, 2 do",
+                code="RID-RECORDING-PERIODS",
+            )
 
     @property
     def samples_per_period(self) -> int:
@@ -191,20 +194,23 @@ def average_table(
     kept = int(good.sum())
     if len(present) == 1 and not reasons:
         raise DataQualityError(
-            "noise cannot be estimated from one period: record two or more (`periods`)"
+            "noise cannot be estimated from one period: record two or more (`periods`)",
+            code="RID-RECORDING-PERIODS",
         )
     if kept < 2 or len(reasons) > rejected_limit:
         words = "; ".join(f"period {period.number}: {period.reason}" for period in reasons)
         raise DataQualityError(
             f"{kept} of {len(present)} periods are good, {len(reasons)} are rejected (at least 2"
-            f" good ones are needed, at most {rejected_limit} may be rejected): {words}"
+            f" good ones are needed, at most {rejected_limit} may be rejected): {words}",
+            code="RID-RECORDING-PERIODS",
         )
     used = np.flatnonzero(good).tolist()
     count = present[used].sum(axis=0)
     if (count < 2).any():
         raise DataQualityError(
             f"sample {int(np.argmin(count)) + 1} of the period is valid in fewer than two good"
-            " periods: record more periods"
+            " periods: record more periods",
+            code="RID-RECORDING-PERIODS",
         )
     # Periods are summed one after the other: memory does not grow with their number.
     mean = sum_of(table.values(m) * present[m][:, np.newaxis] for m in used)

@@ -60,7 +60,9 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
         except DataQualityError as error:
             reason = str(error)
     if not parts:
-        raise DataQualityError(f"the force plate's recording cannot be used: {reason}")
+        raise DataQualityError(
+            f"the force plate's recording cannot be used: {reason}", code="RID-PLATE-CLOCK"
+        )
     reaction = parts[0]
     for part in parts[1:]:
         channels = np.where(part.valid, part.channels_n, reaction.channels_n)

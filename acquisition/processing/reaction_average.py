@@ -115,7 +115,8 @@ class ReactionPeriods:
             sample, channel = np.argwhere(count < 2)[0]
             raise DataQualityError(
                 f"channel {self.reaction.channel_names[channel]} of the force plate is valid at"
-                f" sample {sample} in fewer than two good periods: record more periods"
+                f" sample {sample} in fewer than two good periods: record more periods",
+                code="RID-RECORDING-PERIODS",
             )
         mean = np.where(present, values, 0.0).sum(axis=0) / count
         deviation = np.where(present, values - mean, 0.0)

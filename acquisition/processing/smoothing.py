@@ -112,7 +112,8 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
         every = f"{step:.4g} s" if step >= 1.0 else f"{1e3 * step:.4g} ms"
         raise ConfigError(
             f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {every}: choose one between"
-            f" 0 and {0.45 / step:.4g} Hz"
+            f" 0 and {0.45 / step:.4g} Hz",
+            code="RID-RECORDING-CUTOFF",
         )
     from dynamics.kernels.low_pass import filter_both_ways  # it loads the compiler
 
@@ -175,7 +176,9 @@ def smooth_nonperiodic(
 
     time_s = recording.time_s[recording.valid]
     if len(time_s) < 2:
-        raise DataQualityError(f"{len(time_s)} valid rows are too few to smooth")
+        raise DataQualityError(
+            f"{len(time_s)} valid rows are too few to smooth", code="RID-RECORDING-SHORT"
+        )
     position = recording.position[recording.valid]
     torque = recording.torque_nm[recording.valid]
     step_s = float(np.median(np.diff(time_s)))
@@ -215,7 +218,8 @@ def smooth_nonperiodic(
     if not segments:
         raise DataQualityError(
             f"no stretch of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
-            f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording"
+            f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording",
+            code="RID-RECORDING-CUTOFF",
         )
     joined = _joined(segments)
     return SmoothedSignals(
@@ -288,7 +292,8 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
     if periods < 2 or period_s < 4.0 * step_s:
         raise DataQualityError(
             f"the recording holds {periods} whole periods of {period_s:g} s, averaging needs at"
-            " least 2: correct period_s and rows in the map, or leave period_s out"
+            " least 2: correct period_s and rows in the map, or leave period_s out",
+            code="RID-IMPORT-RANGE",
         )
     samples_per_period = round(period_s / step_s)
     sample_period_s = period_s / samples_per_period

@@ -121,5 +121,6 @@ def _mdf4(table: RecordingTable) -> bytes:
 def _missing(what: str, extra: str) -> ConfigError:
     return ConfigError(
         f"{what} needs a library that is not installed: install rid-daq with the extra {extra}, as"
-        " `rid-daq docs install` says"
+        " `rid-daq docs install` says",
+        code="RID-INSTALL-LIBRARY",
     )

@@ -95,7 +95,8 @@ def reaction_of(
     """
     if np.shape(channels_n) != (len(device_s), len(CHANNEL_NAMES)):
         raise RecordingError(
-            f"{len(device_s)} rows of the plate with readings of the shape {np.shape(channels_n)}"
+            f"{len(device_s)} rows of the plate with readings of the shape {np.shape(channels_n)}",
+            code="RID-API-ARGUMENT",
         )
     readings = channels_n if plate.zero is None else channels_n - np.array(plate.zero.offset_n)
     cycle_s = (

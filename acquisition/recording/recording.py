@@ -77,7 +77,7 @@ class Recording:
     def __post_init__(self) -> None:
         n = len(self.joint_names)
         if n == 0:
-            raise RecordingError("recording: no joints")
+            raise RecordingError("recording: no joints", code="RID-API-ARGUMENT")
         freeze(self, RecordingError, (None,), "time_s", what="recording ")
         time_s, samples = self.time_s, len(self.time_s)
         rows, table = (samples,), (samples, n)
@@ -88,23 +88,30 @@ class Recording:
         freeze(self, RecordingError, rows, "sample_index", dtype=np.int64)
         freeze(self, RecordingError, table, "answered", dtype=np.bool_)
         if self.answered is not None and (self.answered.all(axis=1) != self.valid).any():
-            raise RecordingError("recording: valid is not where every joint has answered")
+            raise RecordingError(
+                "recording: valid is not where every joint has answered", code="RID-API-ARGUMENT"
+            )
         back = np.asarray(time_s[1:] <= time_s[:-1])
         if back.any():
             row = int(np.argmax(back)) + 1
             raise RecordingError(
                 f"recording: time stamps must increase; row {row} is at {time_s[row]:.6f} s after"
-                f" {time_s[row - 1]:.6f} s"
+                f" {time_s[row - 1]:.6f} s",
+                code="RID-RECORDING-CLOCK",
             )
         if self.sample_period_s is not None and not self.sample_period_s > 0.0:
             raise RecordingError(
-                f"recording: sample_period_s {self.sample_period_s} is not positive"
+                f"recording: sample_period_s {self.sample_period_s} is not positive",
+                code="RID-API-ARGUMENT",
             )
         if self.samples_per_period is not None and self.sample_period_s is None:
-            raise RecordingError("recording: a periodic recording needs its sample_period_s")
+            raise RecordingError(
+                "recording: a periodic recording needs its sample_period_s", code="RID-API-ARGUMENT"
+            )
         if self.reaction is not None and len(self.reaction) != samples:
             raise RecordingError(
-                f"recording: {len(self.reaction)} rows of the force plate for {samples} samples"
+                f"recording: {len(self.reaction)} rows of the force plate for {samples} samples",
+                code="RID-API-ARGUMENT",
             )
 
     def __len__(self) -> int:
@@ -153,7 +160,7 @@ def joined(parts: Iterable[Recording]) -> Recording:
             if getattr(part, name) is not None:
                 columns.setdefault(name, []).append(getattr(part, name))
     if first is None:
-        raise RecordingError("recording: no row")
+        raise RecordingError("recording: no row", code="RID-RECORDING-EMPTY")
     whole: dict[str, Any] = {}
     for name in _COLUMNS:
         if name in columns:

@@ -69,7 +69,8 @@ def recording_table(recording: Recording, robot: RobotDescription) -> RecordingT
     if robot.joint_names != recording.joint_names:
         raise RecordingError(
             f"the recording is of {', '.join(recording.joint_names)}, the robot has"
-            f" {', '.join(robot.joint_names)}"
+            f" {', '.join(robot.joint_names)}",
+            code="RID-ROBOT-OTHER",
         )
     slides = [joint.type == "prismatic" for joint in robot.joints]
     columns = [Column("time_s", "s", recording.time_s)]

@@ -62,7 +62,9 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     seen: set[str] = set()
     for folder in found:
         if folder.run_id in seen:
-            raise ConfigError(f"run {folder.run_id} is named twice, or with its copy")
+            raise ConfigError(
+                f"run {folder.run_id} is named twice, or with its copy", code="RID-OPTION-EXCLUSIVE"
+            )
         seen.add(folder.run_id)
     return found
 
@@ -94,7 +96,8 @@ def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder
         if Path(reference).is_file():
             raise ConfigError(
                 f"{reference} is a file, no run: name a run by its label or id, or make one of a"
-                " recording by `rid-daq import`"
+                " recording by `rid-daq import`",
+                code="RID-RUN-IS-FILE",
             ) from None
         raise
 
@@ -109,7 +112,10 @@ def find_run_inside(root: Path, reference: str, having: str | None = None) -> Ru
     if reference == LATEST and fit:
         for folder, problem in damaged_runs(root):
             if folder.run_id > fit[-1][0].run_id:
-                raise RecordingError(f"the latest run is damaged: {problem}; name the one you mean")
+                raise RecordingError(
+                    f"the latest run is damaged: {problem}; name the one you mean",
+                    code="RID-RUN-DAMAGED",
+                )
         return fit[-1][0]
     labelled = [each for each in fit if each[1].label == reference]
     if len(labelled) > 1:
@@ -121,9 +127,14 @@ def find_run_inside(root: Path, reference: str, having: str | None = None) -> Ru
         return meant[0][0]
     if meant:
         which = ", ".join(map(_words, meant[-SHOWN:]))
-        raise ConfigError(f"run {reference!r} may be any of {which}: give more of the id")
+        raise ConfigError(
+            f"run {reference!r} may be any of {which}: give more of the id",
+            code="RID-RUN-AMBIGUOUS",
+        )
     what = "run" if having is None else f"run with {having}"
-    raise ConfigError(f"no {what} {reference!r} under {root}: `rid-daq runs` lists them")
+    raise ConfigError(
+        f"no {what} {reference!r} under {root}: `rid-daq runs` lists them", code="RID-RUN-UNKNOWN"
+    )
 
 
 def file_or_run(root: Path, reference: str, having: str | None = None) -> Path | RunFolder:
@@ -145,7 +156,9 @@ def file_or_run(root: Path, reference: str, having: str | None = None) -> Path |
     try:
         return find_run(root, reference, having)
     except ConfigError as error:
-        raise ConfigError(f"{reference}: there is no such file, and {error}") from None
+        raise ConfigError(
+            f"{reference}: there is no such file, and {error}", code=error.refusal
+        ) from None
 
 
 def _newest_words(label: str, labelled: Sequence[tuple[RunFolder, Manifest]]) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from pydantic import JsonValue, ValidationError
 
 from acquisition.runs.manifest import (
     FORMAT,
-    JOURNAL,
     MANIFEST,
     FileEntry,
     Manifest,
@@ -29,22 +27,15 @@ from acquisition.runs.manifest import (
     entry_of,
     require_label,
 )
-from acquisition.runs.run_id import RUN_ID, after_others, new_run_id
+from acquisition.runs.run_files import is_link, is_made_here, is_plain, refuse_link
+from acquisition.runs.run_id import after_others, new_run_id
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.json_file import OTHER_FORMAT, other_format
 from config.formats.whole_file import write_whole
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
-_DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
 _MANIFEST_BYTES = 4_000_000
 _READ_BYTES = 200_000_000
-_NOT_BY_WRITE = (
-    JOURNAL,
-    ".blf",
-    ".json",
-    ".jsonl",
-)  # what recorders and estimators put in by themselves
 
 
 @dataclass(frozen=True)
@@ -96,7 +87,9 @@ class RunFolder:
         """
         require_label(label)
         created_ns = time.time_ns() if now_ns is None else now_ns
-        with system_errors(RecordingError, f"{root}: no run folder can be made"):
+        with system_errors(
+            RecordingError, f"{root}: no run folder can be made", code="RID-FILE-WRITE"
+        ):
             root.mkdir(parents=True, exist_ok=True)
             run_id = new_run_id(after_others(root, created_ns))
             path = root.resolve() / run_id
@@ -140,11 +133,15 @@ class RunFolder:
             data = read_file(path, _MANIFEST_BYTES, follow_link=False)
             manifest = Manifest.model_validate_json(data)
         except OSError as error:
-            raise RecordingError(f"{self.path}: not a run folder: {error}") from error
+            raise RecordingError(
+                f"{self.path}: not a run folder: {error}", code="RID-RUN-DAMAGED"
+            ) from error
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise RecordingError(f"{path}: damaged: {where} {first['msg']}") from error
+            raise RecordingError(
+                f"{path}: damaged: {where} {first['msg']}", code="RID-RUN-DAMAGED"
+            ) from error
         if manifest.format != FORMAT:
             refused = other_format(f"{path}: a run folder", manifest.format, FORMAT)
             raise RecordingError(str(refused), code=OTHER_FORMAT)
@@ -166,12 +163,15 @@ class RunFolder:
             A link stands in its way.
         """
         parts = name.split("/")
-        if not all(_is_plain(part) for part in parts):
-            raise ConfigError(f"file name {name[:120]!r}: use letters, digits, '_', '.' and '-'")
+        if not all(is_plain(part) for part in parts):
+            raise ConfigError(
+                f"file name {name[:120]!r}: use letters, digits, '_', '.' and '-'",
+                code="RID-FILE-NAME",
+            )
         path = self.path
         for part in parts:
             path = path / part
-            _refuse_link(path)
+            refuse_link(path)
         return path
 
     def read(self, name: str) -> bytes:
@@ -183,13 +183,14 @@ class RunFolder:
             It cannot be read, is a link, or is not what was written.
         """
         path = self.file(name)
-        with system_errors(RecordingError, f"{path}: cannot be read"):
+        with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
             data = read_file(path, _READ_BYTES, follow_link=False)
         entry = self.manifest().files.get(name)
         if entry is not None and entry.sha256 != hashlib.sha256(data).hexdigest():
             raise RecordingError(
                 f"{path}: is not what was written (its SHA-256 differs): put the original back, or"
-                " delete the file and repeat the step that made it"
+                " delete the file and repeat the step that made it",
+                code="RID-RUN-CHANGED",
             )
         return data
 
@@ -202,7 +203,7 @@ class RunFolder:
             It cannot be read.
         """
         path = self.file(name)
-        with system_errors(RecordingError, f"{path}: cannot be read"):
+        with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
             size = path.lstat().st_size
         return size == entry.size_bytes and digest_of(path) == (entry.sha256, size)
 
@@ -247,7 +248,9 @@ class RunFolder:
         """
         path = self.file(name)
         if name == MANIFEST:
-            raise ConfigError(f"{MANIFEST} is written by the run folder itself")
+            raise ConfigError(
+                f"{MANIFEST} is written by the run folder itself", code="RID-INTERNAL-ERROR"
+            )
         manifest = self._own_manifest()
         self._write(path, data)
         entry = FileEntry(sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data))
@@ -280,7 +283,7 @@ class RunFolder:
         """
         manifest = self._own_manifest()
         new = [name for name in self._present()[0] if name not in manifest.files]
-        files = {name: entry_of(self.file(name)) for name in new if _is_made_here(name)}
+        files = {name: entry_of(self.file(name)) for name in new if is_made_here(name)}
         finished = manifest.model_copy(
             update={
                 "format": FORMAT,
@@ -343,8 +346,8 @@ class RunFolder:
                 relative = str(path.relative_to(self.path))
                 if relative == MANIFEST or name.endswith(".tmp"):
                     continue
-                plain = all(_is_plain(part) for part in relative.split("/"))
-                if _is_link(path) or not plain or not (path.is_file() or name in folders):
+                plain = all(is_plain(part) for part in relative.split("/"))
+                if is_link(path) or not plain or not (path.is_file() or name in folders):
                     others.append(relative)
                 elif name in names:
                     files.append(relative)
@@ -363,7 +366,8 @@ class RunFolder:
             raise RecordingError(
                 f"{self.path}: is the folder of run {manifest.run_id} by now, and nothing was"
                 f" written into it. The folder of run {self.run_id} was moved or deleted meanwhile:"
-                " put it back, then `rid-daq recover` it"
+                " put it back, then `rid-daq recover` it",
+                code="RID-RUN-REPLACED",
             )
         return manifest
 
@@ -371,28 +375,9 @@ class RunFolder:
         self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
 
     def _write(self, path: Path, data: bytes) -> None:
-        with system_errors(RecordingError, f"{path.parent}: cannot be made"):
+        with system_errors(RecordingError, f"{path.parent}: cannot be made", code="RID-FILE-WRITE"):
             path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, data)
-
-
-def _is_plain(name: str) -> bool:
-    return bool(_NAME.fullmatch(name)) and not _DEVICE.fullmatch(name) and not name.endswith(".")
-
-
-def _is_made_here(name: str) -> bool:
-    """Return whether this program puts such files into a run, or it is of a run inside it."""
-    return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
-
-
-def _refuse_link(path: Path) -> None:
-    if _is_link(path):
-        raise RecordingError(f"{path}: is a symbolic link; a run folder has none")
-
-
-def _is_link(path: Path) -> bool:
-    with system_errors(RecordingError, f"{path}: cannot be read"):
-        return path.is_symlink()
 
 
 def _utc(time_ns: int) -> str:

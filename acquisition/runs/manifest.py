@@ -66,7 +66,8 @@ def require_label(label: str) -> None:
     if not _LABEL.fullmatch(label) or label == LATEST:
         raise ConfigError(
             f"label {label[:80]!r}: use 1 to 64 letters, digits, spaces, '_', '.' and '-', and"
-            f" not {LATEST!r}, which means the newest run"
+            f" not {LATEST!r}, which means the newest run",
+            code="RID-FILE-NAME",
         )
 
 
@@ -94,7 +95,7 @@ def digest_of(path: Path) -> tuple[str, int]:
     digest = hashlib.sha256()
     size = 0
     with (
-        system_errors(RecordingError, f"{path}: cannot be read"),
+        system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"),
         open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
     ):
         while block := file.read(1 << 20):

@@ -75,9 +75,13 @@ def _carry(ring: Ring, control: ControlBlock, writer: JournalWriter, parent: int
             synced = now if to_disk else synced
             trouble = writer.trouble
             if trouble and control.recorder.state is RecorderState.RECORDING:
-                control.recorder.end(RecordingError(f"{writer.path}: {trouble}"))
+                control.recorder.end(
+                    RecordingError(f"{writer.path}: {trouble}", code="RID-RECORDING-LOST")
+                )
         if writer.disk_full and control.recorder.state is RecorderState.RECORDING:
-            control.recorder.end(RecordingError(f"{writer.path}: the disk is full"))
+            control.recorder.end(
+                RecordingError(f"{writer.path}: the disk is full", code="RID-SYSTEM-DISK-FULL")
+            )
         if os.getppid() != parent:
             if control.task.beat != beat:
                 beat, alive = control.task.beat, now

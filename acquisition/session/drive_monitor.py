@@ -153,4 +153,6 @@ def end_monitor(monitor: HelperProcess, control: ControlBlock) -> list[str]:
 def declare_dead(control: ControlBlock) -> None:
     """Let nobody wait for a monitor whose process has ended without a word."""
     if control.monitor.working:
-        control.monitor.fail(DriverError("the process that asks the drives has died"))
+        control.monitor.fail(
+            DriverError("the process that asks the drives has died", code="RID-SYSTEM-PROCESS-DIED")
+        )

@@ -31,7 +31,8 @@ def require_listenable(bus: CanBusConfig) -> None:
     if bus.interface not in LISTENED:
         raise ConfigError(
             f"can.interface {bus.interface}: its frames cannot be recorded, since one program"
-            f" alone can open it; {', '.join(LISTENED)} can be listened to. Leave --frames out"
+            f" alone can open it; {', '.join(LISTENED)} can be listened to. Leave --frames out",
+            code="RID-CAN-INTERFACE",
         )
 
 
@@ -104,7 +105,9 @@ class FrameRecorder:
             return said
         if isinstance(said, RidDaqError):
             raise said
-        raise RecordingError(f"{self._path}: the process that writes it does not answer")
+        raise RecordingError(
+            f"{self._path}: the process that writes it does not answer", code="RID-RECORDING-LOST"
+        )
 
     def _end(self) -> None:
         self._pipe.close()
@@ -123,7 +126,9 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
     except RidDaqError as error:
         said = error
     except OSError as error:
-        said = RecordingError(f"{path}: cannot be written ({error.strerror or error})")
+        said = RecordingError(
+            f"{path}: cannot be written ({error.strerror or error})", code="RID-RECORDING-LOST"
+        )
     with contextlib.suppress(OSError):  # a session that failed does not wait for it
         pipe.send(said)
 
@@ -141,7 +146,9 @@ def _record(config: CanBusConfig, path: Path, pipe: Connection) -> int:
             try:
                 message = bus.recv(0.0 if ending else _LOOK_S)
             except can.CanError as error:
-                raise TransportError(f"CAN bus {config.channel}: {error}") from error
+                raise TransportError(
+                    f"CAN bus {config.channel}: {error}", code="RID-CAN-LOST"
+                ) from error
             if message is not None:
                 writer.on_message_received(message)
                 count += 1

@@ -174,6 +174,7 @@ def _read_back(path: Path, header: JournalHeader) -> tuple[CycleStatistics, tupl
         if reader.header != header:
             raise RecordingError(
                 f"{path}: is the recording of run {reader.header.run_id or '?'} by now: another"
-                " file or folder has taken the place of this motion's"
+                " file or folder has taken the place of this motion's",
+                code="RID-RUN-REPLACED",
             )
         return tally.statistics(), reader.damage.notes

@@ -110,11 +110,13 @@ def require_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
     ]
     if wrong:
         raise DeviceFaultError(
-            f"amplifier at {config.address}: {'; '.join(wrong)}: set it and zero the plate again"
+            f"amplifier at {config.address}: {'; '.join(wrong)}: set it and zero the plate again",
+            code="RID-PLATE-NOT-ZEROED",
         )
     if not amplifier.is_operating():
         raise DeviceFaultError(
-            f"amplifier at {config.address} is in reset and measures nothing: zero the plate"
+            f"amplifier at {config.address} is in reset and measures nothing: zero the plate",
+            code="RID-PLATE-NOT-ZEROED",
         )
 
 
@@ -193,7 +195,8 @@ class _Recorder:
             except DriverError as error:
                 if time.monotonic() > until_s:
                     raise TransportError(
-                        f"{lost}; it did not come back within {RETRY_PATIENCE_S:g} s ({error})"
+                        f"{lost}; it did not come back within {RETRY_PATIENCE_S:g} s ({error})",
+                        code="RID-AMPLIFIER-SILENT",
                     ) from error
             time.sleep(RETRY_S)
         return None
@@ -260,6 +263,6 @@ class _Recorder:
             to_disk = now_s - self._synced_s >= SYNC_PERIOD_S
             writer.flush(to_disk=to_disk)
             if trouble := writer.trouble:
-                raise RecordingError(f"{writer.path}: {trouble}")
+                raise RecordingError(f"{writer.path}: {trouble}", code="RID-RECORDING-LOST")
             self._flushed_s = now_s
             self._synced_s = now_s if to_disk else self._synced_s

@@ -95,4 +95,6 @@ class PlateSession:
             return
         error = self._block.error
         self.close()
-        raise error or RecordingError("the plate's recorder did not start; nothing was moved")
+        raise error or RecordingError(
+            "the plate's recorder did not start; nothing was moved", code="RID-SYSTEM-PROCESS-DIED"
+        )

@@ -224,7 +224,8 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
     if samples.sample_period_s != cell.cycle_time_s:
         raise ConfigError(
             f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"
-            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell"
+            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell",
+            code="RID-MOTION-CYCLE",
         )
     try:
         verify_limits(samples, robot)
@@ -255,7 +256,8 @@ def _start_plate(
         what = lost if ready.charge_lost else "is in reset and measures nothing"
         raise PreflightError(
             f"force plate: the amplifier {what}: zero the plate (`rid-daq plate zero`); nothing was"
-            " moved"
+            " moved",
+            code="RID-PLATE-NOT-ZEROED",
         )
     task = PlateTask(cell.plate, profile, folder.file(PLATE_RECORDING), cell.name, folder.run_id)
     return PlateSession(task, source.samples_per_period)
@@ -267,7 +269,8 @@ def _check_room(folder: Path, expected_bytes: int) -> None:
     if free < needed:
         raise RecordingError(
             f"{folder}: {free >> 20} MB are free, {needed >> 20} MB are needed to record this"
-            " motion safely; make room or choose another folder"
+            " motion safely; make room or choose another folder",
+            code="RID-SYSTEM-DISK-FULL",
         )
 
 

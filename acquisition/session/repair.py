@@ -125,7 +125,9 @@ def repair_journal(
             writer.copy_message(channel, time_ns, payload, sequence)
     again = read_raw_journal(target)
     if (again.payloads, again.sequences) != (raw.payloads, raw.sequences):
-        raise RecordingError(f"{target}: does not hold what was written; check the disk")
+        raise RecordingError(
+            f"{target}: does not hold what was written; check the disk", code="RID-RECORDING-LOST"
+        )
     return _repair(raw, was, written)
 
 
@@ -145,7 +147,10 @@ def _read(path: Path) -> tuple[RawJournal, _Header]:
                 continue
         return raw, header
     what = "the header of its rows is lost" if raw.payloads else "no readable row in it"
-    raise RecordingError(f"{path}: {what}: nothing can be recovered, or it is no rid-daq recording")
+    raise RecordingError(
+        f"{path}: {what}: nothing can be recovered, or it is no rid-daq recording",
+        code="RID-RECORDING-FOREIGN",
+    )
 
 
 def _writer(target: Path, header: _Header) -> JournalFile:

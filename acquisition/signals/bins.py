@@ -137,7 +137,8 @@ def divide_filter(
             raise ConfigError(
                 f"the torque filter passes {abs(response[-1]):.2g} of harmonic {harmonics}"
                 f" ({frequency_hz[-1]:.4g} Hz): use harmonics nearer to its cut-off of"
-                f" {torque_filter.cutoff_hz:g} Hz"
+                f" {torque_filter.cutoff_hz:g} Hz",
+                code="RID-MOTION-BAND",
             )
         bins = bins / response[:, np.newaxis]
     return from_bins(bins, len(samples))
@@ -147,5 +148,6 @@ def _check_harmonics(harmonics: int, samples: int) -> None:
     if not 0 <= 2 * harmonics < samples:
         raise ConfigError(
             f"harmonic {harmonics} does not fit a period of {samples} samples: at most"
-            f" {(samples - 1) // 2}"
+            f" {(samples - 1) // 2}",
+            code="RID-MOTION-BAND",
         )

@@ -59,7 +59,8 @@ class DeviceClock:
         if not abs(self.rate - 1.0) < LARGEST_RATE_ERROR:
             raise DataQualityError(
                 f"the device's clock would be off by {self.drift_ppm:.0f} ppm: no quartz is; check"
-                " the unit of its time stamps"
+                " the unit of its time stamps",
+                code="RID-PLATE-CLOCK",
             )
 
     @property
@@ -107,7 +108,8 @@ def clock_from_arrivals(
     if len(device) == 0 or chunk[-1] + 1 < FEWEST_ARRIVALS:
         raise DataQualityError(
             f"{len(device)} rows of the device in {int(chunk[-1]) + 1 if len(device) else 0} reads"
-            f" are too few for its clock, {FEWEST_ARRIVALS} reads are the least"
+            f" are too few for its clock, {FEWEST_ARRIVALS} reads are the least",
+            code="RID-PLATE-CLOCK",
         )
     middle = float(device.mean())
     x, late = device - middle, arrival - shortest_delay_s - device
@@ -152,7 +154,8 @@ def clock_from_marks(
     if len(device) < FEWEST_MARKS or np.any(received <= sent) or np.ptp(device) <= 0.0:
         raise DataQualityError(
             f"{len(device)} marks cannot bound a clock: {FEWEST_MARKS} at different times are the"
-            " least, each answered after it was sent"
+            " least, each answered after it was sent",
+            code="RID-PLATE-CLOCK",
         )
     middle = float((device.min() + device.max()) / 2.0)
     x = device - middle
@@ -163,7 +166,8 @@ def clock_from_marks(
     if half.min() < 0.0:
         raise DataQualityError(
             f"no straight clock fits between the marks' questions and answers (by"
-            f" {-1e6 * half.min():.0f} us): the device's clock was set or restarted during the run"
+            f" {-1e6 * half.min():.0f} us): the device's clock was set or restarted during the run",
+            code="RID-PLATE-CLOCK",
         )
     offset, rate = (high + low) / 2.0
     # The errors at the two ends count as independent and evenly distributed within the bounds.
@@ -190,7 +194,8 @@ def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
     if len(device) < FEWEST_MARKS or np.ptp(device) <= 0.0:
         raise DataQualityError(
             f"{len(device)} trigger edges are too few for a clock, {FEWEST_MARKS} at different"
-            " times are the least: check the trigger's wire"
+            " times are the least: check the trigger's wire",
+            code="RID-PLATE-CLOCK",
         )
     middle = float(device.mean())
     x, late = device - middle, sync - device

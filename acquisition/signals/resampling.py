@@ -89,7 +89,9 @@ def resample(
 def _grid(row_s: FloatArray) -> tuple[IntArray, float]:
     """Return each row's place on the regular grid that the times are on, and its step."""
     if len(row_s) < 2:
-        raise DataQualityError(f"{len(row_s)} rows of the device are too few to be resampled")
+        raise DataQualityError(
+            f"{len(row_s)} rows of the device are too few to be resampled", code="RID-PLATE-CLOCK"
+        )
     steps = np.diff(row_s)
     step_s = float(np.median(steps))
     if step_s > 0.0 and (steps > 0.5 * step_s).all():
@@ -100,7 +102,8 @@ def _grid(row_s: FloatArray) -> tuple[IntArray, float]:
             return place, step_s
     raise DataQualityError(
         f"the device's rows are not on a regular grid of {step_s:.6g} s: its time stamps cannot be"
-        " meant"
+        " meant",
+        code="RID-PLATE-CLOCK",
     )
 
 

@@ -29,9 +29,14 @@ class PositionLoop:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain_per_s) and self.gain_per_s > 0.0):
-            raise ConfigError(f"position loop: gain_per_s must be positive: {self.gain_per_s}")
+            raise ConfigError(
+                f"position loop: gain_per_s must be positive: {self.gain_per_s}",
+                code="RID-CELL-VALUE",
+            )
         if not all(limit > 0.0 for limit in self.velocity_limit):
-            raise ConfigError(f"position loop: a velocity limit is not positive: {self}")
+            raise ConfigError(
+                f"position loop: a velocity limit is not positive: {self}", code="RID-CELL-VALUE"
+            )
 
     @classmethod
     def of_cell(cls, cell: CellConfig, robot: RobotDescription) -> PositionLoop:

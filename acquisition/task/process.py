@@ -134,7 +134,11 @@ def _await_recorder(control: ControlBlock, orders: StopOrders) -> None:
         if orders.given():
             break
         if time.monotonic() > until_s:
-            raise RecordingError("the recorder did not start; nothing was moved")
+            raise RecordingError(
+                "the recorder did not start; nothing was moved", code="RID-SYSTEM-PROCESS-DIED"
+            )
         time.sleep(PAUSE_S)
     if control.recorder.state is RecorderState.FAILED:
-        raise RecordingError(f"{control.recorder.error}; nothing was moved")
+        failed = control.recorder.error
+        code = "RID-SYSTEM-PROCESS-DIED" if failed is None else failed.refusal
+        raise RecordingError(f"{failed}; nothing was moved", code=code)

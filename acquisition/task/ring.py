@@ -44,11 +44,15 @@ class Ring:
         self.joints = self._counters[_JOINTS]
         self.capacity = self._counters[_CAPACITY]
         if not 1 <= self.joints <= MAX_JOINTS:
-            raise RecordingError(f"ring: {self.joints} joints; give 1 to {MAX_JOINTS}")
+            raise RecordingError(
+                f"ring: {self.joints} joints; give 1 to {MAX_JOINTS}", code="RID-INTERNAL-ERROR"
+            )
         layout = row_struct(self.joints)
         self.row_size = layout.size
         if self.capacity < 1 or len(view) != _HEADER_BYTES + self.capacity * self.row_size:
-            raise RecordingError(f"ring: {len(view)} bytes for {self.capacity} rows")
+            raise RecordingError(
+                f"ring: {len(view)} bytes for {self.capacity} rows", code="RID-INTERNAL-ERROR"
+            )
         self._rows = view[_HEADER_BYTES:]
         self._pack_into = layout.pack_into
 
@@ -56,7 +60,9 @@ class Ring:
     def create(cls, joints: int, capacity: int) -> Ring:
         """Return an empty ring in fresh shared memory."""
         if capacity < 1:
-            raise RecordingError(f"ring: capacity {capacity} rows; give 1 or more")
+            raise RecordingError(
+                f"ring: capacity {capacity} rows; give 1 or more", code="RID-INTERNAL-ERROR"
+            )
         size = _HEADER_BYTES + capacity * row_struct(joints).size
         memory = SharedMemory.create(_LABEL, size)
         header = memoryview(memory.buffer)[:_HEADER_BYTES].cast("q")

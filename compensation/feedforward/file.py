@@ -115,7 +115,8 @@ class FeedforwardFile(ConfigModel):
             raise ConfigError(
                 f"the feedforward is of {len(rows)} rows of {self.cycle_time_ms} ms for joints"
                 f" {', '.join(self.joints)}; the motion has {len(samples)} rows of {cycle_ms} ms"
-                f" for {', '.join(samples.joint_names)}: compensate it again for this cell"
+                f" for {', '.join(samples.joint_names)}: compensate it again for this cell",
+                code="RID-FEEDFORWARD-OTHER-MOTION",
             )
         return replace(samples, feedforward=rows)
 

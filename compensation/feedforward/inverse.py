@@ -66,7 +66,8 @@ def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
     if robot.coupling is not None:
         raise ConfigError(
             f"robot {robot.name}: {what} works joint by joint, and this robot's wrist is coupled;"
-            " use `rid-daq compensate` without it"
+            " use `rid-daq compensate` without it",
+            code="RID-ROBOT-COUPLED-WRIST",
         )
 
 

@@ -193,7 +193,8 @@ def stability_bound(
         raise DataQualityError(
             f"the velocity loop of {loops[worst].joint_name} is known too badly to refine by: an"
             f" error could keep {rho[0, worst]:.0%} of itself. Measure the loops again with more"
-            " periods (`rid-daq loop`)"
+            " periods (`rid-daq loop`)",
+            code="RID-LOOP-WEAK",
         )
     return StabilityBound(frequency_hz, rho, band_hz)
 

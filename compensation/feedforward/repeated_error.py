@@ -78,13 +78,16 @@ def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> R
     """
     for recording in recordings:
         if recording.joint_names != samples.joint_names:
-            raise DataQualityError("a run is of other joints than the motion")
+            raise DataQualityError(
+                "a run is of other joints than the motion", code="RID-ROBOT-OTHER"
+            )
     if samples.samples_per_period is None:
         return _of_runs(samples, recordings)
     if len(recordings) != 1:
         raise DataQualityError(
             f"{len(recordings)} runs of a periodic motion are given: one is enough, its periods are"
-            " the repetitions"
+            " the repetitions",
+            code="RID-REFINE-RUNS",
         )
     average = average_periods(recordings[0])
     last = int(np.flatnonzero(samples.phase == Phase.MAIN)[-1]) + 1
@@ -105,7 +108,8 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
     if len(recordings) < FEWEST_RUNS:
         raise DataQualityError(
             "the motion is not periodic: give two runs of it or more with the same feedforward, so"
-            " that what repeats can be told from noise"
+            " that what repeats can be told from noise",
+            code="RID-REFINE-RUNS",
         )
     errors = np.array([samples.position - _position(samples, one) for one in recordings])
     count = len(errors)
@@ -136,7 +140,8 @@ def _position(samples: MotionSamples, recording: Recording) -> FloatArray:
     if missing > 0.02 * len(samples):
         raise DataQualityError(
             f"run {recording.run_id} misses {missing} of {len(samples)} rows of the motion: record"
-            " it again"
+            " it again",
+            code="RID-RECORDING-ROWS-LOST",
         )
     columns = [np.interp(rows, index, column) for column in recording.position[there].T]
     return np.stack(columns, axis=1)

@@ -104,7 +104,8 @@ def tune(
     if not measured.periodic:
         raise DataQualityError(
             "the reference run is not of a periodic motion, so there is nothing to average: record"
-            " a circle or another periodic motion"
+            " a circle or another periodic motion",
+            code="RID-RECORDING-NOT-PERIODIC",
         )
     step_s, rows = samples.sample_period_s, measured.rows
     count = len(measured.error)
@@ -112,7 +113,8 @@ def tune(
     if highest < FEWEST_LINES:
         raise DataQualityError(
             f"the reference run has {highest} harmonics up to {BAND_HZ:g} Hz, {FEWEST_LINES} are"
-            " needed: record a longer period"
+            " needed: record a longer period",
+            code="RID-MOTION-PERIOD",
         )
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
     reached = differentiate_on_bins(samples.position[rows] - measured.error, step_s, highest)
@@ -140,7 +142,8 @@ def tune(
         raise DataQualityError(
             f"the reference run asks for {found[0, worst]:.3g} times the torque of"
             f" {loops[worst].joint_name}: model or velocity loops are of another robot or payload;"
-            " measure them again"
+            " measure them again",
+            code="RID-LOOP-OTHER",
         )
     told = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)
     chosen = FeedforwardTuning(np.where(told[0], found[0], 1.0), np.where(told[1], found[1], 0.0))

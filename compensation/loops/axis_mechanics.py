@@ -61,7 +61,8 @@ class AxisMechanics:
         if not self.inertia > 0.0:
             raise EstimationError(
                 f"joint {self.joint_name}: velocity does not answer torque as an inertia does: the"
-                " multisine was too weak, or its band too low"
+                " multisine was too weak, or its band too low",
+                code="RID-LOOP-WEAK",
             )
 
     @property

@@ -90,7 +90,8 @@ class Cascade:
         if self.loop.joint_name != self.mechanics.joint_name:
             raise EstimationError(
                 f"the velocity loop is of joint {self.loop.joint_name}, the mechanics of"
-                f" {self.mechanics.joint_name}"
+                f" {self.mechanics.joint_name}",
+                code="RID-INTERNAL-ERROR",
             )
 
     def velocity_loop(self, frequency_hz: FloatArray) -> Complex:

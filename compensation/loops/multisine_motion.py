@@ -118,17 +118,20 @@ def multisine_motion(
     if not 0.0 < lowest_hz < highest_hz < 0.5 / cycle_s:
         raise ConfigError(
             f"a band from {lowest_hz:g} to {highest_hz:g} Hz: it must rise, from above 0 to below"
-            f" half the cycle's frequency, {0.5 / cycle_s:g} Hz"
+            f" half the cycle's frequency, {0.5 / cycle_s:g} Hz",
+            code="RID-MOTION-BAND",
         )
     if lowest_hz * period_s < 2.0 - 1e-9:
         raise ConfigError(
             f"a band from {lowest_hz:g} Hz needs a period of at least {2.0 / lowest_hz:g} s, it is"
-            f" {period_s:g} s: the first harmonic is the slow sine's"
+            f" {period_s:g} s: the first harmonic is the slow sine's",
+            code="RID-MOTION-BAND",
         )
     if options.phases == "schroeder" and realisations > 1:
         raise ConfigError(
             f"Schroeder's phases are the same in all {realisations} realisations: ask for one, or"
-            " for random phases"
+            " for random phases",
+            code="RID-OPTION-EXCLUSIVE",
         )
     if realisations == 1 and options.grid != "random_odd":
         raise ConfigError(
@@ -194,7 +197,9 @@ def multisine_motion(
             return motion
         reason = f"limits are used by {', '.join(f'{100.0 * x:.0f}' for x in use)} % of them"
         speed = np.where(use > LARGEST_USE, SMALLER * speed, speed)
-    raise ConfigError(f"no multisine holds the limits of robot {robot.name!r}: {reason}")
+    raise ConfigError(
+        f"no multisine holds the limits of robot {robot.name!r}: {reason}", code="RID-DESIGN-NONE"
+    )
 
 
 def limit_use(

@@ -84,12 +84,14 @@ def multisine_spectra(
     if commands is None or step_s is None:
         raise DataQualityError(
             "the recording holds no velocity commands: frequency responses need one of this"
-            " program's own"
+            " program's own",
+            code="RID-RUN-FOREIGN",
         )
     if recording.joint_names != robot.joint_names:
         raise DataQualityError(
             f"the recording is of joints {', '.join(recording.joint_names)}, robot {robot.name!r}"
-            f" has {', '.join(robot.joint_names)}"
+            f" has {', '.join(robot.joint_names)}",
+            code="RID-ROBOT-OTHER",
         )
     starts = realisation_starts(recording, motion, robot)
     whole = sorted(starts)
@@ -163,7 +165,8 @@ def realisation_starts(
     if not found:
         raise DataQualityError(
             f"the recording holds none of the multisine's {motion.realisations} realisations with"
-            " all its rows: record it again"
+            " all its rows: record it again",
+            code="RID-RECORDING-ROWS-LOST",
         )
     return found
 

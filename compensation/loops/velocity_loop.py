@@ -100,7 +100,8 @@ class VelocityLoop:
         if not (self.gain > 0.0 and self.integral_time_s > 0.0 and self.lag_s >= 0.0):
             raise EstimationError(
                 f"joint {self.joint_name}: a velocity controller with gain {self.gain:.4g} and"
-                f" integral time {self.integral_time_s:.4g} s is none"
+                f" integral time {self.integral_time_s:.4g} s is none",
+                code="RID-LOOP-WEAK",
             )
 
     @property
@@ -150,7 +151,8 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
     if lines < FEWEST_LINES:
         raise EstimationError(
             f"joint {measured.joint_name}: {lines} lines are too few for a velocity controller,"
-            f" {FEWEST_LINES} are needed"
+            f" {FEWEST_LINES} are needed",
+            code="RID-LOOP-WEAK",
         )
     fits = [_fit(measured, extras) for extras in _choices()]
     trials = tuple(_trial(measured, extras, cost) for extras, _, _, cost in fits)

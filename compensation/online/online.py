@@ -107,9 +107,15 @@ class OnlineFeedforward:
         n = len(robot.joints)
         tuning = tuning or FeedforwardTuning.none(n)
         if len(tuning.scale) != n:
-            raise ConfigError(f"the tuning is of {len(tuning.scale)} joints, the robot has {n}")
+            raise ConfigError(
+                f"the tuning is of {len(tuning.scale)} joints, the robot has {n}",
+                code="RID-ROBOT-OTHER",
+            )
         if not (tuning.scale > 0.0).all():
-            raise ConfigError("the tuning scales a joint's torque by nothing or less: tune again")
+            raise ConfigError(
+                "the tuning scales a joint's torque by nothing or less: tune again",
+                code="RID-LOOP-OTHER",
+            )
         step_s = cell.cycle_time_s
         axes = np.zeros((stage.AXES_ROWS, n))
         for j, (joint, loop) in enumerate(zip(robot.joints, loops, strict=True)):
@@ -121,7 +127,8 @@ class OnlineFeedforward:
             if not 0.0 <= ahead <= LONGEST_LOOK_AHEAD:
                 raise ConfigError(
                     f"joint {joint.name}: its velocity loop acts {ahead:.3g} cycles late, 0 to"
-                    f" {LONGEST_LOOK_AHEAD} can be led: measure the loop again"
+                    f" {LONGEST_LOOK_AHEAD} can be led: measure the loop again",
+                    code="RID-LOOP-WEAK",
                 )
             column = axes[:, j]
             column[path.LOW], column[path.HIGH] = limits.position_min, limits.position_max
@@ -160,12 +167,14 @@ def in_order(
     if tuple(modelled) != tuple(names):
         raise ConfigError(
             f"the model is of joints {', '.join(modelled)}, the motion of {', '.join(names)}: give"
-            " a model of this robot"
+            " a model of this robot",
+            code="RID-ROBOT-OTHER",
         )
     measured = {loop.joint_name: loop for loop in loops}
     missing = [name for name in names if name not in measured]
     if missing:
         raise ConfigError(
-            f"there is no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`"
+            f"there is no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`",
+            code="RID-LOOP-MISSING",
         )
     return [measured[name] for name in names]

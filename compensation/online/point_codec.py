@@ -94,11 +94,15 @@ class PointDecoder:
         frames = []
         while len(self._bytes) >= _COUNT.size:
             if self.ended:
-                raise ProtocolError("the client sent something after the end of its path")
+                raise ProtocolError(
+                    "the client sent something after the end of its path",
+                    code="RID-STREAM-PROTOCOL",
+                )
             (count,) = _COUNT.unpack_from(self._bytes)
             if count > MOST_POINTS:
                 raise ProtocolError(
-                    f"the client announced a frame of {count} points, {MOST_POINTS} are the most"
+                    f"the client announced a frame of {count} points, {MOST_POINTS} are the most",
+                    code="RID-STREAM-PROTOCOL",
                 )
             size = _COUNT.size + count * self._point_bytes
             if len(self._bytes) < size:
@@ -119,7 +123,8 @@ class PointDecoder:
         if not isinstance(said, dict) or said.get("protocol") != PROTOCOL:
             raise ProtocolError(
                 f'the client does not speak this protocol: its first line must be {{"protocol":'
-                f' "{PROTOCOL}"}}'
+                f' "{PROTOCOL}"}}',
+                code="RID-STREAM-PROTOCOL",
             )
         del self._bytes[: end + 1]
         self._greeted = True

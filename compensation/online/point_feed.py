@@ -155,7 +155,9 @@ class PointFeed:
         """
         wait_for_points(self._ring, points, patience_s)
         if self._error is not None and self._ring.written == 0:
-            raise ConfigError(f"no points: {self._ring.failure}") from self._error
+            raise ConfigError(
+                f"no points: {self._ring.failure}", code="RID-STREAM-POINTS"
+            ) from self._error
 
 
 def wait_for_points(

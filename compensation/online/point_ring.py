@@ -69,7 +69,10 @@ class PointRing:
             It would hold nothing.
         """
         if capacity < 1 or joints < 1:
-            raise ConfigError(f"a buffer of {capacity} points of {joints} joints holds nothing")
+            raise ConfigError(
+                f"a buffer of {capacity} points of {joints} joints holds nothing",
+                code="RID-INTERNAL-ERROR",
+            )
         size = _HEADER_BYTES + 8 * capacity * joints
         ring = cls(get_context("spawn").RawArray("B", size), joints, capacity)
         ring.counters[TOTAL] = -1

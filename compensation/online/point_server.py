@@ -148,11 +148,13 @@ def listening(path: Path) -> Iterator[socket.socket]:
         except BlockingIOError:
             raise LockedError(
                 f"{path}: another session takes points here (process {file_holder(lock)}). Wait"
-                " until it ends, stop it (`rid-daq stop`), or choose another path with --socket"
+                " until it ends, stop it (`rid-daq stop`), or choose another path with --socket",
+                code="RID-CELL-BUSY",
             ) from None
         except OSError as error:
             raise TransportError(
-                f"{path}: no socket can be made there: {error.strerror}"
+                f"{path}: no socket can be made there: {error.strerror}",
+                code="RID-SOCKET-PATH",
             ) from error
         yield listener
 
@@ -162,14 +164,18 @@ def _refuse_unfit(path: Path) -> None:
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise TransportError(
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"
-            " folder"
+            " folder",
+            code="RID-SOCKET-PATH",
         )
-    with system_errors(TransportError, f"{path}: no socket can be made there"):
+    with system_errors(
+        TransportError, f"{path}: no socket can be made there", code="RID-SOCKET-PATH"
+    ):
         folder = path.parent.lstat()
     if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
         raise TransportError(
             f"{path.parent}: is open to other users, and a socket there would be too: give one"
-            " in a folder of your own (chmod 700)"
+            " in a folder of your own (chmod 700)",
+            code="RID-SOCKET-PATH",
         )
 
 
@@ -234,22 +240,27 @@ def _points(
     """
     names = service.robot.joint_names
     decoder = PointDecoder(len(names))
-    with system_errors(TransportError, "the client's connection was lost"):
+    with system_errors(
+        TransportError, "the client's connection was lost", code="RID-STREAM-CLIENT"
+    ):
         client.sendall(greeting(names, service.cycle_time_s, service.buffer))
         heard_s = time.monotonic()
         while not decoder.ended:
             if over():
-                raise TransportError("the session is over")
+                raise TransportError("the session is over", code="RID-STREAM-CLIENT")
             try:
                 data = client.recv(CHUNK_BYTES)
             except TimeoutError:
                 if time.monotonic() - heard_s > service.silence_s:
                     raise TransportError(
-                        f"the client sent nothing for {service.silence_s:g} s"
+                        f"the client sent nothing for {service.silence_s:g} s",
+                        code="RID-STREAM-CLIENT",
                     ) from None
                 continue
             if not data:
-                raise TransportError("the client hung up before the end of its path")
+                raise TransportError(
+                    "the client hung up before the end of its path", code="RID-STREAM-CLIENT"
+                )
             points = decoder.decode(data)
             if len(points):
                 yield points

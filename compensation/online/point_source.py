@@ -77,7 +77,9 @@ class PointSource:
     ) -> None:
         n = len(feedforward.robot.joints)
         if ring.joints != n:
-            raise ConfigError(f"points of {ring.joints} joints for a robot that has {n}")
+            raise ConfigError(
+                f"points of {ring.joints} joints for a robot that has {n}", code="RID-MOTION-JOINTS"
+            )
         self._feedforward = feedforward
         self._ring = ring
         self._compensated = compensated
@@ -188,13 +190,16 @@ class PointSource:
                 break
             time.sleep(PAUSE_S)
         if self._counts[path.CLOSED] == path.REFUSED and self._counts[path.KNOWN] < 2 * path.SPARE:
-            raise ConfigError(f"{self._refusal().text}; nothing was moved")
+            raise ConfigError(
+                f"{self._refusal().text}; nothing was moved", code="RID-STREAM-POINTS"
+            )
         begin = path.plan_stop(self._path, 0)
         if self._counts[path.KNOWN] == 0 or begin < 1:
             why = ring.failure or f"only {int(ring.counters[READ])} came"
             raise DriverError(
                 f"too few points to begin with: {why}. Send points from rest on, and either so many"
-                " that the robot can be stopped on them, or all and the end; nothing was moved"
+                " that the robot can be stopped on them, or all and the end; nothing was moved",
+                code="RID-STREAM-POINTS",
             )
         self._counts[path.SAFE] = begin
         self._counts[path.HORIZON] = self._counts[path.KNOWN] - 1
@@ -325,7 +330,8 @@ def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
     points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
     if points > MOST_NODES:
         raise ConfigError(
-            f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less"
+            f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less",
+            code="RID-OPTION-RANGE",
         )
     return points
 

@@ -75,7 +75,8 @@ def stream_motion(
     if samples.sample_period_s != cell.cycle_time_s:
         raise ConfigError(
             f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"
-            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell"
+            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell",
+            code="RID-MOTION-CYCLE",
         )
     gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
     gate.check(samples.position)
@@ -185,9 +186,13 @@ def stream_socket(
             if not came and not ring.failure:
                 raise DeviceTimeoutError(
                     f"{path}: no client sent points within {options.patience_s:g} s; nothing was"
-                    " moved"
+                    " moved",
+                    code="RID-STREAM-CLIENT",
                 )
-            raise TransportError(f"{path}: {ring.failure or 'no points came'}; nothing was moved")
+            raise TransportError(
+                f"{path}: {ring.failure or 'no points came'}; nothing was moved",
+                code="RID-STREAM-CLIENT",
+            )
         return _recorded(feedforward, ring, record, options)
 
 

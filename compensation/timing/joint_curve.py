@@ -104,7 +104,9 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
     weights = 1.0 / np.asarray(speeds)
     speed = np.linalg.norm(samples.velocity * weights, axis=1)
     if speed.max() <= 0.0 or np.ptp(samples.position, axis=0).max() < SHORTEST:
-        raise ConfigError("the motion does not move: there is nothing to be timed")
+        raise ConfigError(
+            "the motion does not move: there is nothing to be timed", code="RID-TIMING-SHAPE"
+        )
     breaks = _rests(samples.velocity * weights, speed)
     ways: list[RestToRest] = []
     for (_, begin), (end, after) in pairwise(breaks):
@@ -151,12 +153,14 @@ def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
         if most >= len(points):
             raise ConfigError(
                 f"between its rows the motion's path cannot be told to better than {off:.2g} rad or"
-                " m: it turns within a few cycles. Let it turn less sharply, or drive it slower"
+                " m: it turns within a few cycles. Let it turn less sharply, or drive it slower",
+                code="RID-TIMING-SHAPE",
             )
     raise ConfigError(
         f"{KNOTS[-1]:,} poses tell the motion's path to {off:.2g} rad or m only, from one rest to"
         f" the next, and {FARTHEST_OFF:g} is wanted: make it shorter (fewer turns), or let it rest"
-        " in between"
+        " in between",
+        code="RID-TIMING-SHAPE",
     )
 
 

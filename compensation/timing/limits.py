@@ -46,11 +46,16 @@ class TimingLimits:
         own = ("speed", "acceleration", "torque_rms", "torque_rate", "jerk")
         freeze(self, ConfigError, (n,), *own, what="limits ")
         if self.base is not None and np.shape(self.base) != (6,):
-            raise ConfigError("limits base must have six values: three forces, three moments")
+            raise ConfigError(
+                "limits base must have six values: three forces, three moments",
+                code="RID-OPTION-COUNT",
+            )
         for name in (*own, "torque", "base"):
             values = getattr(self, name)
             if values is not None and not (values > 0.0).all():
-                raise ConfigError(f"limits: {name} must be positive: {values.tolist()}")
+                raise ConfigError(
+                    f"limits: {name} must be positive: {values.tolist()}", code="RID-OPTION-RANGE"
+                )
 
     @classmethod
     def of_robot(cls, robot: RobotDescription) -> TimingLimits:
@@ -71,7 +76,10 @@ class TimingLimits:
             The share is not one of 0 to 1.
         """
         if not 0.0 <= share < 1.0:
-            raise ConfigError(f"a margin of {share:g} of the torque: give 0 to less than 1")
+            raise ConfigError(
+                f"a margin of {share:g} of the torque: give 0 to less than 1",
+                code="RID-OPTION-RANGE",
+            )
         left = 1.0 - share
         return replace(
             self, torque=left * self.torque, base=None if self.base is None else left * self.base

@@ -225,7 +225,8 @@ class PathRows:
             f"the path cannot be driven within its limits at any speed: {self.labels[row]} is"
             f" {takes:.4g} at the pose ({pose}) already by gravity and the friction of a slow"
             f" motion ({self.rows[point, row, 2] * size:.4g} without friction); allowed"
-            f" is {max(allowed, 0.0):.4g}. Move the path, lighten the payload, or allow more"
+            f" is {max(allowed, 0.0):.4g}. Move the path, lighten the payload, or allow more",
+            code="RID-TIMING-NOT-FEASIBLE",
         )
 
 

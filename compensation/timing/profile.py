@@ -112,7 +112,8 @@ def _refuse_ends(x: FloatArray, ends: tuple[float, float], closed: bool) -> None
         if found < (1.0 - 1e-6) * wanted**2:
             raise LimitError(
                 f"the path cannot be at a speed of {wanted:.4g} at its {name}: the limits allow"
-                f" {np.sqrt(found):.4g}"
+                f" {np.sqrt(found):.4g}",
+                code="RID-TIMING-NOT-FEASIBLE",
             )
 
 
@@ -124,5 +125,6 @@ def _no_way(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:
     return LimitError(
         f"the path comes to a standstill at the pose ({pose}): {rows.labels[row]} leaves"
         f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit, beside what is uncertain, to"
-        " move with there. Move the path, allow more, or identify the robot better"
+        " move with there. Move the path, allow more, or identify the robot better",
+        code="RID-TIMING-NOT-FEASIBLE",
     )

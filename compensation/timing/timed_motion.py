@@ -139,7 +139,8 @@ def retimed(
     if limits.base is not None and estimate.options.kind == "internal":
         raise ConfigError(
             "the internal model does not know the reaction on the base: identify the combined"
-            " model, from a run with a force plate"
+            " model, from a run with a force plate",
+            code="RID-MODEL-NOT-COMBINED",
         )
     speeds = [joint.limits.velocity for joint in robot.joints]
     rest_s, ways = curves_of(samples, speeds)

@@ -157,7 +157,8 @@ class PathTimer:
                 return found
         raise LimitError(
             f"after {ATTEMPTS} scans rows of the path still exceed {search.worst}: it bends too"
-            " sharply for this cycle time. Round it, or keep a margin"
+            " sharply for this cycle time. Round it, or keep a margin",
+            code="RID-TIMING-SHAPE",
         )
 
 
@@ -316,7 +317,8 @@ class _Search:
         if self._window_s > LONGEST_WINDOW * self._last.time_s[-1] or any(self._ends):
             raise LimitError(
                 f"{what} cannot be kept to by averaging the motion over half of its time: allow"
-                " more, or drive it more slowly"
+                " more, or drive it more slowly",
+                code="RID-TIMING-NOT-FEASIBLE",
             )
         return True
 
@@ -341,7 +343,8 @@ class _Search:
         if self._slower > SLOWEST:
             raise LimitError(
                 f"{self.worst} is {ratio.max():.3g} of its limit at any speed: gravity and friction"
-                " alone take it. Rest between motions, or allow more"
+                " alone take it. Rest between motions, or allow more",
+                code="RID-TIMING-NOT-FEASIBLE",
             )
         return True
 

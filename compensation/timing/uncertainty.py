@@ -49,7 +49,8 @@ class ModelMargin:
     def __post_init__(self) -> None:
         if not 0.0 < self.confidence < 1.0:
             raise ConfigError(
-                f"a confidence of {self.confidence:g}: give more than 0 and less than 1"
+                f"a confidence of {self.confidence:g}: give more than 0 and less than 1",
+                code="RID-OPTION-RANGE",
             )
 
     @property

@@ -211,7 +211,8 @@ def require_line(
     raise ConfigError(
         f"{amplifier.rate_hz:g} rows/s of {profile.row_bytes(amplifier.format)} bytes take"
         f" {100.0 * load:.0f} % of a line at {amplifier.baud_rate} baud, allowed are"
-        f" {100.0 * LINE_LOAD_LIMIT:.0f} %; would do: {would_do}"
+        f" {100.0 * LINE_LOAD_LIMIT:.0f} %; would do: {would_do}",
+        code="RID-AMPLIFIER-LINE-LOAD",
     )
 
 

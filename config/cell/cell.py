@@ -258,11 +258,15 @@ class CellConfig(PhysicalFile):
         """
         chosen = self.servo if axis.servo is None else axis.servo
         if isinstance(chosen, str) or chosen.base is not None:
-            raise ConfigError(f"cell {self.name}: load the cell, so that its servo is read")
+            raise ConfigError(
+                f"cell {self.name}: load the cell, so that its servo is read",
+                code="RID-INTERNAL-ERROR",
+            )
         if chosen.spread and self.exchange == "trimmed":
             raise ConfigError(
                 f"cell {self.name}: exchange: trimmed needs drives whose PDOs can be mapped, and"
-                f" that of {axis.joint} has fixed ones, or is asked for its torque; leave it out"
+                f" that of {axis.joint} has fixed ones, or is asked for its torque; leave it out",
+                code="RID-CELL-VALUE",
             )
         if axis.velocity_unit is None:
             return chosen

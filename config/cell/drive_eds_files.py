@@ -79,5 +79,6 @@ def _bytes(path: Path, where: str) -> bytes:
         return read_file(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(
-            f"{where}: {path}: cannot read: {error.strerror}; a path is relative to the cell file"
+            f"{where}: {path}: cannot read: {error.strerror}; a path is relative to the cell file",
+            code="RID-FILE-READ",
         ) from None

@@ -71,11 +71,18 @@ class ElectronicDataSheet:
     def __post_init__(self) -> None:
         for number in (self.vendor, self.product, self.revision):
             if number is not None and not 0 <= number < 1 << 32:
-                raise ConfigError(f"{self.name}: {number} does not fit 1018h, of 32 bits")
+                raise ConfigError(
+                    f"{self.name}: {number} does not fit 1018h, of 32 bits", code="RID-EDS-INVALID"
+                )
         if self.node_id is not None and not 1 <= self.node_id <= 127:
-            raise ConfigError(f"{self.name}: node id {self.node_id} is not 1 to 127")
+            raise ConfigError(
+                f"{self.name}: node id {self.node_id} is not 1 to 127", code="RID-EDS-INVALID"
+            )
         if len(self._by_address) != len(self.objects):
-            raise ConfigError(f"{self.name}: two objects have the same index and sub-index")
+            raise ConfigError(
+                f"{self.name}: two objects have the same index and sub-index",
+                code="RID-EDS-INVALID",
+            )
 
     @cached_property
     def _by_address(self) -> dict[tuple[int, int], EdsObject]:
@@ -111,12 +118,14 @@ def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
     info = reader.sections.get("deviceinfo")
     if info is None:
         raise ConfigError(
-            f"{name}: there is no [DeviceInfo]; is it an electronic data sheet (EDS or DCF)?"
+            f"{name}: there is no [DeviceInfo]; is it an electronic data sheet (EDS or DCF)?",
+            code="RID-FILE-TYPE",
         )
     objects = reader.objects()
     if not objects:
         raise ConfigError(
-            f"{name}: there is no object in it, such as [1000]; is it the whole file?"
+            f"{name}: there is no object in it, such as [1000]; is it the whole file?",
+            code="RID-FILE-TYPE",
         )
     return ElectronicDataSheet(
         name=name,

@@ -79,10 +79,11 @@ class EdsValue:
     def __post_init__(self) -> None:
         if self.adds_node_id and not isinstance(self.content, int):
             raise ConfigError(
-                f"$NODEID and {self.content!r}: it can be added to a whole number only"
+                f"$NODEID and {self.content!r}: it can be added to a whole number only",
+                code="RID-EDS-INVALID",
             )
         if isinstance(self.content, float) and not math.isfinite(self.content):
-            raise ConfigError(f"{self.content} is not a finite number")
+            raise ConfigError(f"{self.content} is not a finite number", code="RID-EDS-INVALID")
 
     def of_node(self, node_id: int) -> int | float | str:
         """Return the value in the device with this node id."""
@@ -142,9 +143,15 @@ class EdsObject:
 
     def __post_init__(self) -> None:
         if not (0 <= self.index <= 0xFFFF and 0 <= self.subindex <= 0xFF):
-            raise ConfigError(f"{self.index:X}h:{self.subindex:X} is no address of an object")
+            raise ConfigError(
+                f"{self.index:X}h:{self.subindex:X} is no address of an object",
+                code="RID-EDS-INVALID",
+            )
         if self.access is not None and self.access not in ACCESSES:
-            raise ConfigError(f"access {self.access!r}; it is one of {', '.join(ACCESSES)}")
+            raise ConfigError(
+                f"access {self.access!r}; it is one of {', '.join(ACCESSES)}",
+                code="RID-EDS-INVALID",
+            )
 
     @property
     def bits(self) -> int | None:
@@ -183,14 +190,19 @@ def parse_integer(text: str) -> int:
         It is none, or has more digits than any object could hold.
     """
     if len(text) > MAX_DIGITS:
-        raise ConfigError(f"{text[:MAX_DIGITS]!r}… has too many digits for a number")
+        raise ConfigError(
+            f"{text[:MAX_DIGITS]!r}… has too many digits for a number", code="RID-EDS-INVALID"
+        )
     if _HEXADECIMAL.fullmatch(text):
         return int(text, 16)
     if _DECIMAL.fullmatch(text):
         return int(text)
     if _OCTAL.fullmatch(text):
         return int(text, 8)
-    raise ConfigError(f"{text!r} is not a whole number: write it decimal, or hexadecimal with 0x")
+    raise ConfigError(
+        f"{text!r} is not a whole number: write it decimal, or hexadecimal with 0x",
+        code="RID-EDS-INVALID",
+    )
 
 
 def parse_value(text: str, data_type: int | None) -> EdsValue:
@@ -212,7 +224,9 @@ def parse_value(text: str, data_type: int | None) -> EdsValue:
     bits = INTEGER_BITS[data_type]
     signed = is_signed(data_type)
     if not (-(1 << bits - 1) if signed else 0) <= value < 1 << bits:
-        raise ConfigError(f"{text[:MAX_DIGITS]!r} does not fit {DataType(data_type).name}")
+        raise ConfigError(
+            f"{text[:MAX_DIGITS]!r} does not fit {DataType(data_type).name}", code="RID-EDS-INVALID"
+        )
     return EdsValue(_by_bits(value, bits) if signed else value, relative)
 
 
@@ -252,20 +266,22 @@ def _without_node_id(text: str) -> tuple[str, bool]:
         return plain[len("$NODEID+") :], True
     if upper.endswith("+$NODEID") and len(upper) > len("+$NODEID"):
         return plain[: -len("+$NODEID")], True
-    raise ConfigError(f"{text[:MAX_DIGITS]!r}: write $NODEID+0x200")
+    raise ConfigError(f"{text[:MAX_DIGITS]!r}: write $NODEID+0x200", code="RID-EDS-INVALID")
 
 
 def _real(text: str, bits: int) -> float:
     """Return a real number, written in decimals or by its bits in hexadecimal."""
     if len(text) > 64:
-        raise ConfigError(f"{text[:MAX_DIGITS]!r}… has too many digits for a number")
+        raise ConfigError(
+            f"{text[:MAX_DIGITS]!r}… has too many digits for a number", code="RID-EDS-INVALID"
+        )
     if _HEXADECIMAL.fullmatch(text):
         pattern = parse_integer(text)
         if not 0 <= pattern < 1 << bits:
-            raise ConfigError(f"{text!r} does not fit REAL{bits}")
+            raise ConfigError(f"{text!r} does not fit REAL{bits}", code="RID-EDS-INVALID")
         value = float(struct.unpack(">f" if bits == 32 else ">d", pattern.to_bytes(bits // 8))[0])
     else:
         value = parse_number(text)
     if not math.isfinite(value):
-        raise ConfigError(f"{text!r} is not a finite number")
+        raise ConfigError(f"{text!r} is not a finite number", code="RID-EDS-INVALID")
     return value

@@ -76,7 +76,8 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
     """
     if len(data) > MAX_BYTES:
         raise ConfigError(
-            f"{name}: more than {MAX_BYTES} bytes; is it an electronic data sheet (EDS or DCF)?"
+            f"{name}: more than {MAX_BYTES} bytes; is it an electronic data sheet (EDS or DCF)?",
+            code="RID-FILE-TYPE",
         )
     sections: dict[str, EdsSection] = {}
     section: EdsSection | None = None
@@ -110,7 +111,7 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
 
 def refuse(name: str, line: int, problem: str) -> NoReturn:
     """Raise a `ConfigError` that says file and line."""
-    raise ConfigError(f"{name}:{line}: {problem}")
+    raise ConfigError(f"{name}:{line}: {problem}", code="RID-EDS-INVALID")
 
 
 def shown(text: str) -> str:

@@ -44,13 +44,18 @@ def parse_json(data: bytes | str) -> Any:
             text, parse_int=_integer, parse_constant=float, object_pairs_hook=_without_doubles
         )
     except UnicodeDecodeError as error:
-        raise ConfigError(f"not UTF-8 text (byte {error.start}); is it the right file?") from None
+        raise ConfigError(
+            f"not UTF-8 text (byte {error.start}); is it the right file?", code="RID-FILE-TYPE"
+        ) from None
     except json.JSONDecodeError as error:
         raise ConfigError(
-            f"line {error.lineno}, column {error.colno}: not valid JSON: {error.msg}"
+            f"line {error.lineno}, column {error.colno}: not valid JSON: {error.msg}",
+            code="RID-FILE-SYNTAX",
         ) from None
     except RecursionError:
-        raise ConfigError(f"not valid JSON: nested more than {MAX_DEPTH} deep") from None
+        raise ConfigError(
+            f"not valid JSON: nested more than {MAX_DEPTH} deep", code="RID-FILE-SIZE"
+        ) from None
     _look_through(tree)
     return tree
 
@@ -85,7 +90,7 @@ def read_content(path: Path, most_bytes: int) -> bytes:
     ConfigError
         The file cannot be read, or is larger than `most_bytes`.
     """
-    with system_errors(ConfigError, f"{path}: cannot be read"):
+    with system_errors(ConfigError, f"{path}: cannot be read", code="RID-FILE-READ"):
         return read_file(path, most_bytes)
 
 
@@ -96,13 +101,15 @@ def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
         return model.model_validate_json(data)
     except ConfigError as error:
         _refuse_kind(path, data, model, what)
-        raise ConfigError(f"{path}: not {what}: {error}") from None
+        raise ConfigError(f"{path}: not {what}: {error}", code=error.refusal) from None
     except ValidationError as error:
         _refuse_kind(path, data, model, what)
         first = error.errors()[0]
         _refuse_format(path, first, what)
         where = ".".join(str(part) for part in first["loc"]) or "the whole document"
-        raise ConfigError(f"{path}: not {what}: {where}: {first['msg']}") from error
+        raise ConfigError(
+            f"{path}: not {what}: {where}: {first['msg']}", code="RID-FILE-VALUE"
+        ) from error
 
 
 def _refuse_format(path: Path, error: ErrorDetails, what: str) -> None:
@@ -141,7 +148,9 @@ def _refuse_kind(path: Path, data: bytes, model: type[BaseModel], what: str) -> 
     literals = [get_args(field.annotation) for field in model.model_fields.values()]
     own = {document_kind(each) for literal in literals for each in literal}
     if kind is not None and kind not in own:
-        raise ConfigError(f"{path}: this is {kind}; {what} is wanted here") from None
+        raise ConfigError(
+            f"{path}: this is {kind}; {what} is wanted here", code="RID-FILE-TYPE"
+        ) from None
 
 
 def _integer(digits: str) -> int | float:
@@ -154,7 +163,10 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     members = dict(pairs)
     if len(members) < len(pairs):
         double = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise ConfigError(f"the key {double[:80]!r} stands twice in the same place; remove one")
+        raise ConfigError(
+            f"the key {double[:80]!r} stands twice in the same place; remove one",
+            code="RID-FILE-DUPLICATE",
+        )
     return members
 
 
@@ -164,7 +176,7 @@ def _look_through(tree: Any) -> None:
     while waiting:
         path, value = waiting.pop()
         if len(path) > MAX_DEPTH:
-            raise ConfigError(f"nested more than {MAX_DEPTH} deep")
+            raise ConfigError(f"nested more than {MAX_DEPTH} deep", code="RID-FILE-SIZE")
         if isinstance(value, dict):
             for key, child in value.items():
                 _refuse_half_characters(path, key)
@@ -183,4 +195,4 @@ def _refuse_half_characters(path: tuple[str, ...], text: str) -> None:
 
 
 def _refuse(path: tuple[str, ...], problem: str) -> NoReturn:
-    raise ConfigError(f"{'.'.join(path) or 'the whole document'}: {problem}")
+    raise ConfigError(f"{'.'.join(path) or 'the whole document'}: {problem}", code="RID-FILE-VALUE")

@@ -177,7 +177,9 @@ class UrdfTree:
         while link != base:
             joint = self.joint_above.get(link)
             if joint is None:
-                raise ConfigError(f"{self.file}: link {tip!r} does not hang on {base!r}")
+                raise ConfigError(
+                    f"{self.file}: link {tip!r} does not hang on {base!r}", code="RID-URDF-LINK"
+                )
             joints.append(joint)
             link = joint.parent
         return tuple(joints[::-1])

@@ -67,11 +67,15 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
     """
     root = parse_xml(data, file)
     if root.tag != "robot":
-        raise ConfigError(f"{root.where}: the root is <{root.tag}>, a URDF begins with <robot>")
+        raise ConfigError(
+            f"{root.where}: the root is <{root.tag}>, a URDF begins with <robot>",
+            code="RID-FILE-TYPE",
+        )
     if _has_xacro(root):
         raise ConfigError(
             f"{file}: this is a xacro file: expand it first (pip install xacro;"
-            " xacro FILE > robot.urdf), then give robot.urdf"
+            " xacro FILE > robot.urdf), then give robot.urdf",
+            code="RID-URDF-XACRO",
         )
     reader = _Reader(literal_angles)
     gears = transmissions_of(root)
@@ -82,7 +86,7 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
     structure = _structure(file, list(filter(None, links)), whole)
     errors = [*reader.errors, *gears.errors]
     if errors or structure:
-        code = next((error.refusal for error in errors if error.refusal), "")
+        code = errors[0].refusal if errors else "RID-URDF-STRUCTURE"
         raise ConfigError("\n".join((*map(str, errors), *structure)), code=code)
     children = {joint.child for joint in whole}
     unknown = sorted({*gears.ratios, *gears.rotors_kg_m2} - {joint.name for joint in whole})

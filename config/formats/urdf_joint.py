@@ -30,7 +30,10 @@ def joint_kind(element: XmlElement) -> str:
     """
     kind = element.attribute("type")
     if kind not in KINDS:
-        raise ConfigError(f"{element.where}: joint type {kind!r} is none of {', '.join(KINDS)}")
+        raise ConfigError(
+            f"{element.where}: joint type {kind!r} is none of {', '.join(KINDS)}",
+            code="RID-URDF-STRUCTURE",
+        )
     return kind
 
 
@@ -44,7 +47,7 @@ def joint_end(element: XmlElement, tag: str) -> str:
     """
     end = element.one(tag)
     if end is None:
-        raise ConfigError(f"{element.where}: the joint has no <{tag}>")
+        raise ConfigError(f"{element.where}: the joint has no <{tag}>", code="RID-URDF-STRUCTURE")
     return end.attribute("link")
 
 
@@ -64,7 +67,9 @@ def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
         axis = np.array(stated.numbers("xyz", 3, (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(axis))
     if length < SHORTEST_AXIS and element.attributes.get("type") in MOVING:
-        raise ConfigError(f"{element.where}: the joint's axis has no direction")
+        raise ConfigError(
+            f"{element.where}: the joint's axis has no direction", code="RID-URDF-STRUCTURE"
+        )
     return axis / max(length, SHORTEST_AXIS), length
 
 

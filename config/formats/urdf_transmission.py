@@ -57,7 +57,8 @@ def transmissions_of(root: XmlElement) -> Transmissions:
                 if name in places:
                     raise ConfigError(
                         f"{element.where}: a second transmission of joint {name!r}; the first is"
-                        f" at {places[name]}: remove one"
+                        f" at {places[name]}: remove one",
+                        code="RID-FILE-DUPLICATE",
                     )
                 places[name] = element.where
             ratio = _ratio(*stated[0]) if len(stated) == len(joints) == 1 else None
@@ -105,5 +106,7 @@ def _ratio(element: XmlElement, text: str) -> float | None:
             f"{element.where}: the reduction of <{element.tag}> {error}", code=NUMBER_CODE
         ) from None
     if abs(ratio) >= _LARGEST_RATIO:
-        raise ConfigError(f"{element.where}: a reduction of {ratio:g} is none of a gear")
+        raise ConfigError(
+            f"{element.where}: a reduction of {ratio:g} is none of a gear", code="RID-URDF-GEAR"
+        )
     return ratio if ratio != 0.0 else None

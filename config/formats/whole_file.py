@@ -47,7 +47,9 @@ def _write(path: Path, data: bytes, *, replace: bool) -> None:
     with _write_errors(path):
         target = path.resolve() if path.is_symlink() else path
         if not target.name or (target.exists() and not target.is_file()):
-            raise RecordingError(f"{path}: cannot be written: is no file; choose another name")
+            raise RecordingError(
+                f"{path}: cannot be written: is no file; choose another name", code="RID-FILE-WRITE"
+            )
         temporary = target.with_name(f"{target.name}.{os.getpid()}.tmp")
         try:
             temporary.unlink(missing_ok=True)
@@ -77,7 +79,7 @@ def _write(path: Path, data: bytes, *, replace: bool) -> None:
 @contextlib.contextmanager
 def _write_errors(path: Path) -> Iterator[None]:
     try:
-        with system_errors(RecordingError, f"{path}: cannot be written"):
+        with system_errors(RecordingError, f"{path}: cannot be written", code="RID-FILE-WRITE"):
             yield
     except RecordingError as error:
         if isinstance(error.__cause__, FileExistsError):

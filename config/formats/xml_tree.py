@@ -51,7 +51,9 @@ class XmlElement:
         """
         found = self.all(tag)
         if len(found) > 1:
-            raise ConfigError(f"{found[1].where}: <{self.tag}> has a second <{tag}>")
+            raise ConfigError(
+                f"{found[1].where}: <{self.tag}> has a second <{tag}>", code="RID-FILE-DUPLICATE"
+            )
         return found[0] if found else None
 
     def attribute(self, name: str) -> str:
@@ -64,7 +66,9 @@ class XmlElement:
         """
         value = self.attributes.get(name)
         if value is None:
-            raise ConfigError(f"{self.where}: <{self.tag}> has no {name!r}")
+            raise ConfigError(
+                f"{self.where}: <{self.tag}> has no {name!r}", code="RID-URDF-STRUCTURE"
+            )
         return value
 
     def numbers(self, name: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
@@ -140,14 +144,19 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         The text is not XML, has a document type, is too large or too deep.
     """
     if len(data) > MAX_BYTES:
-        raise ConfigError(f"{name}: {len(data)} bytes; at most {MAX_BYTES} are read")
+        raise ConfigError(
+            f"{name}: {len(data)} bytes; at most {MAX_BYTES} are read", code="RID-FILE-SIZE"
+        )
     parser = expat.ParserCreate()
     parser.buffer_text = True
     waiting: list[_Open] = [_Open("", {}, 0)]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         if len(waiting) > MAX_DEPTH:
-            raise ConfigError(f"{name}:{parser.CurrentLineNumber}: nested deeper than {MAX_DEPTH}")
+            raise ConfigError(
+                f"{name}:{parser.CurrentLineNumber}: nested deeper than {MAX_DEPTH}",
+                code="RID-FILE-SIZE",
+            )
         waiting.append(_Open(tag, dict(attributes), parser.CurrentLineNumber))
 
     def end(_tag: str) -> None:
@@ -169,7 +178,8 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
     def refuse(*_: object) -> None:
         raise ConfigError(
             f"{name}:{parser.CurrentLineNumber}: a document type or entity is declared; a robot"
-            " needs none: delete the declaration"
+            " needs none: delete the declaration",
+            code="RID-URDF-STRUCTURE",
         )
 
     parser.StartElementHandler = start
@@ -181,8 +191,9 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise ConfigError(
-            f"{name}:{error.lineno}:{error.offset + 1}: not XML: {expat.ErrorString(error.code)}"
+            f"{name}:{error.lineno}:{error.offset + 1}: not XML: {expat.ErrorString(error.code)}",
+            code="RID-FILE-SYNTAX",
         ) from None
     except (LookupError, ValueError) as error:
-        raise ConfigError(f"{name}: not XML: {error}") from None
+        raise ConfigError(f"{name}: not XML: {error}", code="RID-FILE-SYNTAX") from None
     return waiting[0].children[0]

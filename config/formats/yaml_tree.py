@@ -79,24 +79,34 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
         `name:line:column`.
     """
     if len(text) > MAX_BYTES:
-        raise ConfigError(f"{name}: {len(text)} bytes; a file here has at most {MAX_BYTES}")
+        raise ConfigError(
+            f"{name}: {len(text)} bytes; a file here has at most {MAX_BYTES}", code="RID-FILE-SIZE"
+        )
     try:
         root = yaml.compose(text.decode("utf-8-sig"), Loader=yaml.SafeLoader)
     except UnicodeDecodeError as error:
         kind = kind_of_text(text)
         what = "not UTF-8 text" if kind is None else f"this is {kind}, and not UTF-8 text"
-        raise ConfigError(f"{name}: {what} (byte {error.start}); is it the right file?") from None
+        raise ConfigError(
+            f"{name}: {what} (byte {error.start}); is it the right file?", code="RID-FILE-TYPE"
+        ) from None
     except yaml.MarkedYAMLError as error:
         kind = kind_of_text(text, by_keys=False)
         if kind is not None:
-            raise ConfigError(f"{name}: this is {kind}, no YAML file") from None
-        raise ConfigError(_not_valid(error, text, name)) from None
+            raise ConfigError(
+                f"{name}: this is {kind}, no YAML file", code="RID-FILE-TYPE"
+            ) from None
+        raise ConfigError(_not_valid(error, text, name), code="RID-FILE-SYNTAX") from None
     except yaml.YAMLError as error:
-        raise ConfigError(f"{name}: not valid YAML: {str(error).splitlines()[0]}") from None
+        raise ConfigError(
+            f"{name}: not valid YAML: {str(error).splitlines()[0]}", code="RID-FILE-SYNTAX"
+        ) from None
     except (RecursionError, ValueError):
-        raise ConfigError(f"{name}: not valid YAML: nested too deeply or not readable") from None
+        raise ConfigError(
+            f"{name}: not valid YAML: nested too deeply or not readable", code="RID-FILE-SYNTAX"
+        ) from None
     if root is None:
-        raise ConfigError(f"{name}:1:1: the file is empty")
+        raise ConfigError(f"{name}:1:1: the file is empty", code="RID-FILE-SYNTAX")
     positions: dict[Path, tuple[int, int]] = {}
     data = _Builder(name, positions).build(root, (), 0)
     return YamlTree(name, data, positions)
@@ -135,7 +145,7 @@ class _Builder:
             return [self.build(item, (*path, i), depth + 1) for i, item in enumerate(node.value)]
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(node)
-        raise ConfigError(f"{self._name}: a YAML node of an unknown kind")
+        raise ConfigError(f"{self._name}: a YAML node of an unknown kind", code="RID-FILE-SYNTAX")
 
     def _mapping(self, node: yaml.MappingNode, path: Path, depth: int) -> dict[str, Any]:
         result: dict[str, Any] = {}
@@ -195,7 +205,9 @@ class _Builder:
 
     def _refuse(self, node: yaml.Node, problem: str) -> None:
         mark = node.start_mark
-        raise ConfigError(f"{self._name}:{mark.line + 1}:{mark.column + 1}: {problem}")
+        raise ConfigError(
+            f"{self._name}:{mark.line + 1}:{mark.column + 1}: {problem}", code="RID-FILE-SYNTAX"
+        )
 
 
 def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | None = None) -> str:

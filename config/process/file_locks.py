@@ -97,7 +97,8 @@ def lock_holder(descriptor: int) -> int | None:
     except OSError as error:
         raise RecordingError(
             f"{error.filename}: cannot be read ({error.strerror}), so nobody can say who holds a"
-            " lock; is /proc mounted?"
+            " lock; is /proc mounted?",
+            code="RID-FILE-ACCESS",
         ) from None
     return None
 

@@ -28,7 +28,7 @@ def own_state_folder() -> Path:
     told = os.environ.get("XDG_STATE_HOME", "")
     home = Path(told) if Path(told).is_absolute() else Path("~/.local/state").expanduser()
     folder = home / "rid-daq"
-    with system_errors(RecordingError, f"{folder}: cannot be made"):
+    with system_errors(RecordingError, f"{folder}: cannot be made", code="RID-FILE-ACCESS"):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         _require_own(folder, os.stat(folder), forbidden=0o022)
     return folder
@@ -48,7 +48,7 @@ def own_secret(name: str) -> bytes:
         It cannot be read or made, or another account owns it or can read it.
     """
     path = own_state_folder() / name
-    with system_errors(RecordingError, f"{path}: cannot be read"):
+    with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-ACCESS"):
         if not path.exists():
             _make(path)
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
@@ -56,7 +56,10 @@ def own_secret(name: str) -> bytes:
             _require_own(path, os.fstat(descriptor), forbidden=0o077)
             secret = file.read(SECRET_BYTES + 1)
     if len(secret) != SECRET_BYTES:
-        raise RecordingError(f"{path}: is no secret of rid-daq: move it away, and it is made anew")
+        raise RecordingError(
+            f"{path}: is no secret of rid-daq: move it away, and it is made anew",
+            code="RID-STATE-DAMAGED",
+        )
     return secret
 
 

@@ -49,16 +49,18 @@ def as_shortage(error: BaseException) -> ShortageError | None:
         if isinstance(each, ShortageError):
             return each
         if isinstance(each, MemoryError):
-            return ShortageError(_MEMORY)
+            return ShortageError(_MEMORY, code="RID-SYSTEM-SHORTAGE")
         if isinstance(each, OSError) and each.errno in _BY_NUMBER:
             where = "" if each.filename is None else f"{each.filename}: "
-            return ShortageError(f"{where}{_BY_NUMBER[each.errno]}")
+            return ShortageError(f"{where}{_BY_NUMBER[each.errno]}", code="RID-SYSTEM-SHORTAGE")
         words = str(each).lower()
         for said, lacking in _BY_WORDS.items():
             if said in words and isinstance(each, (ImportError, OSError, RuntimeError)):
-                return ShortageError(lacking)
+                return ShortageError(lacking, code="RID-SYSTEM-SHORTAGE")
     if isinstance(error, Exception) and not isinstance(error, RidDaqError) and _memory_was_full():
-        return ShortageError(f"{_MEMORY}; it failed with {type(error).__name__}: {error}")
+        return ShortageError(
+            f"{_MEMORY}; it failed with {type(error).__name__}: {error}", code="RID-SYSTEM-SHORTAGE"
+        )
     return None
 
 
@@ -75,7 +77,7 @@ def as_named(error: Exception) -> RidDaqError:
     lacking = as_shortage(error)
     if lacking is None:
         raise error
-    return type(lacking)(with_notes(str(lacking), error))
+    return type(lacking)(with_notes(str(lacking), error), code=lacking.refusal)
 
 
 def require_memory(needed_bytes: int) -> None:
@@ -92,7 +94,9 @@ def require_memory(needed_bytes: int) -> None:
         flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
         mmap.mmap(-1, needed_bytes, flags=flags, prot=mmap.PROT_READ).close()
     except (OSError, MemoryError):
-        raise ShortageError(f"{_MEMORY}: {needed_bytes >> 20} MB more are needed") from None
+        raise ShortageError(
+            f"{_MEMORY}: {needed_bytes >> 20} MB more are needed", code="RID-SYSTEM-SHORTAGE"
+        ) from None
 
 
 def _with_causes(error: BaseException) -> Iterator[BaseException]:

@@ -22,7 +22,8 @@ class SeveralArmsError(ConfigError):
         told = "; ".join(f"--tip {arm.tip} ({len(arm.joints)} joints)" for arm in arms)
         super().__init__(
             f"{file}: there are {len(arms)} arms: say which with --tip; the others then count as"
-            f" fixed: {told}"
+            f" fixed: {told}",
+            code="RID-URDF-ARM",
         )
 
 
@@ -86,18 +87,21 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
     for link in (base, tip):
         if link is not None and link not in tree.links:
             raise ConfigError(
-                f"{tree.file}: there is no link {link!r}; links are {', '.join(tree.links)}"
+                f"{tree.file}: there is no link {link!r}; links are {', '.join(tree.links)}",
+                code="RID-URDF-LINK",
             )
     if tip is not None:
         base = base or tree.root_of(tip)
         joints = tuple(joint for joint in tree.path(base, tip) if joint.is_driven)
         if not joints:
-            raise ConfigError(f"{tree.file}: no joint moves between {base!r} and {tip!r}")
+            raise ConfigError(
+                f"{tree.file}: no joint moves between {base!r} and {tip!r}", code="RID-URDF-ARM"
+            )
         return _without_mimics(tree, UrdfArm(base, tip, joints))
     arms = arms_of(tree, base)
     if not arms:
         roots = base or ", ".join(tree.roots)
-        raise ConfigError(f"{tree.file}: no joint moves below {roots}")
+        raise ConfigError(f"{tree.file}: no joint moves below {roots}", code="RID-URDF-ARM")
     longest = arms[0]
     serious = [longest, *(arm for arm in arms[1:] if _is_serious(arm, longest))]
     if len(serious) > 1:

@@ -77,7 +77,8 @@ class LimitDefaults:
             if len(given) not in (0, 1, len(names)):
                 raise ConfigError(
                     f"{option} has {len(given)} values: give one, or one for each of the"
-                    f" {len(names)} joints {', '.join(names)}"
+                    f" {len(names)} joints {', '.join(names)}",
+                    code="RID-OPTION-COUNT",
                 )
 
 

@@ -135,7 +135,7 @@ def robot_of_urdf(
             f"{tree.file}: makes no robot: {key_name(each['loc'])}: {each['msg']}"
             for each in error.errors()
         ]
-        raise ConfigError("\n".join(lines)) from error
+        raise ConfigError("\n".join(lines), code="RID-URDF-LIMIT") from error
     _refuse_implausible(tree, robot)
     comments: dict[Path, str] = {("cad", i): told for i, told in links.comments.items()}
     comments |= {("joints", i): ". ".join(map(str, told)) for i, told in enumerate(taken) if told}
@@ -157,7 +157,7 @@ def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
         for path, why in implausible(robot.model_copy(update={"cad": None}))
     ]
     if lines:
-        raise ConfigError("\n".join(lines))
+        raise ConfigError("\n".join(lines), code="RID-URDF-VALUE")
 
 
 def _together(names: list[str], taken: list[list[Taken]]) -> list[str]:
@@ -210,7 +210,8 @@ def _joint_names(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[str]:
     if len(set(names)) < len(names):
         raise ConfigError(
             f"{tree.file}: joint names {', '.join(joint.name for joint in arm.joints)} cannot be"
-            " told apart in 32 plain characters: rename them"
+            " told apart in 32 plain characters: rename them",
+            code="RID-URDF-NAME",
         )
     return names
 

@@ -208,7 +208,7 @@ class PlantConfig(PhysicalFile):
             try:
                 self._require_payload(name)
             except ValueError as error:
-                raise ConfigError(f"plant {self.name!r}: {error}") from None
+                raise ConfigError(f"plant {self.name!r}: {error}", code="RID-PLANT-UNFIT") from None
         return self.model_copy(update={"attached": name})
 
     @property

@@ -110,14 +110,16 @@ class SerialAmplifier(ForcePlate):
             if not wanted.is_settable:
                 raise ProtocolError(
                     f"{self._where}: {wanted.label} is {self._check(wanted).found}, the cell file"
-                    f" says {wanted.text}: correct the cell file"
+                    f" says {wanted.text}: correct the cell file",
+                    code="RID-AMPLIFIER-SETTING",
                 )
             charge_lost |= self._ask(wanted.name, wanted.text, wanted.channel).charge_lost
             found = self._check(wanted)
             if found.verdict != "ok":
                 raise ProtocolError(
                     f"{self._where}: {wanted.label} was set to {wanted.text} and reads back"
-                    f" {found.found}: choose a value that the amplifier has"
+                    f" {found.found}: choose a value that the amplifier has",
+                    code="RID-AMPLIFIER-SETTING",
                 )
         return charge_lost
 
@@ -189,7 +191,7 @@ class SerialAmplifier(ForcePlate):
             No stream was started.
         """
         if self._stream is None:
-            raise ProtocolError(f"{self._where}: no stream was started")
+            raise ProtocolError(f"{self._where}: no stream was started", code="RID-INTERNAL-ERROR")
         lines = self._dialogue.lines
         piece, lines.rest = lines.rest, b""
         piece = piece or self._link.read(until_s)
@@ -268,7 +270,10 @@ class SerialAmplifier(ForcePlate):
             reads.append(read)
             if not stream.stopped and self._link.clock.now_s() >= until_s:
                 self._stream = None
-                raise DeviceTimeoutError(f"{self._where}: the amplifier does not end its stream")
+                raise DeviceTimeoutError(
+                    f"{self._where}: the amplifier does not end its stream",
+                    code="RID-AMPLIFIER-SILENT",
+                )
         self._stream = None
         lines = self._dialogue.lines
         lines.rest = b""
@@ -285,13 +290,18 @@ class SerialAmplifier(ForcePlate):
 
     def _ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
         if self._stream is not None:
-            raise ProtocolError(f"{self._where}: {name} cannot be asked while rows are streaming")
+            raise ProtocolError(
+                f"{self._where}: {name} cannot be asked while rows are streaming",
+                code="RID-INTERNAL-ERROR",
+            )
         return self._dialogue.ask(name, value, channel)
 
     def _switch(self, value: str, what: str) -> None:
         self._ask("operate", value)
         if self.is_operating() != (value == ON):
-            raise ProtocolError(f"{self._where}: took the command and did not {what}")
+            raise ProtocolError(
+                f"{self._where}: took the command and did not {what}", code="RID-AMPLIFIER-ANSWER"
+            )
 
     def _check(self, wanted: RequiredSetting) -> PlateSetting:
         text = self._ask(wanted.name, channel=wanted.channel).text

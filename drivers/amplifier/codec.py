@@ -65,7 +65,7 @@ class RequestError(ProtocolError):
     """An invalid command; `number` is the error that the device answers."""
 
     def __init__(self, number: str, text: str) -> None:
-        super().__init__(text)
+        super().__init__(text, code="RID-AMPLIFIER-ANSWER")
         self.number = number
 
 
@@ -139,7 +139,10 @@ class AmplifierCodec:
         """
         text = line.decode("latin-1").strip(" ")
         if not text or not (text.isascii() and text.isprintable()):
-            raise ProtocolError(f"the amplifier answered {printable(line)!r}, which is no text")
+            raise ProtocolError(
+                f"the amplifier answered {printable(line)!r}, which is no text",
+                code="RID-AMPLIFIER-ANSWER",
+            )
         if text == self.profile.ok.text:
             return Answer()
         if text == f"{self.profile.ok.text},{self.profile.charge_lost.text}":

@@ -65,12 +65,14 @@ class AmplifierDialogue:
                     raise
                 raise DeviceTimeoutError(
                     f"{self.where}: nothing answers at any speed; check that the amplifier is on,"
-                    " its cable (crossed or not) and plate.amplifier.address"
+                    " its cable (crossed or not) and plate.amplifier.address",
+                    code="RID-AMPLIFIER-SILENT",
                 ) from error
         raise ProtocolError(
             f"{self.where}: the amplifier answers at {found} baud, not at"
             f" {self._baud_rate}: set plate.amplifier.baud_rate to {found}, or the amplifier"
-            f" to {self._baud_rate}"
+            f" to {self._baud_rate}",
+            code="RID-AMPLIFIER-SETTING",
         )
 
     def ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
@@ -104,7 +106,8 @@ class AmplifierDialogue:
             of = f" of {CHANNEL_NAMES[channel - 1]}" if channel else ""
             raise ProtocolError(
                 f"{self.where}: {printable(request.strip())} ({name}{of}):"
-                f" {self.codec.error_text(answer.error)}"
+                f" {self.codec.error_text(answer.error)}",
+                code="RID-AMPLIFIER-ANSWER",
             )
         return answer
 
@@ -116,7 +119,8 @@ class AmplifierDialogue:
                 rest = self.lines.rest
                 heard = f"; heard {printable(rest, 24)!r}" if rest else ""
                 raise DeviceTimeoutError(
-                    f"{self.where}: no answer to {name} at {self._link.baud_rate} baud{heard}"
+                    f"{self.where}: no answer to {name} at {self._link.baud_rate} baud{heard}",
+                    code="RID-AMPLIFIER-SILENT",
                 )
             self.lines.feed(data)
         return self.codec.read_answer(line)
@@ -125,7 +129,8 @@ class AmplifierDialogue:
         """Return the error of an answer that the profile does not know."""
         return ProtocolError(
             f"{self.where}: asked for {what}, answered {printable(text)!r}: not what profile"
-            f" {self._profile.name} says"
+            f" {self._profile.name} says",
+            code="RID-AMPLIFIER-ANSWER",
         )
 
     def _greet(self, timeout_s: float) -> str:

@@ -53,7 +53,9 @@ class ArrivalReader:
             with path.open("rb") as file:
                 self._memory = mmap.mmap(file.fileno(), _BYTES, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
-            raise TransportError(f"{path}: no simulated arrivals there ({error})") from error
+            raise TransportError(
+                f"{path}: no simulated arrivals there ({error})", code="RID-MOCK-NOT-SERVED"
+            ) from error
 
     def time_s(self, sequence: ArrayLike) -> NDArray[np.float64]:
         """Return when rows just received have arrived [s]; NaN for numbers that were never sent."""

@@ -84,11 +84,14 @@ class PdoMapping:
 
     def __post_init__(self) -> None:
         if not 1 <= self.number <= 512:
-            raise ProtocolError(f"PDO number {self.number} is not 1 to 512")
+            raise ProtocolError(
+                f"PDO number {self.number} is not 1 to 512", code="RID-DRIVE-DATA-SIZE"
+            )
         if self.bits > 64 or any(item.bits % 8 for item in self.objects):
             raise ProtocolError(
                 f"{self.direction} {self.number}: {self.bits} bits are mapped; whole bytes and at"
-                " most 64 bits fit a frame"
+                " most 64 bits fit a frame",
+                code="RID-DRIVE-DATA-SIZE",
             )
 
     @property
@@ -156,7 +159,10 @@ def split(objects: tuple[MappedObject, ...], data: bytes) -> list[bytes]:
     """
     needed = sum(item.bits for item in objects) // 8
     if len(data) < needed:
-        raise ProtocolError(f"a PDO of {len(data)} bytes arrived where {needed} are mapped")
+        raise ProtocolError(
+            f"a PDO of {len(data)} bytes arrived where {needed} are mapped",
+            code="RID-DRIVE-DATA-SIZE",
+        )
     parts, start = [], 0
     for item in objects:
         end = start + item.bits // 8

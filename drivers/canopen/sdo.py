@@ -97,7 +97,10 @@ class SdoAbort(ProtocolError):  # noqa: N818 - CiA 301 calls it so
         self.index = index
         self.subindex = subindex
         place = f"{where}: " if where else ""
-        super().__init__(f"{place}object {object_name(index, subindex)}: {abort_text(code)}")
+        super().__init__(
+            f"{place}object {object_name(index, subindex)}: {abort_text(code)}",
+            code="RID-DRIVE-REFUSED",
+        )
 
 
 def object_name(index: int, subindex: int) -> str:

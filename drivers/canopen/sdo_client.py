@@ -101,7 +101,8 @@ class SdoClient:
             DeviceTimeoutError(
                 f"node {self._node_id} did not answer within {self._timeout_s:g} s to the"
                 f" {self._verb} of {object_name(self._index, self._subindex)}; check its power,"
-                " node id and bit rate"
+                " node id and bit rate",
+                code="RID-DRIVE-SILENT",
             )
         )
         return self._abort_frame(SdoCode.TIMED_OUT)

@@ -59,7 +59,8 @@ def decode(
     """
     if len(words) != read.count:
         raise ProtocolError(
-            f"{len(words)} registers were answered where {read.count} were asked for"
+            f"{len(words)} registers were answered where {read.count} were asked for",
+            code="RID-MODBUS-GARBAGE",
         )
     values: dict[Quantity, float] = {}
     for name in read.quantities:
@@ -69,7 +70,8 @@ def decode(
         if not math.isfinite(raw):
             raise ProtocolError(
                 f"{name} is {raw} in register {register.address}: check the profile's type and"
-                " word_order"
+                " word_order",
+                code="RID-MODBUS-PROFILE",
             )
         values[name] = register.scale * raw + register.offset
     return values

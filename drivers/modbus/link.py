@@ -112,13 +112,15 @@ class ModbusLink:
         except ConnectionException as error:
             client.close()  # type: ignore[no-untyped-call]
             raise TransportError(
-                f"{self.name} cannot be reached; check address, cable and that the drives are on"
+                f"{self.name} cannot be reached; check address, cable and that the drives are on",
+                code="RID-MODBUS-OPEN",
             ) from error
         except ModbusIOException as error:
             self._forget_late_answer()
             if "received" in str(error) and "uses" in str(error):
                 raise ProtocolError(
-                    f"{self.name}, unit {unit}: something else was answered: {error}"
+                    f"{self.name}, unit {unit}: something else was answered: {error}",
+                    code="RID-MODBUS-GARBAGE",
                 ) from error
             if garbage := self._received.data:
                 shown = garbage[:_SHOWN_BYTES].hex(" ").upper()
@@ -136,20 +138,24 @@ class ModbusLink:
             ) from error
         except (ModbusException, OSError, ValueError) as error:
             self._forget_late_answer()
-            raise ProtocolError(f"{self.name}, unit {unit}: {error}") from error
+            raise ProtocolError(
+                f"{self.name}, unit {unit}: {error}", code="RID-MODBUS-GARBAGE"
+            ) from error
         if response.isError():
             code = int(response.exception_code)
             why = _EXCEPTIONS.get(code, "a code of its maker's own")
             raise ProtocolError(
                 f"{self.name}, unit {unit}: registers {read.address} to"
-                f" {read.address + read.count - 1} are refused with exception {code}: {why}"
+                f" {read.address + read.count - 1} are refused with exception {code}: {why}",
+                code="RID-MODBUS-PROFILE",
             )
         if response.function_code != _FUNCTION[read.table] or len(response.registers) != read.count:
             self._forget_late_answer()
             raise ProtocolError(
                 f"{self.name}, unit {unit}: {len(response.registers)} registers of function"
                 f" {response.function_code} were answered, {read.count} of function"
-                f" {_FUNCTION[read.table]} were asked for"
+                f" {_FUNCTION[read.table]} were asked for",
+                code="RID-MODBUS-GARBAGE",
             )
         return list(response.registers)
 
@@ -196,7 +202,9 @@ def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sle
         connected = client.connect()
     except (OSError, ssl.SSLError) as error:
         client.close()  # type: ignore[no-untyped-call]
-        raise TransportError(f"{name} cannot be opened ({error}); check monitor.link") from error
+        raise TransportError(
+            f"{name} cannot be opened ({error}); check monitor.link", code="RID-MODBUS-OPEN"
+        ) from error
     if not connected:
         raise TransportError(
             f"{name} cannot be opened ({_reason(link, config.timeout_s)}); check monitor.link, that"
@@ -276,6 +284,7 @@ def _tls_context(tls: ModbusTls) -> ssl.SSLContext:
             context.load_cert_chain(tls.certificate_file, tls.key_file)
     except (OSError, ssl.SSLError) as error:
         raise TransportError(
-            f"monitor.link.tls: a certificate cannot be used ({error}); check its files"
+            f"monitor.link.tls: a certificate cannot be used ({error}); check its files",
+            code="RID-MODBUS-OPEN",
         ) from error
     return context

@@ -93,7 +93,8 @@ class CanLink:
         except (can.CanError, OSError) as error:
             raise TransportError(
                 f"CAN bus {self._name}: sending failed ({error});"
-                " check the adapter, its cable and the bus termination"
+                " check the adapter, its cable and the bus termination",
+                code="RID-CAN-LOST",
             ) from error
 
     def receive(self, until_s: float) -> Frame | None:
@@ -129,7 +130,8 @@ class CanLink:
             except (can.CanError, OSError, ValueError) as error:
                 raise TransportError(
                     f"CAN bus {self._name}: receiving failed ({error});"
-                    " check the adapter and its cable"
+                    " check the adapter and its cable",
+                    code="RID-CAN-LOST",
                 ) from error
             if frames is None:
                 return ()
@@ -154,7 +156,9 @@ class CanLink:
         try:
             self._port.shutdown()
         except (can.CanError, OSError) as error:
-            raise TransportError(f"CAN bus {self._name}: closing failed ({error})") from error
+            raise TransportError(
+                f"CAN bus {self._name}: closing failed ({error})", code="RID-CAN-LOST"
+            ) from error
 
     def __enter__(self) -> CanLink:
         """Return the link itself."""
@@ -179,7 +183,8 @@ class SimulatedClock:
             self._clock.sleep_until(time_s)
         except (can.CanError, OSError) as error:
             raise TransportError(
-                f"CAN bus {self._bus_name}: the simulated time stopped ({error})"
+                f"CAN bus {self._bus_name}: the simulated time stopped ({error})",
+                code="RID-MOCK-ENDED",
             ) from error
 
 

@@ -133,10 +133,12 @@ def refuse_bus_off(error_class: int, channel: str) -> None:
     if error_class & BUS_OFF:
         raise TransportError(
             f"CAN bus {channel}: the adapter is bus-off;"
-            " check bit rate, cable and termination, then restart the interface"
+            " check bit rate, cable and termination, then restart the interface",
+            code="RID-CAN-BUS-OFF",
         )
     if error_class & RESTARTED:
         raise TransportError(
             f"CAN bus {channel}: the adapter was bus-off and has restarted by itself; check bit"
-            " rate, cable and termination, and set restart-ms 0, so that a person restarts it"
+            " rate, cable and termination, and set restart-ms 0, so that a person restarts it",
+            code="RID-CAN-BUS-OFF",
         )

@@ -60,7 +60,8 @@ def not_opened(config: CanBusConfig, error: Exception) -> RidDaqError:
         meant = f"; did you mean {close[0]}?" if close else "."
         return ConfigError(
             f"can.interface: python-can knows no {config.interface!r}{meant} It knows:"
-            f" {', '.join(known)}"
+            f" {', '.join(known)}",
+            code="RID-CAN-INTERFACE",
         )
     missing = isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError)
     if missing or "library not found" in str(error):

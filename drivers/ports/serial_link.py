@@ -106,7 +106,8 @@ class SerialLink:
 
     def _lost(self, what: str, error: Exception) -> TransportError:
         return TransportError(
-            f"serial port {self.address}: {what} ({error}); check the adapter and its cable"
+            f"serial port {self.address}: {what} ({error}); check the adapter and its cable",
+            code="RID-SERIAL-LOST",
         )
 
     def __enter__(self) -> SerialLink:
@@ -151,7 +152,8 @@ def open_serial(address: str, baud_rate: int) -> SerialLink:
     except (*_PORT_ERRORS, ImportError, NotImplementedError) as error:
         raise TransportError(
             f"serial port {address} cannot be opened ({error}); check plate.amplifier.address, that"
-            " the adapter is plugged in, that you may use it, and that no other program has it"
+            " the adapter is plugged in, that you may use it, and that no other program has it",
+            code="RID-SERIAL-OPEN",
         ) from error
     with contextlib.suppress(*_PORT_ERRORS, AttributeError, NotImplementedError):
         port.set_low_latency_mode(True)  # USB adapters otherwise hold bytes back for 16 ms

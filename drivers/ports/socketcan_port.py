@@ -171,7 +171,8 @@ class SocketCanPort:
         if failed.errno in _QUEUE_FULL:
             raise TransportError(
                 f"CAN bus {self.channel_info}: the transmit queue is full, the frames are not going"
-                " out; check that the drives are powered, the cable, and the termination"
+                " out; check that the drives are powered, the cable, and the termination",
+                code="RID-CAN-LOST",
             ) from failed
         raise failed
 

@@ -209,7 +209,8 @@ class CanServoAxes:
             self.quick_stop()
             raise SafetyStop(
                 f"a velocity set-point cannot be sent ({velocity.tolist()} rad/s: {error});"
-                " the axes were stopped instead"
+                " the axes were stopped instead",
+                code="RID-INTERNAL-ERROR",
             ) from error
         return True
 
@@ -351,5 +352,6 @@ class CanServoAxes:
         if self._phase is not phase:
             raise DriverError(
                 f"the drives cannot {verb} now: they are {self._phase.name.lower()};"
-                f" run {before} first"
+                f" run {before} first",
+                code="RID-INTERNAL-ERROR",
             )

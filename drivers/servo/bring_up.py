@@ -44,7 +44,8 @@ def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[Driv
         raise ConfigError(
             f"cell {cell.name!r} and robot {robot.name!r} do not fit: joints without a drive:"
             f" {', '.join(missing) or 'none'}; drives of unknown joints:"
-            f" {', '.join(surplus) or 'none'}"
+            f" {', '.join(surplus) or 'none'}",
+            code="RID-CELL-JOINTS",
         )
     return tuple(by_joint[name] for name in robot.joint_names)
 
@@ -89,7 +90,8 @@ def check_bus_load(cell: CellConfig) -> float:
         raise ConfigError(
             f"cell {cell.name!r}: {len(cell.axes)} axes every {cell.cycle_time_ms} ms would fill"
             f" {100 * load:.0f} % of the CAN bus at {cell.can.bitrate} bit/s, more than"
-            f" {100 * LOAD_LIMIT:.0f} %; raise cycle_time_ms or the bit rate{trim}"
+            f" {100 * LOAD_LIMIT:.0f} %; raise cycle_time_ms or the bit rate{trim}",
+            code="RID-CAN-LOAD",
         )
     return load
 
@@ -113,14 +115,16 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
     if silent:
         raise DeviceTimeoutError(
             f"no boot-up message within {BOOT_TIMEOUT_S:g} s from {silent}; check power, node id,"
-            " bit rate and termination"
+            " bit rate and termination",
+            code="RID-DRIVE-SILENT",
         )
     _listen(link, watch, SETTLE_S, until_booted=False)
     twice = _who(axes, (count > 1 for count in watch.boot_ups))
     if twice:
         raise ProtocolError(
             f"more than one boot-up message came from {twice}; two devices may share the node id,"
-            " or the drive resets itself"
+            " or the drive resets itself",
+            code="RID-DRIVE-NODE-TWICE",
         )
 
 
@@ -130,7 +134,8 @@ def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
     if restarted:
         raise DeviceFaultError(
             "a drive has booted again since its setup began, and lost its configuration:"
-            f" {restarted}; look at its supply, then run the command again"
+            f" {restarted}; look at its supply, then run the command again",
+            code="RID-DRIVE-RESTARTED",
         )
 
 
@@ -150,9 +155,9 @@ def refuse_red(settings: Iterable[DriveSetting]) -> None:
 
 
 def common_code(codes: Iterable[str]) -> str:
-    """Return the code that all of some refusals have; empty if they differ."""
+    """Return the code that all of some red lines have; that of a red preflight if they differ."""
     distinct = set(codes)
-    return distinct.pop() if len(distinct) == 1 else ""
+    return (distinct.pop() if len(distinct) == 1 else "") or "RID-PREFLIGHT-RED"
 
 
 def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:

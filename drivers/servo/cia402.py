@@ -223,7 +223,8 @@ class MotorRatings:
                 whole = amperes * self.nm_per_a
         if whole is None:
             raise ConfigError(
-                f"{of.object} cannot be told in N m: name {lacking} in the axis's servo"
+                f"{of.object} cannot be told in N m: name {lacking} in the axis's servo",
+                code="RID-SERVO-VALUE",
             )
         return whole / of.units
 
@@ -237,7 +238,9 @@ class MotorRatings:
         """
         if of.of == "ampere":
             if self.current_a is None:
-                raise ConfigError(f"{of.object}: name rated_current_a in the axis's servo")
+                raise ConfigError(
+                    f"{of.object}: name rated_current_a in the axis's servo", code="RID-SERVO-VALUE"
+                )
             return round(fraction * self.current_a * of.units)
         return round(fraction * of.units)
 
@@ -282,7 +285,10 @@ class AxisUnits:
             self.nm_per_torque_unit,
         )
         if not all(math.isfinite(factor) and factor != 0.0 for factor in factors):
-            raise ConfigError(f"a drive's unit factors are {factors}: all must be finite, not 0")
+            raise ConfigError(
+                f"a drive's unit factors are {factors}: all must be finite, not 0",
+                code="RID-SERVO-VALUE",
+            )
 
     @classmethod
     def of_motor(

@@ -117,13 +117,15 @@ def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
         raise PreflightError(
             f"node {port.node_id}: is another drive than the one that was saved:"
             f" {', '.join(differences)}; nothing was written. Connect that drive, or set this one"
-            " up anew"
+            " up anew",
+            code="RID-DRIVE-OTHER",
         )
     state = state_of(port.read_int(0x6041, 0))
     if state.powered:
         raise PreflightError(
             f"node {port.node_id}: is powered ({state.words}); nothing was written. Stop what moves"
-            " it, then try again"
+            " it, then try again",
+            code="RID-DRIVE-POWERED",
         )
 
 
@@ -199,7 +201,8 @@ def store_settings(port: SdoPort) -> None:
     except SdoAbort as abort:
         raise PreflightError(
             f"node {port.node_id}: does not store its settings: {abort_text(abort.code)}; store"
-            " them in the drive's own tool, or they are gone when its power is"
+            " them in the drive's own tool, or they are gone when its power is",
+            code="RID-DRIVE-SETTINGS",
         ) from abort
 
 

@@ -149,7 +149,8 @@ class DriveWatch:
         foreign = self.foreign_master(cob_id)
         if foreign is not None:
             raise LockedError(
-                f"another master is active on the CAN bus: it sends {foreign}; stop it first"
+                f"another master is active on the CAN bus: it sends {foreign}; stop it first",
+                code="RID-CAN-FOREIGN-MASTER",
             )
 
     def wrong_length(self, axis: int, data_bytes: int, now_s: float, mapped: int = 8) -> None:

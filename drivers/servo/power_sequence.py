@@ -211,7 +211,9 @@ class PowerSequence:
     ) -> None:
         """Run a cycle; refuse faults, orders to stop, and waiting beyond `until_s` [s]."""
         if self._stopped():
-            raise SafetyStop(f"a stop was ordered before the drives could {verb}")
+            raise SafetyStop(
+                f"a stop was ordered before the drives could {verb}", code="RID-STOP-ORDERED"
+            )
         if self._clock.now_s() > until_s:
             states = "; ".join(str(a) for a in self._answers() if a.joint in waiting)
             raise DeviceTimeoutError(
@@ -221,7 +223,9 @@ class PowerSequence:
             )
         self._run_cycle(words)
         if faults := self._watch.faults():
-            raise DeviceFaultError("; ".join(event.text for event in faults))
+            raise DeviceFaultError(
+                "; ".join(event.text for event in faults), code="RID-DRIVE-FAULT"
+            )
 
     def _advice(self, waiting: Sequence[str]) -> str:
         """Return what to do about drives that do not get there in time."""
@@ -259,7 +263,8 @@ def _refuse_fault(answers: Sequence[AxisAnswer], enabled: set[str]) -> None:
         state = answer.state
         if state.faulty or (answer.joint in enabled and state is not PowerState.OPERATION_ENABLED):
             raise DeviceFaultError(
-                f"{answer.joint}: the drive is {state.words}; find the cause, then begin again"
+                f"{answer.joint}: the drive is {state.words}; find the cause, then begin again",
+                code="RID-DRIVE-FAULT",
             )
         if state is PowerState.OPERATION_ENABLED:
             enabled.add(answer.joint)

@@ -109,7 +109,8 @@ class Requirement:
         except OverflowError:
             raise ConfigError(
                 f"{self.name}: the cell asks for {value}, which does not fit the"
-                f" {8 * self.size} bits of {self.index:04X}h; correct the cell file"
+                f" {8 * self.size} bits of {self.index:04X}h; correct the cell file",
+                code="RID-SERVO-VALUE",
             ) from None
 
 

@@ -84,7 +84,8 @@ class SdoPort:
         if not 1 <= len(data) <= 8:
             raise ProtocolError(
                 f"node {self.node_id}: object {object_name(index, subindex)} has {len(data)} bytes"
-                " where a number was expected"
+                " where a number was expected",
+                code="RID-DRIVE-DATA-SIZE",
             )
         return int.from_bytes(data, "little", signed=signed)
 

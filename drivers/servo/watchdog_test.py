@@ -101,7 +101,8 @@ def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
     if bad:
         raise PreflightError(
             f"without this computer a drive does not stop in time: {'; '.join(bad)}. It must not be"
-            " moved; `rid-daq check` shows the trial"
+            " moved; `rid-daq check` shows the trial",
+            code="RID-DRIVE-WATCHDOG",
         )
     axes.bring_up()
 

@@ -117,7 +117,11 @@ class WriteLog:
         text = line.model_dump_json().encode() + b"\n"
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | self._sync
         first = not self._nodes
-        with system_errors(RecordingError, f"{self.path}: what is written to drives is not kept"):
+        with system_errors(
+            RecordingError,
+            f"{self.path}: what is written to drives is not kept",
+            code="RID-FILE-WRITE",
+        ):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(self.path, flags, 0o644)
             try:
@@ -128,7 +132,8 @@ class WriteLog:
                 _sync_folder(self.path.parent)
         if written != len(text):
             raise RecordingError(
-                f"{self.path}: what is written to drives is not kept: the disk is full"
+                f"{self.path}: what is written to drives is not kept: the disk is full",
+                code="RID-SYSTEM-DISK-FULL",
             )
 
 
@@ -151,7 +156,7 @@ def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
     ConfigError
         The file cannot be read, or is none; the message has the line.
     """
-    with system_errors(ConfigError, f"{path}: cannot be read"):
+    with system_errors(ConfigError, f"{path}: cannot be read", code="RID-FILE-READ"):
         data = read_file(path, _LOG_BYTES, follow_link=False)
     identities: dict[int, DriveIdentity] = {}
     values: dict[int, dict[Address, bytes]] = {}
@@ -162,7 +167,8 @@ def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
         except ValidationError as error:
             first = error.errors()[0]["msg"]
             raise ConfigError(
-                f"{path}:{number}: not a write log of what was written to drives: {first}"
+                f"{path}:{number}: not a write log of what was written to drives: {first}",
+                code="RID-FILE-VALUE",
             ) from error
         node = line.node_id
         if isinstance(line, DriveLine):

@@ -149,7 +149,8 @@ class Clearances:
                 return np.asarray(pose)
         raise ConfigError(
             f"robot {robot!r}: none of {len(others)} poses keeps clear of itself and of the"
-            " workspace: check `bodies` in the robot file and `workspace` in the cell file"
+            " workspace: check `bodies` in the robot file and `workspace` in the cell file",
+            code="RID-DESIGN-NONE",
         )
 
     def shortfall(self, q: FloatArray) -> tuple[float, FloatArray]:

@@ -88,13 +88,15 @@ def reach(
         if size[-1] < SINGULAR * size[0]:
             raise ConfigError(
                 f"{what} ({place} mm) leads through a pose in which the arm cannot move"
-                " in every direction: shift or turn the path, or start it near another pose"
+                " in every direction: shift or turn the path, or start it near another pose",
+                code="RID-PATH-SINGULAR",
             )
         step = right.T @ ((left.T @ short) / size)
         pose = pose + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
     raise ConfigError(
         f"{what} ({place} mm) cannot be reached from {_tool_words(chain, near)}: move it nearer to"
-        " the robot, or start it near another pose"
+        " the robot, or start it near another pose",
+        code="RID-PATH-REACH",
     )
 
 
@@ -154,7 +156,8 @@ def refine(
     else:
         raise ConfigError(
             "the path comes too near a pose in which the arm cannot move in every direction: shift"
-            " or turn it"
+            " or turn it",
+            code="RID-PATH-SINGULAR",
         )
     spin = np.zeros((len(points_m), 0 if rotation is None else 3))
     slope = _solved(slopes, np.concatenate([direction, spin], axis=1))

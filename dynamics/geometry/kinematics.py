@@ -48,7 +48,8 @@ class Chain:
         if n == 0 or shapes != [(n, 5), (n,), (3,), (3,)]:
             raise EstimationError(
                 "a chain needs arrays of the shapes (n, 5), (n,), (3,), (3,) for rows, prismatic,"
-                f" gravity_m_s2, tool_m; got {', '.join(map(str, shapes))}"
+                f" gravity_m_s2, tool_m; got {', '.join(map(str, shapes))}",
+                code="RID-API-ARGUMENT",
             )
         for array in arrays:
             array.setflags(write=False)
@@ -109,7 +110,8 @@ def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     position = np.asarray(q, dtype=np.float64)
     if position.ndim != 2 or position.shape[1] != chain.n:
         raise EstimationError(
-            f"joint positions must have the shape (samples, {chain.n}), got {position.shape}"
+            f"joint positions must have the shape (samples, {chain.n}), got {position.shape}",
+            code="RID-API-ARGUMENT",
         )
     theta = chain.rows[:, 2] + np.where(chain.prismatic, 0.0, position)
     d = chain.rows[:, 4] + np.where(chain.prismatic, position, 0.0)

@@ -44,7 +44,8 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
     if robot.cad is None:
         raise ConfigError(
             f"robot {robot.name!r} has no cad values: state mass, centre and inertia of its links"
-            " under `cad` in the robot file"
+            " under `cad` in the robot file",
+            code="RID-ROBOT-CAD",
         )
     values = np.zeros(len(model.parameter_names))
     sigmas = np.full(len(values), np.inf)
@@ -69,7 +70,8 @@ def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, F
     if not np.isfinite(sigmas).any():
         raise ConfigError(
             f"robot {robot.name!r} has guesses for `cad` (uncertainty: null), which are no prior:"
-            " state what its drawings say and how far it may be off"
+            " state what its drawings say and how far it may be off",
+            code="RID-ROBOT-CAD",
         )
     return values, sigmas
 

@@ -139,7 +139,9 @@ def regressor_gradient(
     motion = model.motion(q, v, a, conditions)
     expected = (*motion.joint.shape[1:], len(model.parameter_names))
     if weights.shape != expected:
-        raise EstimationError(f"weights must have the shape {expected}, got {weights.shape}")
+        raise EstimationError(
+            f"weights must have the shape {expected}, got {weights.shape}", code="RID-API-ARGUMENT"
+        )
     factors = model.transmission.factors(motion)
     out = np.zeros(motion.joint.shape)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):

@@ -59,13 +59,13 @@ class RobotModel:
 
     def __post_init__(self) -> None:
         if len(self.joint_names) != self.chain.n:
-            raise EstimationError(
-                f"{len(self.joint_names)} joint names for a chain of {self.chain.n} joints"
-            )
+            words = f"{len(self.joint_names)} joint names for a chain of {self.chain.n} joints"
+            raise EstimationError(words, code="RID-API-ARGUMENT")
         names = self.parameter_names
         if len(set(names)) < len(names):
             doubled = sorted({name for name in names if names.count(name) > 1})
-            raise EstimationError(f"two terms of the model name a parameter {', '.join(doubled)}")
+            words = f"two terms of the model name a parameter {', '.join(doubled)}"
+            raise EstimationError(words, code="RID-API-ARGUMENT")
 
     @classmethod
     def from_description(
@@ -174,7 +174,8 @@ class RobotModel:
             raise EstimationError(
                 f"the model has {len(self._nonlinear)} nonlinear parameters"
                 f" ({', '.join(self.nonlinear_names) or 'none'}), got an array of shape"
-                f" {rest.shape}"
+                f" {rest.shape}",
+                code="RID-API-ARGUMENT",
             )
         terms: list[Term] = []
         for term in self.terms:
@@ -391,10 +392,8 @@ def checked_parameters(model: RobotModel, parameters: npt.ArrayLike) -> FloatArr
     EstimationError
         Where there is not one value for each of the model's parameters.
     """
-    theta = np.asarray(parameters, dtype=np.float64)
-    if theta.shape != (len(model.parameter_names),):
-        raise EstimationError(
-            f"the model has {len(model.parameter_names)} parameters, got an array of shape"
-            f" {theta.shape}"
-        )
+    theta, expected = np.asarray(parameters, dtype=np.float64), len(model.parameter_names)
+    if theta.shape != (expected,):
+        words = f"the model has {expected} parameters, got an array of shape {theta.shape}"
+        raise EstimationError(words, code="RID-API-ARGUMENT")
     return theta

@@ -120,7 +120,8 @@ class Transmission:
             names = ", ".join(parameter.name for parameter in self.nonlinear)
             raise EstimationError(
                 f"{names} depend on the torque that the gears transmit: give"
-                " `Conditions.load_nm`, as `load_torque` computes it"
+                " `Conditions.load_nm`, as `load_torque` computes it",
+                code="RID-API-ARGUMENT",
             )
         direction = np.sign(load * motion.actuator[1])
         for j in self._remembering(motion):

@@ -84,7 +84,8 @@ class Friction:
         if not 0.0 <= self.sign_smoothing_rad_s < np.inf:
             raise EstimationError(
                 f"sign_smoothing_rad_s is {self.sign_smoothing_rad_s}: it must be 0 (a hard sign)"
-                " or a small positive speed"
+                " or a small positive speed",
+                code="RID-OPTION-RANGE",
             )
 
     @classmethod
@@ -332,7 +333,8 @@ def _warmth(column: FrictionColumn, motion: Motion) -> FloatArray:
         raise EstimationError(
             f"{column.parameter_name} depends on the drive's temperature, and none is given:"
             " record or import it, say how warm the joints are where the command has --temperature,"
-            " or leave the friction term `temperature` out"
+            " or leave the friction term `temperature` out",
+            code="RID-MODEL-TEMPERATURE",
         )
     shape = motion.actuator.shape[1:]
     return np.broadcast_to(temperature, shape)[:, column.joint] - column.reference_temperature_k

@@ -57,7 +57,8 @@ class Motion:
         if shapes != [expected] * 3:
             raise EstimationError(
                 f"q, v and a must all have the shape (samples, {joints}), got"
-                f" {', '.join(map(str, shapes))}"
+                f" {', '.join(map(str, shapes))}",
+                code="RID-API-ARGUMENT",
             )
         conditions = conditions or Conditions()
         for name, shapes in (
@@ -67,11 +68,13 @@ class Motion:
             values = getattr(conditions, name)
             if values is not None and np.shape(values) not in shapes:
                 raise EstimationError(
-                    f"{name} has the shape {np.shape(values)}, the motion {expected}"
+                    f"{name} has the shape {np.shape(values)}, the motion {expected}",
+                    code="RID-API-ARGUMENT",
                 )
         if conditions.memory is not None and len(conditions.memory.direction) != expected[0]:
             raise EstimationError(
-                f"memory has {len(conditions.memory.direction)} samples, the motion {expected[0]}"
+                f"memory has {len(conditions.memory.direction)} samples, the motion {expected[0]}",
+                code="RID-API-ARGUMENT",
             )
         joint = np.array((q, v, a), dtype=np.float64)
         if coupling is None:

@@ -91,7 +91,8 @@ def fill_links(
     if out.shape != expected or out.dtype != np.float64 or not out[:1, :1].flags.c_contiguous:
         raise EstimationError(
             f"the links' columns need an array of floats of the shape {expected} whose last axis"
-            f" is contiguous, got {out.shape} of {out.dtype} with strides {out.strides}"
+            f" is contiguous, got {out.shape} of {out.dtype} with strides {out.strides}",
+            code="RID-API-ARGUMENT",
         )
 
     def fill(first: int, last: int) -> None:

@@ -53,11 +53,14 @@ class Rotors:
         arrays = (self.joint, self.link, self.axis, self.ratio)
         count = len(self.joint)
         if [array.shape for array in arrays] != [(count,), (count,), (count, 3), (count,)]:
-            raise EstimationError("joint, link, axis and ratio must have one entry a rotor")
+            raise EstimationError(
+                "joint, link, axis and ratio must have one entry a rotor", code="RID-API-ARGUMENT"
+            )
         if np.any((self.link < 0) | (self.link > self.joint + 1) | (self.joint >= self.chain.n)):
             raise EstimationError(
                 f"rotors of joints {self.joint} (from 0) sit on links {self.link}: a rotor must"
-                " sit on the base (0) or on a link up to the one that it moves"
+                " sit on the base (0) or on a link up to the one that it moves",
+                code="RID-ROBOT-VALUE",
             )
         for array in arrays:
             array.setflags(write=False)

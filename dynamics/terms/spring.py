@@ -43,19 +43,21 @@ class Spring:
         """
         spring = robot.spring
         if spring is None:
-            raise ConfigError(f"robot {robot.name!r} has no spring")
+            raise ConfigError(f"robot {robot.name!r} has no spring", code="RID-ROBOT-VALUE")
         joint = robot.joint_names.index(spring.joint)
         if robot.joints[joint].type == "prismatic":
             raise ConfigError(
                 f"robot {robot.name!r}: spring.joint {spring.joint!r} is prismatic;"
-                " a gravity spring acts across a revolute joint"
+                " a gravity spring acts across a revolute joint",
+                code="RID-ROBOT-VALUE",
             )
         if spring.form == "fourier" or spring.l_m is None or spring.r_m is None:
             return cls(joint, None)
         if spring.l_m == spring.r_m:
             raise ConfigError(
                 f"robot {robot.name!r}: spring.l_m and spring.r_m are both {spring.l_m} m, so its"
-                " ends would meet at zero angle; check the two distances"
+                " ends would meet at zero angle; check the two distances",
+                code="RID-ROBOT-VALUE",
             )
         return cls(joint, (spring.l_m, spring.r_m))
 

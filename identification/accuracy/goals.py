@@ -131,11 +131,14 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
     if match is None:
         raise ConfigError(
             f"--until {text}: write a parameter, <, a number and a unit or %, such as sx3<0.01kgm,"
-            " fv_axis1<5% or torque<1.5Nm"
+            " fv_axis1<5% or torque<1.5Nm",
+            code="RID-OPTION-SYNTAX",
         )
     name, number, unit = match[1], float(match[2]), (match[3] or "").replace(" ", "")
     if number <= 0.0:
-        raise ConfigError(f"--until {text}: the standard deviation must be above 0")
+        raise ConfigError(
+            f"--until {text}: the standard deviation must be above 0", code="RID-OPTION-SYNTAX"
+        )
     if name == TORQUE:
         own = "Nm"
     elif name in base.names:
@@ -146,18 +149,22 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
             w for w, row in zip(base.expressions, base.combination, strict=True) if row[index]
         ]
         where = f"it is seen only as part of {inside[0]!r}" if inside else "it has no effect at all"
-        raise ConfigError(f"--until {text}: {name} cannot be identified by itself: {where}")
+        raise ConfigError(
+            f"--until {text}: {name} cannot be identified by itself: {where}",
+            code="RID-OPTION-NAME",
+        )
     else:
         raise ConfigError(
             f"--until {text}: {name} is no parameter of this robot; they are {TORQUE},"
-            f" {', '.join(base.names)}"
+            f" {', '.join(base.names)}",
+            code="RID-OPTION-NAME",
         )
     if unit == "%":
         if name == TORQUE:
-            raise ConfigError(f"--until {text}: state the torque in Nm")
+            raise ConfigError(f"--until {text}: state the torque in Nm", code="RID-OPTION-SYNTAX")
         return Goal(name, number / 100.0, True, text)
     if unit not in ("", own):
-        raise ConfigError(f"--until {text}: the unit of {name} is {own}")
+        raise ConfigError(f"--until {text}: the unit of {name} is {own}", code="RID-OPTION-SYNTAX")
     return Goal(name, number, False, text)
 
 

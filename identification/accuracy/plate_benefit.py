@@ -99,7 +99,9 @@ def improvement(fitted: FittedPeriods) -> Improvement:
         It is of another model, or the motion does not show the internal model's parameters.
     """
     if fitted.options.kind != "combined":
-        raise EstimationError("only the combined model tells what the plate improved")
+        raise EstimationError(
+            "only the combined model tells what the plate improved", code="RID-MODEL-NOT-COMBINED"
+        )
     n = len(fitted.robot.joints)
     white = fitted.fit.white
     both = [part for parts in white for part in parts]
@@ -175,7 +177,8 @@ def _covariance(
     if (size == 0.0).any() or np.linalg.cond(factor / size) > 1.0 / RANK:
         raise EstimationError(
             "the motion does not show all parameters of the internal and of the external model:"
-            " what the plate improves cannot be told"
+            " what the plate improves cannot be told",
+            code="RID-MOTION-UNINFORMATIVE",
         )
     seen = functionals @ basis
     reached = np.linalg.lstsq(basis.T, seen.T, rcond=None)[0].T

@@ -149,7 +149,8 @@ def with_known_mass(
     if estimate.options.kind == "internal":
         raise EstimationError(
             "the internal model does not know the reaction on the base: identify the combined"
-            " model, from a run with a force plate"
+            " model, from a run with a force plate",
+            code="RID-MODEL-NOT-COMBINED",
         )
     model, base = estimate.model, estimate.base
     constant = weight_parameters(estimate)

@@ -112,7 +112,9 @@ class DriveGains:
                 "not all by one factor, so that the load's mass is not the reason: correct the"
                 " torque constant or gear ratio of these joints, or move them more"
             )
-        raise EstimationError(f"drive gains outside {low} to {high}: {told}; {mistake}")
+        raise EstimationError(
+            f"drive gains outside {low} to {high}: {told}; {mistake}", code="RID-GAINS-IMPLAUSIBLE"
+        )
 
     def sentences(self) -> list[str]:
         """Say of each joint what it is."""
@@ -147,15 +149,20 @@ def drive_gains(
     base, model = estimate.base, estimate.model
     if MASS not in base.names:
         raise EstimationError(
-            "drive gains need runs with and without the weighed load: name those with it (--loaded)"
+            "drive gains need runs with and without the weighed load: name those with it"
+            " (--loaded)",
+            code="RID-PAYLOAD-RUNS",
         )
     if model.transmission.losses:
         raise EstimationError(
             "drive gains need friction that does not depend on load: leave the friction term `load`"
-            " and efficiencies out"
+            " and efficiencies out",
+            code="RID-MODEL-LOAD-FRICTION",
         )
     if mass_kg <= 0.0 or mass_sigma_kg <= 0.0:
-        raise EstimationError("a weighed load has a positive mass, and scales have an error")
+        raise EstimationError(
+            "a weighed load has a positive mass, and scales have an error", code="RID-OPTION-RANGE"
+        )
     n, b, standstill = model.chain.n, len(base), estimate.standstill_rad_s
     triangles = [Triangle.empty(b) for _ in range(n)]
     for rows in joint_equations(model, base, runs, standstill):
@@ -211,7 +218,8 @@ class _Scales:
         )
         if s[0] <= 0.0:
             raise EstimationError(
-                "the load shows no positive mass: were the loaded runs the others?"
+                "the load shows no positive mass: were the loaded runs the others?",
+                code="RID-PAYLOAD-RUNS",
             )
         n, b = len(self.factors), len(x)
         for _ in range(ITERATIONS):
@@ -231,11 +239,15 @@ class _Scales:
             if (s <= 0.0).any():
                 worst = self.names[b + int(np.argmin(s))]
                 raise EstimationError(
-                    f"the motion does not tell {worst}: move more, with more load"
+                    f"the motion does not tell {worst}: move more, with more load",
+                    code="RID-MOTION-UNINFORMATIVE",
                 )
             if np.all(np.abs(step[b:]) < SETTLED):
                 return x, s, solution, np.array(sigma)
-        raise EstimationError("the drive gains do not settle: move more, with more load")
+        raise EstimationError(
+            "the drive gains do not settle: move more, with more load",
+            code="RID-MOTION-UNINFORMATIVE",
+        )
 
     def rows_of(
         self, joint: int, matrix: FloatArray, rhs: FloatArray, x: FloatArray, s: FloatArray

@@ -120,7 +120,10 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
         It is of another model, or the motion does not tell the factors.
     """
     if fitted.options.kind != "combined":
-        raise EstimationError("only the combined model tells whether torques and plate agree")
+        raise EstimationError(
+            "only the combined model tells whether torques and plate agree",
+            code="RID-MODEL-NOT-COMBINED",
+        )
     joints = fitted.robot.joint_names
     n, width = len(joints), len(fitted.fit.solution.values)
     names = (*(f"value {k}" for k in range(width)), *(f"the torque scale of {j}" for j in joints))

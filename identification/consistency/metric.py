@@ -38,7 +38,8 @@ def jackknife_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     except (np.linalg.LinAlgError, FloatingPointError):
         raise EstimationError(
             "the estimate's covariances are not positive definite, so that no distance from it can"
-            " be told: estimate again from the recordings"
+            " be told: estimate again from the recordings",
+            code="RID-MODEL-UNSOUND",
         ) from None
 
 

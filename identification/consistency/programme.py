@@ -163,5 +163,6 @@ class ConsistencyProgramme:
                 return np.asarray(self.units @ (start + directions @ x))
         raise EstimationError(
             f"no physically consistent parameters were found (Clarabel: {', '.join(statuses)});"
-            " look for parameters with senseless values or standard deviations in the estimate"
+            " look for parameters with senseless values or standard deviations in the estimate",
+            code="RID-MODEL-UNSOUND",
         )

@@ -53,7 +53,8 @@ def estimate_by_energy(
     if estimate.model.transmission.losses:
         raise EstimationError(
             "energies say nothing of gears that lose a share of their load: leave the friction term"
-            " `load` and efficiencies out"
+            " `load` and efficiencies out",
+            code="RID-MODEL-LOAD-FRICTION",
         )
     triangle = Triangle.empty(len(estimate.base))
     for matrix, work, _ in _intervals(estimate, runs):

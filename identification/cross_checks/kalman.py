@@ -60,7 +60,8 @@ def estimate_by_kalman_filter(
     if estimate.model.transmission.losses:
         raise EstimationError(
             "the Kalman filter does not simulate gears that lose a share of their load: leave the"
-            " friction term `load` and efficiencies out"
+            " friction term `load` and efficiencies out",
+            code="RID-MODEL-LOAD-FRICTION",
         )
     values = estimate.values
     covariance = estimate.covariance_jackknife + estimate.covariance_residual
@@ -108,7 +109,8 @@ class _Simulation:
             except (np.linalg.LinAlgError, FloatingPointError):
                 raise EstimationError(
                     f"the robot that the Kalman filter simulates runs away at"
-                    f" {signals.time_s[row]:.3g} s: the model does not fit the recording"
+                    f" {signals.time_s[row]:.3g} s: the model does not fit the recording",
+                    code="RID-MODEL-MISFIT",
                 ) from None
             state = state + gain @ (signals.position[following] - state[:n])
             rest = np.eye(2 * n + b)

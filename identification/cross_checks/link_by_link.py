@@ -58,7 +58,9 @@ def estimate_link_by_link(
     size = np.linalg.norm(np.vstack(factors)[:, :-1], axis=0)
     if not size.all():
         hidden = [name for name, s in zip(estimate.base.names, size, strict=True) if s == 0.0]
-        raise EstimationError(f"the motion does not show {', '.join(hidden)}")
+        raise EstimationError(
+            f"the motion does not show {', '.join(hidden)}", code="RID-MOTION-UNINFORMATIVE"
+        )
 
     scaled, steps = np.zeros(b), [np.zeros((b, 0)) for _ in range(n)]
     unseen = np.eye(b)
@@ -72,7 +74,10 @@ def estimate_link_by_link(
     if unseen.shape[1]:
         worst = np.argsort(-np.linalg.norm(unseen, axis=1))[:3]
         names = ", ".join(estimate.base.names[k] for k in worst)
-        raise EstimationError(f"the motion does not tell {names} from one another joint by joint")
+        raise EstimationError(
+            f"the motion does not tell {names} from one another joint by joint",
+            code="RID-MOTION-UNINFORMATIVE",
+        )
 
     values = scaled / size
     basis = np.hstack(steps) / size[:, np.newaxis]

@@ -88,27 +88,34 @@ class ExcitationProblem:
             raise ConfigError(
                 f"excitation design: harmonics {self.harmonics} must be at least 1, limit_fraction"
                 f" {self.limit_fraction:g} above 0 and at most 1, period_s {self.period_s:g}"
-                " positive"
+                " positive",
+                code="RID-DESIGN-OPTIONS",
             )
         if np.shape(self.expected_noise_nm) != (n,) or np.min(self.expected_noise_nm) <= 0.0:
-            raise ConfigError("excitation design: expected_noise_nm needs a positive value a joint")
+            raise ConfigError(
+                "excitation design: expected_noise_nm needs a positive value a joint",
+                code="RID-DESIGN-OPTIONS",
+            )
         if self.given is not None and self.given.shape != (b, b):
             raise ConfigError(
                 f"excitation design: the earlier information has the shape {self.given.shape}, the"
-                f" model {b} base parameters: give models of the same robot and terms"
+                f" model {b} base parameters: give models of the same robot and terms",
+                code="RID-ROBOT-OTHER",
             )
         if self.base_limits is not None and (
             self.parameters is None or self.base_limits.shape != (6,)
         ):
             raise ConfigError(
                 "excitation design: limits on the base are six, and need a-priori parameters: give"
-                " a model, or `cad` in the robot file"
+                " a model, or `cad` in the robot file",
+                code="RID-ROBOT-CAD",
             )
         names = self.model.parameter_names
         if self.parameters is not None and self.parameters.shape != (len(names),):
             raise ConfigError(
                 f"excitation design: {self.parameters.shape} a-priori values for the"
-                f" {len(names)} parameters of robot {self.robot.name!r}"
+                f" {len(names)} parameters of robot {self.robot.name!r}",
+                code="RID-API-ARGUMENT",
             )
 
     @cached_property

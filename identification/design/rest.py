@@ -70,7 +70,8 @@ class RestingPoses:
                 return np.asarray(led)
         raise ConfigError(
             f"in none of {DRAWS} random poses may robot {robot!r} rest:"
-            f" {'; '.join(self._in_the_way(np.array(drawn))[:MOST_SAID])}"
+            f" {'; '.join(self._in_the_way(np.array(drawn))[:MOST_SAID])}",
+            code="RID-DESIGN-NONE",
         )
 
     def _torque(self, pose: FloatArray) -> FloatArray:

@@ -167,14 +167,16 @@ def backend(scheduler: str | None, jobs: int) -> Iterator[None]:
     except ImportError as error:
         raise ConfigError(
             "--scheduler needs Dask, which is not installed: install rid-daq with its extra"
-            " `cluster`, or leave the option out"
+            " `cluster`, or leave the option out",
+            code="RID-INSTALL-LIBRARY",
         ) from error
     try:
         client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"no Dask scheduler answers at {scheduler}: {error}. Start one with `dask scheduler`,"
-            " or leave the option out to use this machine"
+            " or leave the option out to use this machine",
+            code="RID-DESIGN-SCHEDULER",
         ) from error
     with client, joblib.parallel_config(backend="dask"):
         yield

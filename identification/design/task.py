@@ -62,7 +62,8 @@ def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) 
         else:
             raise ConfigError(
                 f"--for {parameter}: is not one of the parameters that torques can tell, which are"
-                f" {TORQUE}, {', '.join(base.names)}"
+                f" {TORQUE}, {', '.join(base.names)}",
+                code="RID-OPTION-NAME",
             )
     return Goals(np.array(rows))
 
@@ -93,7 +94,8 @@ def excitation_problem(
     if 2 * harmonics >= samples:
         raise ConfigError(
             f"harmonic {harmonics} of a period of {samples} cycles is beyond half the sampling"
-            " frequency: use fewer harmonics or a longer period"
+            " frequency: use fewer harmonics or a longer period",
+            code="RID-MOTION-BAND",
         )
     planned = design_model(robot)
     noise = EXPECTED_NOISE_SHARE * np.array([joint.limits.torque for joint in robot.joints])
@@ -102,7 +104,8 @@ def excitation_problem(
         if estimate.robot.joint_names != robot.joint_names:
             raise ConfigError(
                 f"a model is of robot {estimate.robot.name!r}, the cell's is {robot.name!r}: give"
-                " models of this robot"
+                " models of this robot",
+                code="RID-ROBOT-OTHER",
             )
     if known:
         noise = np.maximum(known[-1].residual_nm, 1e-4 * noise)
@@ -153,7 +156,8 @@ def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate)
         raise ConfigError(
             f"the model of robot {model.robot.name!r} has friction beyond the robot file's terms,"
             f" of up to {taken[worst]:.0%} of the torque limit of {robot.joint_names[worst]}: write"
-            " its terms into the robot file, or correct the limit"
+            " its terms into the robot file, or correct the limit",
+            code="RID-MODEL-TERMS-DIFFER",
         )
     return 1.0 if taken[worst] < ROUNDING else 1.0 - float(taken[worst])
 
@@ -198,7 +202,8 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
         if missing:
             raise ConfigError(
                 f"the model of robot {estimate.robot.name!r} knows {missing[0]}, which this cell's"
-                " robot has not: give models of the same robot file with all its terms"
+                " robot has not: give models of the same robot file with all its terms",
+                code="RID-MODEL-TERMS-DIFFER",
             )
         places = [base.expressions.index(text) for text in words]
         covariance = estimate.covariance_residual[np.ix_(carried, carried)]

@@ -92,7 +92,8 @@ def design_two_harmonic(
             return motion
     raise ConfigError(
         f"none of {options.tries} draws keeps clear of the robot's own bodies and of the workspace:"
-        " take more --tries, or the method `optimal`, which goes around them"
+        " take more --tries, or the method `optimal`, which goes around them",
+        code="RID-DESIGN-NONE",
     )
 
 

@@ -111,7 +111,8 @@ def base_wrench_equations(
     if len(components) == 0:
         raise EstimationError(
             f"without its channels {', '.join(reaction.left_out)} the force plate shows nothing:"
-            " leave it out"
+            " leave it out",
+            code="RID-PLATE-CHANNEL",
         )
     from_channels = components @ reaction.base_wrench_matrix
     response = np.ones(harmonics + 1, dtype=complex)

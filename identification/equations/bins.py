@@ -134,7 +134,8 @@ def bin_equations(
     if average.joint_names != model.joint_names:
         raise EstimationError(
             f"the recording has joints {', '.join(average.joint_names)}, the model"
-            f" {', '.join(model.joint_names)}: use the recording's own robot"
+            f" {', '.join(model.joint_names)}: use the recording's own robot",
+            code="RID-ROBOT-OTHER",
         )
     harmonics = harmonics_below(
         band_hz, average.period_s, average.sample_period_s, average.torque_filter
@@ -272,7 +273,8 @@ def harmonics_below(
     if harmonics < 1:
         raise EstimationError(
             f"a band up to {limit_hz:g} Hz holds no harmonic of a period of"
-            f" {period_s:g} s: raise the band limit"
+            f" {period_s:g} s: raise the band limit",
+            code="RID-MOTION-BAND",
         )
     return harmonics
 

@@ -210,7 +210,8 @@ class CandidateEquations:
         if not pieces:
             raise EstimationError(
                 f"no stretch of the recordings is longer than {4.0 * EDGE_S:g} s without a gap:"
-                " a choice of terms needs longer ones"
+                " a choice of terms needs longer ones",
+                code="RID-RECORDING-SHORT",
             )
         return cls(model, base, tuple(pieces), tuple(starts_s), cutoff_hz)
 

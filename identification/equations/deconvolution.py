@@ -59,7 +59,8 @@ def without_torque_filter(recording: Recording) -> Recording:
     if recording.sample_period_s is None:
         raise EstimationError(
             "the recording's torques passed an anti-alias filter, but its stamps are not uniform:"
-            " the filter cannot be divided out"
+            " the filter cannot be divided out",
+            code="RID-RECORDING-CLOCK",
         )
     torque = without_filter(recording.torque_nm, recording.sample_period_s, recording.torque_filter)
     return replace(recording, torque_nm=torque, torque_filter=None)

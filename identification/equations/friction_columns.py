@@ -47,4 +47,4 @@ def friction_column(column: Column, v: FloatArray, load_nm: FloatArray) -> Float
             share = np.abs(v) / speed
             return np.asarray(direction * share * np.exp(-share))
         case _:
-            raise EstimationError(f"unknown friction column {column}")
+            raise EstimationError(f"unknown friction column {column}", code="RID-INTERNAL-ERROR")

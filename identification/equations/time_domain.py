@@ -85,13 +85,15 @@ def time_runs(
     if len(payload) != len(signals):
         raise EstimationError(
             f"payload says of {len(payload)} recordings whether they carry it, there are"
-            f" {len(signals)}"
+            f" {len(signals)}",
+            code="RID-API-ARGUMENT",
         )
     for smoothed in signals:
         if smoothed.joint_names != model.joint_names:
             raise EstimationError(
                 f"the recording has joints {', '.join(smoothed.joint_names)}, the model"
-                f" {', '.join(model.joint_names)}: use the recording's own robot"
+                f" {', '.join(model.joint_names)}: use the recording's own robot",
+                code="RID-ROBOT-OTHER",
             )
     return tuple(
         TimeRun(smoothed, Conditions(temperature_k=smoothed.temperature_k, payload=loaded))

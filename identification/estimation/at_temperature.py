@@ -57,7 +57,8 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     if np.shape(temperature_k) != (len(joints),):
         raise EstimationError(
             f"temperatures of {np.size(temperature_k)} joints are given, the model has"
-            f" {len(joints)}"
+            f" {len(joints)}",
+            code="RID-API-ARGUMENT",
         )
     if not by_temperature(estimate).any():
         return estimate

@@ -298,7 +298,8 @@ def predict_base_wrench(
     if estimate.options.kind == "internal":
         raise EstimationError(
             "the internal model does not know the reaction on the base: identify the combined"
-            " model, from a run with a force plate"
+            " model, from a run with a force plate",
+            code="RID-MODEL-NOT-COMBINED",
         )
     _refuse_other_positions(estimate, q)
     wrench = np.empty((len(q), 6))

@@ -256,7 +256,8 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
     unknown = [name for name in names if name not in expected]
     if unknown or document.standard_parameters != expected:
         raise EstimationError(
-            f"the parameters {', '.join(unknown or names)} are not those of the robot in the file"
+            f"the parameters {', '.join(unknown or names)} are not those of the robot in the file",
+            code="RID-MODEL-UNSOUND",
         )
     base = BaseParameters(
         names=names,

@@ -151,7 +151,8 @@ def fit_smoothed(
     if terms.kind != "internal":
         raise EstimationError(
             f"the {terms.kind} model is estimated from periodic runs only: record a periodic"
-            " motion, or identify the internal model"
+            " motion, or identify the internal model",
+            code="RID-MODEL-KIND",
         )
     problem = SmoothedProblem(
         base=base,

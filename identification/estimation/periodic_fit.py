@@ -124,7 +124,8 @@ class PeriodicProblem:
         if len(self.payload) != len(self.averages):
             raise EstimationError(
                 f"payload says of {len(self.payload)} runs whether they carry it, there are"
-                f" {len(self.averages)}"
+                f" {len(self.averages)}",
+                code="RID-API-ARGUMENT",
             )
 
     def equations(self, model: RobotModel, standard: FloatArray | None) -> tuple[BinEquations, ...]:
@@ -149,13 +150,15 @@ class PeriodicProblem:
             if average.reaction is None:
                 raise EstimationError(
                     f"the {self.kind} model needs a force plate; run {number} of {runs} has none"
-                    " whose channels are valid: identify the internal model"
+                    " whose channels are valid: identify the internal model",
+                    code="RID-PLATE-MISSING",
                 )
         shapes = ((runs, len(self.averages[0].joint_names), 6, 6), (runs,))
         if (self.base_inertia.shape, self.delays_s.shape) != shapes:
             raise EstimationError(
                 f"base_inertia and delays_s of the shapes {self.base_inertia.shape} and"
-                f" {self.delays_s.shape} do not fit {runs} runs"
+                f" {self.delays_s.shape} do not fit {runs} runs",
+                code="RID-API-ARGUMENT",
             )
 
     def fit(

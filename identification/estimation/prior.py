@@ -59,7 +59,8 @@ class PriorRows:
         shape = (len(base.standard_names),)
         if values.shape != shape or sigmas.shape != shape or not np.all(sigmas >= 0.0):
             raise EstimationError(
-                f"a prior needs {shape[0]} values and as many sigmas, none of them negative"
+                f"a prior needs {shape[0]} values and as many sigmas, none of them negative",
+                code="RID-API-ARGUMENT",
             )
         known = np.isfinite(sigmas)
         if not known.any():
@@ -105,7 +106,8 @@ def held(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
     for name, (value, sigma) in known.items():
         if name not in base.standard_names:
             raise EstimationError(
-                f"{name!r} is no parameter of the model; they are {', '.join(base.standard_names)}"
+                f"{name!r} is no parameter of the model; they are {', '.join(base.standard_names)}",
+                code="RID-OPTION-NAME",
             )
         index = base.standard_names.index(name)
         values[index], sigmas[index] = value, sigma

@@ -78,7 +78,8 @@ class RunningEstimate:
         if model.transmission.losses:
             raise EstimationError(
                 "a running estimate needs a model that is linear in its parameters: with gears that"
-                " lose a share of their load, identify after the measurement"
+                " lose a share of their load, identify after the measurement",
+                code="RID-MODEL-LOAD-FRICTION",
             )
         return cls(model, base_parameters(model), standstill_rad_s, {})
 

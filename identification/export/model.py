@@ -115,7 +115,8 @@ class ExportModel:
         if np.any(bodies[::PARAMETERS_PER_LINK] == 0.0):
             raise EstimationError(
                 "the identified parameters alone say no link's mass: export the physically"
-                " consistent ones"
+                " consistent ones",
+                code="RID-EXPORT-LINKS",
             )
         return tuple(LinkBody.of(body) for body in bodies.reshape(-1, PARAMETERS_PER_LINK))
 
@@ -133,7 +134,8 @@ class ExportModel:
                 raise EstimationError(
                     f"link {number} cannot exist: mass {link.mass_kg:.4g} kg, principal moments"
                     f" {moments} kg m^2. A simulator would diverge with it; export the physically"
-                    " consistent parameters, or measure with a motion that shows this link"
+                    " consistent parameters, or measure with a motion that shows this link",
+                    code="RID-EXPORT-LINKS",
                 )
 
     def term(self, kind: type[T]) -> tuple[T, FloatArray] | None:

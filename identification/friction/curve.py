@@ -48,7 +48,9 @@ class FrictionCurve:
     def __post_init__(self) -> None:
         k = len(self.speed)
         if (self.even is None) != (self.even_covariance is None):
-            raise EstimationError("friction curve: even needs its covariance, and only even")
+            raise EstimationError(
+                "friction curve: even needs its covariance, and only even", code="RID-API-ARGUMENT"
+            )
         of_speeds = ("speed", "odd", "odd_sigma", "even")
         freeze(self, EstimationError, (k,), *of_speeds, what="friction ")
         freeze(self, EstimationError, (k, k), "even_covariance", what="friction ")
@@ -120,7 +122,7 @@ def friction_columns(model: RobotModel, joint: int, speed: FloatArray) -> FloatA
     """
     term = next((term for term in model.terms if isinstance(term, Friction)), None)
     if term is None:
-        raise EstimationError("the model has no friction")
+        raise EstimationError("the model has no friction", code="RID-MODEL-NO-FRICTION")
     n = model.chain.n
     velocity = np.zeros((len(speed), n))
     velocity[:, joint] = speed

@@ -139,14 +139,18 @@ def _motor_turns(robot: RobotDescription, joint: int) -> float:
             f"robot {robot.name!r}: with its coupled wrist the motor of {robot.joint_names[joint]}"
             f" turns by only {abs(turns):.2g} where that joint alone turns by 1, so runs of one"
             " joint at a time do not show its friction: use a path there and back (`rid-daq design"
-            " CELL --kind reversed`)"
+            " CELL --kind reversed`)",
+            code="RID-FRICTION-RUNS",
         )
     return turns
 
 
 def _sample_period(recording: Recording) -> float:
     if recording.sample_period_s is None:
-        raise DataQualityError("the recording's stamps are not uniform: its runs cannot be found")
+        raise DataQualityError(
+            "the recording's stamps are not uniform: its runs cannot be found",
+            code="RID-RECORDING-CLOCK",
+        )
     return recording.sample_period_s
 
 
@@ -178,7 +182,8 @@ def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
             raise DataQualityError(
                 f"the recording holds {np.count_nonzero(own)} rows of the run of"
                 f" {recording.joint_names[joint]} at {run.speed:g} per second: it ended before, or"
-                " rows were lost; record again"
+                " rows were lost; record again",
+                code="RID-RECORDING-ROWS-LOST",
             )
     position, torque = recording.position[:, joint], recording.torque_nm[:, joint]
     low = max(position[own].min() for own in rows)
@@ -197,7 +202,8 @@ def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
         if min(np.count_nonzero(there), np.count_nonzero(back)) < 1:
             raise DataQualityError(
                 f"the runs of {recording.joint_names[joint]} at {abs(runs[0].speed):g} per second"
-                " do not cover the same positions: look at the following error"
+                " do not cover the same positions: look at the following error",
+                code="RID-FRICTION-RUNS",
             )
         both = there | back
         # Gravity as a line within the block: the two ways are sampled at different positions.
@@ -294,7 +300,10 @@ def _two_parts(
 
 def _part(recording: Recording, rows: BoolArray, first: int, period: int) -> Recording:
     if not rows.any():
-        raise DataQualityError("the recording ends before the way back began: record again")
+        raise DataQualityError(
+            "the recording ends before the way back began: record again",
+            code="RID-RECORDING-ROWS-LOST",
+        )
     fields = ("time_s", "position", "torque_nm", "valid", "phase")
     tables = {name: getattr(recording, name)[rows] for name in fields}
     for name in ("target_position", "velocity_command", "temperature_k", "answered"):
@@ -350,7 +359,8 @@ def _binned(
         found.append((middle, mean, np.sqrt(spread * float(weight @ weight))))
     if not found:
         raise DataQualityError(
-            f"joint {joint!r} passes no speed twice: use a motion of more harmonics"
+            f"joint {joint!r} passes no speed twice: use a motion of more harmonics",
+            code="RID-FRICTION-RUNS",
         )
     table = np.array(found)
     return FrictionCurve(joint, table[:, 0], table[:, 1], table[:, 2])

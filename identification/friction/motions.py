@@ -67,7 +67,8 @@ def constant_velocity_motion(
         if fastest < 2.0 * SLOWEST_SHARE * limit:
             raise ConfigError(
                 f"joint {joint.name!r} has room from {low:.3g} to {high:.3g} only: too little to"
-                " run at speed; free the workspace, or write the motion file by hand"
+                " run at speed; free the workspace, or write the motion file by hand",
+                code="RID-MOTION-STROKE",
             )
         even = np.geomspace(SLOWEST_SHARE * limit, fastest, speeds)
         joints.append(

@@ -69,7 +69,8 @@ class BaseParameters:
         if not len(self.names) == len(self.expressions) == len(self.units) == len(self.kept):
             raise EstimationError(
                 f"base parameters: {len(self.names)} names, {len(self.expressions)} expressions and"
-                f" {len(self.units)} units for {len(self.kept)} parameters"
+                f" {len(self.units)} units for {len(self.kept)} parameters",
+                code="RID-API-ARGUMENT",
             )
 
     def __len__(self) -> int:
@@ -96,7 +97,8 @@ class BaseParameters:
         if theta.shape != (len(self.standard_names),):
             raise EstimationError(
                 f"{len(self.standard_names)} standard parameters are expected"
-                f" ({', '.join(self.standard_names)}), an array of shape {theta.shape} was given"
+                f" ({', '.join(self.standard_names)}), an array of shape {theta.shape} was given",
+                code="RID-API-ARGUMENT",
             )
         return np.asarray(self.combination @ theta)
 
@@ -159,7 +161,10 @@ def random_regressor(
         q[:, j], v[:, j], a[:, j] = random.choice(each.positions, samples), 0.0, 0.0
     measured = np.any(model.actuator_speed(v) != 0.0, axis=0)
     if not measured.any():
-        raise EstimationError("every joint stands still: record a motion that moves them")
+        raise EstimationError(
+            "every joint stands still: record a motion that moves them",
+            code="RID-MOTION-UNINFORMATIVE",
+        )
     lossless = replace(model, transmission=Transmission())
     temperature = random.uniform(280.0, 350.0, shape)
     parts: list[FloatArray] = []
@@ -180,7 +185,9 @@ def independent_columns(
     size = np.linalg.norm(stacked, axis=0)
     seen = size > 1e-12 * size.max(initial=0.0)
     if not seen.any():
-        raise EstimationError("the regressor is zero: no parameter has any effect")
+        raise EstimationError(
+            "the regressor is zero: no parameter has any effect", code="RID-MOTION-UNINFORMATIVE"
+        )
     order = [j for j in sorted(range(len(names)), key=lambda j: _priority(names[j])) if seen[j]]
     triangle = triangular_factor(stacked[:, order] / size[order])
     kept = _greedy(triangle, tolerance)
@@ -242,7 +249,8 @@ def _check_rank(triangle: FloatArray, rank: int, tolerance: float) -> None:
             f"the number of base parameters is not clear at tolerance {tolerance:g}: {rank} columns"
             f" are independent one by one, {pivoted} by pivoted QR; nearly parallel axes do this:"
             " choose a tolerance on one side of the small pivots"
-            f" {', '.join(f'{d:.1e}' for d in diagonal[min(rank, pivoted) - 1 :][:4])}"
+            f" {', '.join(f'{d:.1e}' for d in diagonal[min(rank, pivoted) - 1 :][:4])}",
+            code="RID-MODEL-RANK",
         )
 
 

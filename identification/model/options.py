@@ -65,5 +65,6 @@ def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
     except ValidationError as error:
         message = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise EstimationError(
-            f"friction terms {', '.join(terms)} for joint {joint.name}: {message}"
+            f"friction terms {', '.join(terms)} for joint {joint.name}: {message}",
+            code="RID-OPTION-NAME",
         ) from None

@@ -49,11 +49,13 @@ class PayloadBody:
         freeze(self, EstimationError, (3,), "centre_m", what="payload ")
         freeze(self, EstimationError, (3, 3), "inertia_kg_m2", what="payload ")
         if not np.isfinite(self.mass_kg):
-            raise EstimationError("the mass of a payload must be a number")
+            raise EstimationError("the mass of a payload must be a number", code="RID-API-ARGUMENT")
         if np.max(np.abs(self.inertia_kg_m2 - self.inertia_kg_m2.T)) > 1e-9 * max(
             float(np.max(np.abs(self.inertia_kg_m2))), 1e-300
         ):
-            raise EstimationError("the inertia of a payload must be a symmetric matrix")
+            raise EstimationError(
+                "the inertia of a payload must be a symmetric matrix", code="RID-API-ARGUMENT"
+            )
 
     @classmethod
     def of_reported(cls, values: FloatArray) -> PayloadBody:

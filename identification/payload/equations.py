@@ -71,7 +71,8 @@ class PayloadModel:
         if options.kind != "internal":
             raise EstimationError(
                 f"a payload is identified from the joints' torques: leave the {options.kind} model"
-                " out"
+                " out",
+                code="RID-MODEL-KIND",
             )
         model = options.build(robot)
         alone = base_parameters(replace(options, payload=False).build(robot))
@@ -208,13 +209,17 @@ class PayloadEquations:
     def __post_init__(self) -> None:
         p, n = len(self.names), len(self.joint_names)
         if self.names[:PARAMETERS_PER_LINK] != PARAMETERS:
-            raise EstimationError("the first unknowns must be the payload's ten parameters")
+            raise EstimationError(
+                "the first unknowns must be the payload's ten parameters", code="RID-API-ARGUMENT"
+            )
         if len(self.runs) != len(self.factors):
-            raise EstimationError("each cluster needs the number of its run")
+            raise EstimationError(
+                "each cluster needs the number of its run", code="RID-API-ARGUMENT"
+            )
         if any(factor.shape[1] != p + n for factor in self.factors):
-            raise EstimationError(f"each cluster needs {p + n} columns")
+            raise EstimationError(f"each cluster needs {p + n} columns", code="RID-API-ARGUMENT")
         if self.known.shape[1] != p + 1:
-            raise EstimationError(f"prior knowledge needs {p + 1} columns")
+            raise EstimationError(f"prior knowledge needs {p + 1} columns", code="RID-API-ARGUMENT")
 
     @property
     def payload_columns(self) -> tuple[FloatArray, ...]:
@@ -267,7 +272,8 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
     if unknown:
         raise EstimationError(
             f"the model of the unloaded robot does not know {unknown[0]}: it is of another robot,"
-            " or was identified with other terms"
+            " or was identified with other terms",
+            code="RID-MODEL-TERMS-DIFFER",
         )
     places = [robot.base.expressions.index(each) for each in wanted]
     covariance = full_rank_covariance(robot)[np.ix_(places, places)]

@@ -233,7 +233,10 @@ def estimate_payload(
         The equations say nothing of a payload, or the mass comes out as zero or negative.
     """
     if not 0.0 <= torque_constant_sigma < 1.0:
-        raise EstimationError("the torque constants' standard deviation is a share, such as 0.01")
+        raise EstimationError(
+            "the torque constants' standard deviation is a share, such as 0.01",
+            code="RID-OPTION-RANGE",
+        )
     solution = solve_payload(equations, known)
     estimate = of_solution(
         robot, equations, solution, known, torque_constant_sigma, cell_name, run_ids
@@ -243,7 +246,8 @@ def estimate_payload(
         raise EstimationError(
             f"the payload's mass comes out as {mass:.3g} ±"
             f" {2 * estimate.sigma_parameters[0]:.2g} kg: did the runs that are named as loaded"
-            " carry it, and the others not?"
+            " carry it, and the others not?",
+            code="RID-PAYLOAD-RUNS",
         )
     return estimate
 
@@ -263,7 +267,9 @@ def of_solution(
     if equations.procedure == "apart":  # which joint measured what is forgotten there
         if torque_constant_sigma > 0.0:
             raise EstimationError(
-                "what torque constants leave open is not told by the procedure `apart`: use another"
+                "what torque constants leave open is not told by the procedure `apart`:"
+                " use another",
+                code="RID-PAYLOAD-PROCEDURE",
             )
         slopes = np.zeros_like(slopes)
     spread = torque_constant_sigma * slopes
@@ -311,7 +317,8 @@ def closest_body(estimate: PayloadEstimate) -> tuple[FloatArray, float]:
         ]
         raise EstimationError(
             f"the motion does not show {', '.join(names)}: whether such a body can exist is not"
-            " known; move more axes"
+            " known; move more axes",
+            code="RID-MOTION-UNINFORMATIVE",
         )
     values = np.array(estimate.values)
     mass = float(values[0])

@@ -173,7 +173,9 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
 def _to_payload(document: PayloadDocument) -> PayloadResult:
     """Return the payload that stands in a file."""
     if document.parameters != PARAMETERS:
-        raise EstimationError(f"the parameters must be {', '.join(PARAMETERS)}")
+        raise EstimationError(
+            f"the parameters must be {', '.join(PARAMETERS)}", code="RID-PAYLOAD-UNSOUND"
+        )
     estimate = document.into(
         PayloadEstimate,
         unseen=np.array(document.unseen).reshape(
@@ -186,22 +188,29 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
     lines = tuple(line.into(Check) for line in document.checks)
     payload = PayloadResult(estimate, lines)
     if payload.passed is not document.passed:
-        raise EstimationError("the verdict does not follow from its checks: was the file edited?")
+        raise EstimationError(
+            "the verdict does not follow from its checks: was the file edited?",
+            code="RID-PAYLOAD-UNSOUND",
+        )
     for name in ("covariance", "covariance_noise"):
         for problem in covariance_problems(name, getattr(estimate, name)):
-            raise EstimationError(f"{problem}: was the file edited?")
+            raise EstimationError(f"{problem}: was the file edited?", code="RID-PAYLOAD-UNSOUND")
     if tuple(quantity.name for quantity in document.about_centre_of_gravity) != REPORTED:
-        raise EstimationError(f"about_centre_of_gravity must be {', '.join(REPORTED)}")
+        raise EstimationError(
+            f"about_centre_of_gravity must be {', '.join(REPORTED)}", code="RID-PAYLOAD-UNSOUND"
+        )
     for quantity, sigma in zip(document.about_centre_of_gravity, estimate.sigma, strict=True):
         if quantity.sigma is not None and not np.isclose(quantity.sigma, sigma, rtol=1e-6):
             raise EstimationError(
                 f"the sigma of {quantity.name} does not follow from the covariance: was the file"
-                " edited?"
+                " edited?",
+                code="RID-PAYLOAD-UNSOUND",
             )
     for quantity, value in zip(document.about_centre_of_gravity, estimate.reported, strict=True):
         if quantity.value is not None and abs(quantity.value - value) > 1e-9 * (1.0 + abs(value)):
             raise EstimationError(
-                f"{quantity.name} does not follow from the parameters: was the file edited?"
+                f"{quantity.name} does not follow from the parameters: was the file edited?",
+                code="RID-PAYLOAD-UNSOUND",
             )
     return payload
 

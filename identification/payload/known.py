@@ -42,10 +42,11 @@ class Known(Ranged):
         super().__post_init__()
         if self.name not in REPORTED:
             raise EstimationError(
-                f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}"
+                f"{self.name!r} is no quantity of a payload: they are {', '.join(REPORTED)}",
+                code="RID-OPTION-NAME",
             )
         if self.name == "m" and self.value <= 0.0:
-            raise EstimationError("a known mass must be positive")
+            raise EstimationError("a known mass must be positive", code="RID-OPTION-RANGE")
         self._refuse_other_units()
 
     def _refuse_other_units(self) -> None:
@@ -56,7 +57,7 @@ class Known(Ranged):
             found = Plausible(0.0, LARGEST_SHARE * self.value, found.unit)
         refusal = refusal or _told("its standard deviation", found.refusal(self.sigma))
         if refusal is not None:
-            raise EstimationError(f"{self.name}: {refusal}")
+            raise EstimationError(f"{self.name}: {refusal}", code="RID-OPTION-RANGE")
 
     @property
     def held(self) -> bool:
@@ -73,7 +74,9 @@ def require_once(known: Sequence[Known]) -> None:
     names = [quantity.name for quantity in known]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise EstimationError(f"{twice[0]} is known twice: leave one of them out")
+        raise EstimationError(
+            f"{twice[0]} is known twice: leave one of them out", code="RID-OPTION-EXCLUSIVE"
+        )
 
 
 def rows_of(known: Sequence[Known], values: FloatArray) -> FloatArray:

@@ -85,7 +85,8 @@ class PayloadSearch:
         if self.harmonics < 2 or not all(0.0 < share <= 1.0 for share in shares):
             raise ConfigError(
                 f"payload motion: harmonics {self.harmonics} must be at least 2, shares of the"
-                f" limits {shares[0]:g} and {shares[1]:g} above 0 and at most 1"
+                f" limits {shares[0]:g} and {shares[1]:g} above 0 and at most 1",
+                code="RID-DESIGN-OPTIONS",
             )
 
     @cached_property
@@ -306,7 +307,8 @@ def design_payload_motion(
             return found
     raise ConfigError(
         f"none of {draws} motions shows a payload and keeps clear of the robot's own bodies and of"
-        " the workspace: give one by --motion (`rid-daq design` goes around obstacles)"
+        " the workspace: give one by --motion (`rid-daq design` goes around obstacles)",
+        code="RID-DESIGN-NONE",
     )
 
 

@@ -57,7 +57,8 @@ class PeriodicRuns:
         if len(self.loaded) != len(self.averages):
             raise EstimationError(
                 f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
-                f" {len(self.averages)}"
+                f" {len(self.averages)}",
+                code="RID-API-ARGUMENT",
             )
 
     @property
@@ -192,14 +193,16 @@ def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquati
     if sorted(runs.loaded) != [False, True]:
         raise EstimationError(
             "torques are subtracted between one run with the payload and one without: give two"
-            " runs, or use the procedure `together`"
+            " runs, or use the procedure `together`",
+            code="RID-PAYLOAD-PROCEDURE",
         )
     loaded, unloaded = runs.loaded.index(True), runs.loaded.index(False)
     a, b = runs.averages[loaded], runs.averages[unloaded]
     if a.position.shape != b.position.shape or abs(a.period_s - b.period_s) > 1e-9 * a.period_s:
         raise EstimationError(
             f"the runs have periods of {a.period_s:g} s and {b.period_s:g} s: torques are"
-            " subtracted between runs of one motion; use the procedure `together`"
+            " subtracted between runs of one motion; use the procedure `together`",
+            code="RID-PAYLOAD-PROCEDURE",
         )
     difference = np.sqrt(np.mean((a.position - b.position) ** 2, axis=0))
     moved = np.maximum(a.position.std(axis=0), 1e-12)
@@ -208,7 +211,8 @@ def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquati
         raise EstimationError(
             f"{a.joint_names[worst]} moved {difference[worst]:.3g} rad (RMS) differently with the"
             " payload than without it: their torques cannot be subtracted; use the procedure"
-            " `together`"
+            " `together`",
+            code="RID-PAYLOAD-PROCEDURE",
         )
     with_load, without = binned[loaded], binned[unloaded]
     return replace(

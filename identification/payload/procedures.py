@@ -94,17 +94,23 @@ def equations_of(
 ) -> PayloadEquations:
     """Return the equations of a procedure; arguments and errors as in `identify_payload`."""
     if not any(runs.loaded):
-        raise EstimationError("no run carried the payload: name those that did")
+        raise EstimationError(
+            "no run carried the payload: name those that did", code="RID-PAYLOAD-RUNS"
+        )
     match how.procedure:
         case "together" | "difference":
             if all(runs.loaded):
                 raise EstimationError(
                     "every run carried the payload, so that it cannot be told from the robot: add a"
-                    " run without it, or give a model of the robot (procedure `model`)"
+                    " run without it, or give a model of the robot (procedure `model`)",
+                    code="RID-PAYLOAD-RUNS",
                 )
         case "model":
             if how.robot is None:
-                raise EstimationError("the procedure `model` needs a model of the robot alone")
+                raise EstimationError(
+                    "the procedure `model` needs a model of the robot alone",
+                    code="RID-OPTION-NEEDS",
+                )
         case "apart":
             return _apart(robot, runs, how)
     described = _described(robot, how)
@@ -112,7 +118,8 @@ def equations_of(
     if how.procedure == "difference" and model.model.transmission.losses:
         raise EstimationError(
             "torques are subtracted only where a gear loses the same with the payload as without"
-            " it: use `together` with the friction term load, or with efficiencies"
+            " it: use `together` with the friction term load, or with efficiencies",
+            code="RID-MODEL-LOAD-FRICTION",
         )
     if how.procedure == "difference" or not model.model.nonlinear_names:
         return runs.equations(model, how.procedure, robot=how.robot)
@@ -171,7 +178,8 @@ def _described(robot: RobotDescription, how: PayloadOptions) -> RobotDescription
     if differences:
         raise EstimationError(
             f"the model is of another robot than the runs: {', '.join(differences)} differ."
-            " Identify the robot without payload from runs of this one"
+            " Identify the robot without payload from runs of this one",
+            code="RID-ROBOT-OTHER",
         )
     return robot.model_copy(update={"joints": how.robot.robot.joints})
 
@@ -190,7 +198,8 @@ def _apart(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> 
         if not chosen:
             raise EstimationError(
                 f"there is no run {'with' if loaded else 'without'} the payload to identify the"
-                " robot from: add one"
+                " robot from: add one",
+                code="RID-PAYLOAD-RUNS",
             )
         return runs.part(chosen).estimate(described, options, [False] * len(chosen))
 
@@ -229,7 +238,8 @@ def equations_of_two_robots(
     if with_payload.base.expressions != alone.base.expressions:
         raise EstimationError(
             "the robots with and without payload were identified with different terms, or are"
-            " different robots: identify both alike"
+            " different robots: identify both alike",
+            code="RID-MODEL-TERMS-DIFFER",
         )
     model = PayloadModel.of(with_payload.robot, with_payload.options)
     ten = PARAMETERS_PER_LINK

@@ -37,20 +37,24 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
         if signals.segment[-1] > 0:
             raise EstimationError(
                 f"the run {which} the payload has gaps: torques are subtracted along whole motions;"
-                " use the procedure `together`"
+                " use the procedure `together`",
+                code="RID-PAYLOAD-PROCEDURE",
             )
     late_s = _lateness(loaded, unloaded)
     there = unloaded.time_s[0] <= loaded.time_s - late_s
     there &= loaded.time_s - late_s <= unloaded.time_s[-1]
     if np.count_nonzero(there) * loaded.sample_period_s < SHORTEST_S:
-        raise EstimationError(_unlike("overlap for less than five seconds"))
+        raise EstimationError(
+            _unlike("overlap for less than five seconds"), code="RID-PAYLOAD-PROCEDURE"
+        )
     time_s = loaded.time_s[there]
     position = _at(unloaded, unloaded.position, time_s - late_s)
     difference = np.sqrt(np.mean((loaded.position[there] - position) ** 2, axis=0))
     worst = int(np.argmax(difference))
     if difference[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
         raise EstimationError(
-            _unlike(f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}")
+            _unlike(f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}"),
+            code="RID-PAYLOAD-PROCEDURE",
         )
     without = _at(unloaded, unloaded.torque_nm, time_s - late_s)
     return replace(

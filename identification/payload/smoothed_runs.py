@@ -55,7 +55,8 @@ class SmoothedRuns:
         if len(self.loaded) != len(self.signals):
             raise EstimationError(
                 f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
-                f" {len(self.signals)}"
+                f" {len(self.signals)}",
+                code="RID-API-ARGUMENT",
             )
 
     @property
@@ -103,7 +104,8 @@ class SmoothedRuns:
         if sorted(self.loaded) != [False, True]:
             raise EstimationError(
                 "torques are subtracted between one run with the payload and one without: give two"
-                " runs, or use the procedure `together`"
+                " runs, or use the procedure `together`",
+                code="RID-PAYLOAD-PROCEDURE",
             )
         loaded = self.loaded.index(True)
         own = torque_difference(self.signals[loaded], self.signals[1 - loaded])

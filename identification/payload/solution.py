@@ -212,7 +212,8 @@ def _with_known(system: _System, found: _Measured, known: Sequence[Known]) -> Pa
     else:
         raise EstimationError(
             "what is known of the payload contradicts the recordings, or itself: no payload fits"
-            " both"
+            " both",
+            code="RID-PAYLOAD-CONTRADICTION",
         )
     values = with_held(known, values)
     inverse = inverse / size[:, np.newaxis]
@@ -306,7 +307,9 @@ class _System:
         payload = self.matrix[:, :ten]
         size = np.linalg.norm(payload, axis=0)
         if not size.any():
-            raise EstimationError("no run carried the payload: nothing tells of it")
+            raise EstimationError(
+                "no run carried the payload: nothing tells of it", code="RID-PAYLOAD-RUNS"
+            )
         size = np.where(size > 0.0, size, size.max())
         basis = np.linalg.qr(self.matrix[:, self.kept])[0]
         rest = payload - basis @ (basis.T @ payload)
@@ -332,7 +335,9 @@ class _System:
         width = matrix.shape[1]
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:
-            raise EstimationError("there are fewer equations than unknowns: record longer")
+            raise EstimationError(
+                "there are fewer equations than unknowns: record longer", code="RID-RECORDING-SHORT"
+            )
         return np.asarray(
             np.linalg.solve(upper[:width, :width], upper[:width, width]), dtype=np.float64
         )

@@ -23,7 +23,10 @@ def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
     `start` is the row of the motion at which the first period begins, where that is known.
     """
     if recording.samples_per_period is None or recording.sample_period_s is None:
-        raise DataQualityError("warming up is told from periods: the motion must be periodic")
+        raise DataQualityError(
+            "warming up is told from periods: the motion must be periodic",
+            code="RID-RECORDING-NOT-PERIODIC",
+        )
     n = len(recording.joint_names)
     if int(np.count_nonzero(recording.phase == Phase.MAIN)) < recording.samples_per_period:
         return np.zeros((0, n))

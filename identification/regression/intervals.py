@@ -130,6 +130,7 @@ def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
         spread += np.outer(change, change)
     if count < 2:
         raise EstimationError(
-            "the intervals need at least two stretches of the recording that differ: record longer"
+            "the intervals need at least two stretches of the recording that differ: record longer",
+            code="RID-RECORDING-SHORT",
         )
     return Scatter(np.asarray((count - 1) / count * spread), count)

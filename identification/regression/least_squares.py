@@ -38,7 +38,10 @@ def _factor_in_place(work: FloatArray) -> FloatArray:
     size = int(dgeqrf_lwork(rows, columns)[0])
     factor, _, _, info = dgeqrf(work, lwork=size, overwrite_a=1)
     if info != 0 or not np.isfinite(factor[: min(rows, columns)]).all():
-        raise EstimationError("the equations hold a value that is not finite: check the recording")
+        raise EstimationError(
+            "the equations hold a value that is not finite: check the recording",
+            code="RID-RECORDING-DAMAGED",
+        )
     upper = factor[: min(rows, columns)]
     return np.where(_below(*upper.shape), 0.0, upper)
 
@@ -178,7 +181,8 @@ def solve(
     if rows <= p:
         raise EstimationError(
             f"{rows} equations are left for {p} parameters: record longer, or leave out fewer"
-            " samples"
+            " samples",
+            code="RID-RECORDING-SHORT",
         )
     stacked = np.vstack([w * part.full() for w, part in zip(weights, parts, strict=True)])
     factor = triangular_factor(stacked)
@@ -186,7 +190,10 @@ def solve(
     size = np.linalg.norm(upper, axis=0)
     if upper.shape != (p, p) or (size == 0.0).any():
         hidden = [name for name, s in zip(names, size, strict=True) if s == 0.0]
-        raise EstimationError(f"the motion does not show {', '.join(hidden) or 'all parameters'}")
+        raise EstimationError(
+            f"the motion does not show {', '.join(hidden) or 'all parameters'}",
+            code="RID-MOTION-UNINFORMATIVE",
+        )
     _check_condition(upper / size, names)
     return Solution(values=solve_triangular(upper, rhs), rows=rows, factor=factor)
 
@@ -201,7 +208,8 @@ def _check_condition(upper: FloatArray, names: tuple[str, ...]) -> None:
         culprits = [names[j] for j in np.argsort(-np.abs(right[-1]))[:3]]
         raise EstimationError(
             f"the motion does not tell {', '.join(culprits)} from one another (condition number"
-            f" {singular[0] / max(singular[-1], 1e-300):.1e}): move more axes, or further"
+            f" {singular[0] / max(singular[-1], 1e-300):.1e}): move more axes, or further",
+            code="RID-MOTION-UNINFORMATIVE",
         )
 
 

@@ -75,7 +75,7 @@ class Excitation:
     def __post_init__(self) -> None:
         freeze(self, EstimationError, (None, None), "q", "v", "a")
         if not self.q.shape == self.v.shape == self.a.shape:
-            raise EstimationError("q, v and a must have one shape")
+            raise EstimationError("q, v and a must have one shape", code="RID-API-ARGUMENT")
 
     @cached_property
     def moving(self) -> IntArray:
@@ -115,7 +115,10 @@ class SensitivityProblem:
         noise = read_only("noise_nm", noise, float, (n,), EstimationError)
         object.__setattr__(self, "noise_nm", noise)
         if self.motion.q.shape[1] != n or not (noise > 0.0).all():
-            raise EstimationError("the motion and the noise must be of this robot, noise positive")
+            raise EstimationError(
+                "the motion and the noise must be of this robot, noise positive",
+                code="RID-ROBOT-OTHER",
+            )
 
     @cached_property
     def model(self) -> RobotModel:
@@ -223,7 +226,8 @@ class Estimator:
         singular = np.linalg.svd(scaled, compute_uv=False)
         if not np.isfinite(singular).all() or singular[-1] < RANK * singular[0]:
             raise EstimationError(
-                "this motion does not show all ten parameters of a payload: move more axes"
+                "this motion does not show all ten parameters of a payload: move more axes",
+                code="RID-MOTION-UNINFORMATIVE",
             )
         offset = np.zeros_like(motion.q)
         if against == "model":

@@ -102,7 +102,8 @@ def validate_base_wrench(
     if recording.joint_names != estimate.robot.joint_names:
         raise EstimationError(
             f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
-            f" {', '.join(estimate.robot.joint_names)}: use a model of this robot"
+            f" {', '.join(estimate.robot.joint_names)}: use a model of this robot",
+            code="RID-ROBOT-OTHER",
         )
     step_s = float(np.median(np.diff(recording.time_s)))
     # Products of angles and accelerations from above the cut-off reach down below it.
@@ -147,16 +148,21 @@ def _measured(
     reaction, step_s = recording.reaction, recording.sample_period_s
     if reaction is None:
         raise DataQualityError(
-            "the recording holds nothing of a force plate: no reaction can be compared"
+            "the recording holds nothing of a force plate: no reaction can be compared",
+            code="RID-PLATE-MISSING",
         )
     if step_s is None:
-        raise DataQualityError("the recording's stamps are not uniform: the plate cannot be used")
+        raise DataQualityError(
+            "the recording's stamps are not uniform: the plate cannot be used",
+            code="RID-RECORDING-CLOCK",
+        )
     valid: BoolArray = np.asarray(reaction.valid.all(axis=1))
     if valid.mean() < 0.5:
         worst = reaction.channel_names[int(np.argmin(reaction.valid.mean(axis=0)))]
         raise DataQualityError(
             f"the force plate is valid on {valid.mean():.0%} of the rows only (channel {worst}):"
-            " choose a larger range, or look at its line"
+            " choose a larger range, or look at its line",
+            code="RID-PLATE-CHANNEL",
         )
     good = np.flatnonzero(valid)
     nearest = good[np.clip(np.searchsorted(good, np.arange(len(valid))), 0, len(good) - 1)]
@@ -168,7 +174,10 @@ def _measured(
     first, last = np.maximum(row - edge, 0), np.minimum(row + edge + 1, len(valid))
     counted = bad[last] == bad[first]
     if counted.sum() < 2 * edge:
-        raise DataQualityError("no stretch of the force plate's rows is valid for long enough")
+        raise DataQualityError(
+            "no stretch of the force plate's rows is valid for long enough",
+            code="RID-PLATE-CHANNEL",
+        )
     return curve, counted
 
 

@@ -87,13 +87,15 @@ def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
     if second.robot.joint_names != joints:
         raise EstimationError(
             f"the first model is of {', '.join(joints)}, the second of"
-            f" {', '.join(second.robot.joint_names)}: these are two robots"
+            f" {', '.join(second.robot.joint_names)}: these are two robots",
+            code="RID-ROBOT-OTHER",
         )
     one, other = _entries(first), _entries(second)
     both = [key for key in one if key in other]
     if not both:
         raise EstimationError(
-            "no parameter is in both models: identify both with the same --model and robot file"
+            "no parameter is in both models: identify both with the same --model and robot file",
+            code="RID-MODEL-TERMS-DIFFER",
         )
     table = np.array([[*one[key][:2], *other[key][:2]] for key in both])
     return EstimateDifference(

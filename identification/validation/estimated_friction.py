@@ -32,7 +32,9 @@ class EstimatedFriction:
 
     def __post_init__(self) -> None:
         if not any(isinstance(term, Friction) for term in self.estimate.model.terms):
-            raise ConfigError("the model file has no friction to compare with")
+            raise ConfigError(
+                "the model file has no friction to compare with", code="RID-MODEL-NO-FRICTION"
+            )
 
     def torque(self, joint: int, speed: FloatArray) -> FloatArray:
         """Return the friction of a joint, from 0, at signed speeds, shape (s,) [N m or N].

@@ -107,7 +107,9 @@ def _parts(seconds: Sequence[int], folds: int) -> IntArray:
     each = max(1, folds // len(seconds))
     cut = [piece for own in seconds for piece in np.array_split(np.zeros(own), each) if len(piece)]
     if len(cut) < 2:
-        raise EstimationError("a comparison needs two parts of recordings")
+        raise EstimationError(
+            "a comparison needs two parts of recordings", code="RID-RECORDING-SHORT"
+        )
     return np.repeat(np.arange(len(cut)), [len(piece) for piece in cut])
 
 

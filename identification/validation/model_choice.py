@@ -211,7 +211,8 @@ def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float
     except np.linalg.LinAlgError:
         raise EstimationError(
             "the motion does not identify the plain model (Coulomb and viscous friction): record a"
-            " motion that moves every joint"
+            " motion that moves every joint",
+            code="RID-MOTION-UNINFORMATIVE",
         ) from None
 
 

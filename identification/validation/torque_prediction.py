@@ -88,7 +88,8 @@ class Validation:
         freeze(self, EstimationError, (None, n), "measured_nm", "predicted_nm")
         if self.limits_percent is not None and len(self.limits_percent) != n:
             raise EstimationError(
-                f"validation: {len(self.limits_percent)} limits are given for {n} joints"
+                f"validation: {len(self.limits_percent)} limits are given for {n} joints",
+                code="RID-OPTION-COUNT",
             )
 
     @property
@@ -172,7 +173,8 @@ def validate(
     if recording.joint_names != names:
         raise EstimationError(
             f"the recording has joints {', '.join(recording.joint_names)}, the estimate"
-            f" {', '.join(names)}: use a model of this robot"
+            f" {', '.join(names)}: use a model of this robot",
+            code="RID-ROBOT-OTHER",
         )
     signals = smoothed_recording(recording, cutoff_hz)
     if estimate.channel is not None:
@@ -187,13 +189,15 @@ def validate(
     if not moving.any():
         raise DataQualityError(
             f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more: nothing to"
-            " validate on"
+            " validate on",
+            code="RID-RUN-STILL",
         )
     known = _known(signals, conditions)
     if not (moving & known).any():
         raise DataQualityError(
             "no joint of the recording moves far enough for what its friction remembers to be known"
-            " while it moves: nothing to validate on"
+            " while it moves: nothing to validate on",
+            code="RID-RUN-STILL",
         )
     error, counted = signals.torque_nm - predicted, moving & known
     passband = min(1.0, 2.0 * cutoff_hz * signals.sample_period_s)

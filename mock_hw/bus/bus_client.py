@@ -65,7 +65,7 @@ class BusClient:
         """
         del on_frames  # in real time frames always end the wait
         if self._ended():
-            raise TransportError("the simulated devices have ended")
+            raise TransportError("the simulated devices have ended", code="RID-MOCK-ENDED")
         if self._outbox:
             with contextlib.suppress(TransportError):  # a device's frames are lost on a dead bus
                 self._link.send_frames(self._outbox)
@@ -84,11 +84,11 @@ class BusClient:
 
     def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
         """Refuse: half a wait belongs to lock-step time."""
-        raise TransportError("this bus has real time only")
+        raise TransportError("this bus has real time only", code="RID-MOCK-REAL-TIME")
 
     def end_wait(self) -> list[WireFrame]:
         """Refuse: half a wait belongs to lock-step time."""
-        raise TransportError("this bus has real time only")
+        raise TransportError("this bus has real time only", code="RID-MOCK-REAL-TIME")
 
     def close(self) -> None:
         """Leave the bus."""

@@ -21,6 +21,7 @@ from mock_hw.bus.hub_protocol import (
     PACKET_BYTES,
     PacketKind,
     Role,
+    misuse,
     pack,
     unpack_frames,
     unpack_header,
@@ -315,22 +316,21 @@ class CanHub:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
             latest_ns = now_ns + _LONGEST_WAIT_NS
             if latest_ns < time_ns != FOREVER_NS:
-                raise ProtocolError(f"CAN hub: nobody waits until {time_ns} ns")
+                raise misuse(f"nobody waits until {time_ns} ns")
             for frame in unpack_frames(packet):
                 if frame.time_ns > latest_ns:
-                    raise ProtocolError(f"CAN hub: nobody sends a frame at {frame.time_ns} ns")
+                    raise misuse(f"nobody sends a frame at {frame.time_ns} ns")
                 self._queue(client, frame, now_ns)
             if kind == PacketKind.IDLE and client in self._timed:
                 if self._faults is not None and client.role == Role.MASTER and not flag:
                     time_ns += self._faults.hold_up_ns()
-                client.number = number
-                client.on_frames = bool(flag)
+                client.number, client.on_frames = number, bool(flag)
                 client.due_ns = now_ns if client.inbox and flag else time_ns
                 if not client.idle:
                     client.idle = True
                     self._busy -= 1
         else:
-            raise ProtocolError(f"CAN hub: a packet of kind {kind} was not expected")
+            raise misuse(f"a packet of kind {kind} was not expected")
 
     def _queue(self, client: _Client, frame: WireFrame, now_ns: int) -> None:
         source, faults = (client.key, frame.port), self._faults

@@ -80,12 +80,16 @@ class HubClient:
             self._socket.send(pack(PacketKind.HELLO, role, own_frames) + pack_identifiers(urgent))
             kind, flag, _, self.now_ns = unpack_header(self._receive())
             if kind != PacketKind.WELCOME:
-                raise ProtocolError(f"CAN hub {path}: answered {kind} instead of a welcome")
+                raise ProtocolError(
+                    f"CAN hub {path}: answered {kind} instead of a welcome",
+                    code="RID-MOCK-PROTOCOL",
+                )
         except OSError as error:
             self._socket.close()
             raise TransportError(
                 f"simulated CAN bus {path}: nobody serves it ({error});"
-                " start it with 'rid-daq mock CELL', or check the channel's name"
+                " start it with 'rid-daq mock CELL', or check the channel's name",
+                code="RID-MOCK-NOT-SERVED",
             ) from error
         except (ProtocolError, TransportError):
             self._socket.close()
@@ -243,4 +247,6 @@ class HubClient:
         return self._buffer[:count]
 
     def _lost(self, why: str) -> TransportError:
-        return TransportError(f"simulated CAN bus {self._path}: the hub is gone ({why})")
+        return TransportError(
+            f"simulated CAN bus {self._path}: the hub is gone ({why})", code="RID-MOCK-ENDED"
+        )

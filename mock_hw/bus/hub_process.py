@@ -140,7 +140,9 @@ def listening_socket(path: Path) -> Iterator[socket.socket]:
             os.close(folder)
     except OSError as error:
         listener.close()
-        raise TransportError(f"{path}: cannot listen here ({error})") from error
+        raise TransportError(
+            f"{path}: cannot listen here ({error})", code="RID-SOCKET-PATH"
+        ) from error
     except TransportError:
         listener.close()
         raise
@@ -162,4 +164,6 @@ def _remove_stale(path: Path) -> None:
         except ConnectionRefusedError:
             path.unlink()
             return
-    raise TransportError(f"{path}: another simulated bus is served here; stop that one first")
+    raise TransportError(
+        f"{path}: another simulated bus is served here; stop that one first", code="RID-MOCK-SERVED"
+    )

@@ -59,6 +59,11 @@ class Role(IntEnum):
     OBSERVER = 3
 
 
+def misuse(problem: str) -> ProtocolError:
+    """Return the error of a packet that does not follow the hub's protocol."""
+    return ProtocolError(f"CAN hub: {problem}", code="RID-MOCK-PROTOCOL")
+
+
 def pack(kind: PacketKind, flag: int = 0, number: int = 0, time_ns: int = 0) -> bytes:
     """Return a header.
 
@@ -97,7 +102,7 @@ def unpack_header(packet: bytes | memoryview) -> tuple[int, int, int, int]:
         The packet is shorter than a header.
     """
     if len(packet) < HEADER.size:
-        raise ProtocolError(f"CAN hub: a packet of {len(packet)} bytes has no header")
+        raise misuse(f"a packet of {len(packet)} bytes has no header")
     kind, flag, number, time_ns = HEADER.unpack_from(packet)
     return kind, flag, number, time_ns
 
@@ -114,13 +119,11 @@ def unpack_frames(packet: bytes | memoryview, *, errors: bool = False) -> list[W
     """
     body = memoryview(packet)[HEADER.size :]
     if len(body) % FRAME.size:
-        raise ProtocolError(f"CAN hub: a packet of {len(packet)} bytes ends within a frame")
+        raise misuse(f"a packet of {len(packet)} bytes ends within a frame")
     frames = [WireFrame._make(fields) for fields in FRAME.iter_unpack(body)]
     flags = EXTENDED_FLAG | REMOTE_FLAG | (ERROR_FLAG if errors else 0)
     for frame in frames:
         highest = EXTENDED_MASK if frame.can_id & EXTENDED_FLAG else STANDARD_MASK
         if frame.length > 8 or frame.can_id & ~flags > highest:
-            raise ProtocolError(
-                f"CAN hub: {frame.can_id:08X}h with {frame.length} bytes is no classic CAN frame"
-            )
+            raise misuse(f"{frame.can_id:08X}h with {frame.length} bytes is no classic CAN frame")
     return frames

@@ -55,7 +55,9 @@ class LawicelPort:
                 os.close(self._other)
                 raise
         except OSError as error:
-            raise TransportError(f"{path}: cannot make an slcan adapter here ({error})") from None
+            raise TransportError(
+                f"{path}: cannot make an slcan adapter here ({error})", code="RID-SOCKET-PATH"
+            ) from None
         os.set_blocking(self._fd, False)
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)

@@ -60,10 +60,13 @@ def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
         except BlockingIOError:
             raise TransportError(
                 f"CAN bus {can.interface}:{can.channel}: simulated devices are served there"
-                " already; stop those first"
+                " already; stop those first",
+                code="RID-MOCK-SERVED",
             ) from None
         except OSError as error:
-            raise TransportError(f"{path}: cannot open the lock file ({error})") from None
+            raise TransportError(
+                f"{path}: cannot open the lock file ({error})", code="RID-FILE-ACCESS"
+            ) from None
         yield
 
 

@@ -112,10 +112,13 @@ class DriveIdentity:
         if self.gear <= 0 or largest >= 2**32 or self.rated_torque_mnm <= 0:
             raise ConfigError(
                 f"node {self.node_id}: gear {self.gear} and rated torque {self.rated_torque_mnm}"
-                " mN m do not fit 6091h and 6076h; both must be positive"
+                " mN m do not fit 6091h and 6076h; both must be positive",
+                code="RID-MOCK-RANGE",
             )
         if self.encoder_increments <= 0:
-            raise ConfigError(f"node {self.node_id}: an encoder without increments")
+            raise ConfigError(
+                f"node {self.node_id}: an encoder without increments", code="RID-MOCK-RANGE"
+            )
 
     @classmethod
     def of_axis(

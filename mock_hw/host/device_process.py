@@ -82,7 +82,7 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
     except (EOFError, OSError):
         word = "the process ended"
     if isinstance(word, str):
-        raise TransportError(f"the simulated {what} did not start: {word}")
+        raise TransportError(f"the simulated {what} did not start: {word}", code="RID-MOCK-ENDED")
     return word
 
 

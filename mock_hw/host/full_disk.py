@@ -39,7 +39,8 @@ def refuse_shared_disk(folder: Path) -> None:
         raise ConfigError(
             f"program: disk_full: {folder} is on a file system that others need too, so it is not"
             f" filled: record onto one of its own of at most {LARGEST_BYTES >> 30} GiB, such as a"
-            " small RAM disk (--runs), or use disk_error"
+            " small RAM disk (--runs), or use disk_error",
+            code="RID-FAULT-SCRIPT",
         )
 
 
@@ -63,14 +64,16 @@ class FullDisk:
 
     def __init__(self, folder: Path, leave_bytes: int = 0) -> None:
         refuse_shared_disk(folder)
-        with system_errors(ConfigError, f"{folder}: cannot be filled"):
+        with system_errors(ConfigError, f"{folder}: cannot be filled", code="RID-FAULT-SCRIPT"):
             self._descriptor, name = tempfile.mkstemp(".tmp", "filled", folder)
             os.unlink(name)
         try:
             self._fill(leave_bytes)
         except OSError as error:
             self.release()
-            raise ConfigError(f"{folder}: cannot be filled: {error.strerror}") from error
+            raise ConfigError(
+                f"{folder}: cannot be filled: {error.strerror}", code="RID-FAULT-SCRIPT"
+            ) from error
 
     def release(self) -> None:
         """Give the room back."""

@@ -126,7 +126,7 @@ class ProgramFaults:
             self._problem = problem
         except OSError as error:
             why = f"the operating system refuses it: {error.strerror}"
-            self._problem = ConfigError(f"program: {fault.kind}: {why}")
+            self._problem = ConfigError(f"program: {fault.kind}: {why}", code="RID-FAULT-SCRIPT")
         return True
 
     def _happens(self, fault: ProgramFault) -> bool:

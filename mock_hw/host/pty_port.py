@@ -93,7 +93,8 @@ class PtyPort:
         except OSError as error:
             self._close()
             raise TransportError(
-                f"{self._path}: cannot make a serial port here ({error})"
+                f"{self._path}: cannot make a serial port here ({error})",
+                code="RID-SOCKET-PATH",
             ) from None
 
     def unplug(self) -> None:

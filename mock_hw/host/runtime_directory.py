@@ -36,7 +36,9 @@ def runtime_directory() -> Path:
         directory.mkdir(mode=0o700, exist_ok=True)
         problem = private_folder_problem(directory) or changeable_by_others(directory.parent)
     except OSError as error:
-        raise TransportError(f"{directory}: cannot make the folder for sockets ({error})") from None
+        raise TransportError(
+            f"{directory}: cannot make the folder for sockets ({error})", code="RID-SOCKET-PATH"
+        ) from None
     if problem:
         raise TransportError(f"{directory}: {problem}", code="RID-RUNTIME-NOT-PRIVATE")
     return directory
@@ -64,7 +66,9 @@ def private_folder(name: str) -> Iterator[Path]:
                 (folder / _IN_USE).touch(mode=0o600)
                 stack.enter_context(folder_in_use(folder))
         except OSError as error:
-            raise TransportError(f"{runtime}: cannot make a bus's folder there ({error})") from None
+            raise TransportError(
+                f"{runtime}: cannot make a bus's folder there ({error})", code="RID-SOCKET-PATH"
+            ) from None
         yield folder
 
 
@@ -121,7 +125,8 @@ def socket_path(channel: str) -> Path:
     if len(os.fsencode(path)) > _SOCKET_PATH_BYTES:
         raise TransportError(
             f"{path}: longer than the {_SOCKET_PATH_BYTES} bytes of a socket's path;"
-            " choose a shorter folder"
+            " choose a shorter folder",
+            code="RID-SOCKET-PATH",
         )
     return path
 

@@ -51,7 +51,8 @@ def axis_rows(robot: RobotDescription, plant: PlantConfig) -> Vector:
             if axis.coulomb_nm == 0.0:
                 raise ConfigError(
                     f"plant {plant.name!r}: unmodelled.axes[{i}].presliding_rad needs friction that"
-                    f" gives way: set axes[{i}].coulomb_nm, or presliding_rad to 0"
+                    f" gives way: set axes[{i}].coulomb_nm, or presliding_rad to 0",
+                    code="RID-PLANT-UNFIT",
                 )
             table[rows.BRISTLE_STIFFNESS, i] = axis.coulomb_nm / extra.presliding_rad
     return table
@@ -67,18 +68,21 @@ def spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
     ):
         raise ConfigError(
             f"robot {robot.name!r}: several motors move joint {robot.spring.joint!r}; a spring is"
-            " simulated only across a joint that its own motor moves alone"
+            " simulated only across a joint that its own motor moves alone",
+            code="RID-PLANT-UNFIT",
         )
     l_m, r_m = robot.spring.l_m, robot.spring.r_m
     if l_m is None or r_m is None:
         raise ConfigError(
             f"robot {robot.name!r}: a simulated spring needs its distances: state spring.l_m and"
-            " spring.r_m"
+            " spring.r_m",
+            code="RID-PLANT-UNFIT",
         )
     if plant.spring.free_length_m > l_m + r_m:
         raise ConfigError(
             f"plant {plant.name!r}: spring.free_length_m {plant.spring.free_length_m} is longer"
-            f" than the spring ever gets, {l_m + r_m} m"
+            f" than the spring ever gets, {l_m + r_m} m",
+            code="RID-PLANT-UNFIT",
         )
     return np.array(
         [

@@ -190,19 +190,22 @@ def _check(robot: RobotDescription, plant: PlantConfig) -> None:
         if number != len(robot.joints):
             raise ConfigError(
                 f"plant {plant.name!r}: {what} has {number} entries, but robot {robot.name!r} has"
-                f" {len(robot.joints)} joints"
+                f" {len(robot.joints)} joints",
+                code="RID-PLANT-UNFIT",
             )
     if (robot.spring is None) != (plant.spring is None):
         raise ConfigError(
             f"plant {plant.name!r} and robot {robot.name!r}: `spring` must stand in both or in"
-            " neither"
+            " neither",
+            code="RID-PLANT-UNFIT",
         )
     for joint, axis in zip(robot.joints, plant.axes, strict=True):
         if joint.rotor is None and not joint.armature and axis.rotor_inertia_kg_m2 > 0.0:
             raise ConfigError(
                 f"plant {plant.name!r} gives joint {joint.name!r} a rotor inertia, but robot"
                 f" {robot.name!r} does not say where its rotor sits: add `rotor`, or `armature:"
-                " true`, to that joint, or set rotor_inertia_kg_m2 to 0"
+                " true`, to that joint, or set rotor_inertia_kg_m2 to 0",
+                code="RID-PLANT-UNFIT",
             )
 
 

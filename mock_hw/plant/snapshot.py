@@ -110,7 +110,9 @@ class SnapshotReader:
             with path.open("r+b") as file:
                 self._memory = mmap.mmap(file.fileno(), 0)
         except (OSError, ValueError) as error:
-            raise TransportError(f"{path}: no simulated axes to look at ({error})") from error
+            raise TransportError(
+                f"{path}: no simulated axes to look at ({error})", code="RID-MOCK-NOT-SERVED"
+            ) from error
 
     def read(self) -> AxisSnapshot:
         """Return the latest snapshot.
@@ -132,7 +134,9 @@ class SnapshotReader:
                     float(numbers[_TIME]), rows[0], rows[1], rows[2], rows[3] != 0.0, rows[4]
                 )
             os.sched_yield()
-        raise TransportError("the simulated axes' snapshot is torn: its writer died")
+        raise TransportError(
+            "the simulated axes' snapshot is torn: its writer died", code="RID-MOCK-ENDED"
+        )
 
     def ask_for_payload(self, number: int) -> None:
         """Ask the writer's process to mount a payload by number; 0 for none."""

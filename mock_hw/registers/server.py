@@ -112,7 +112,9 @@ class RegisterService:
                     self._byte_s = BITS_PER_BYTE / link.baud_rate
         except (OSError, TransportError) as error:
             self.close()
-            raise TransportError(f"drive registers cannot be served: {error}") from None
+            raise TransportError(
+                f"drive registers cannot be served: {error}", code="RID-MOCK-REGISTERS"
+            ) from None
         self._thread = threading.Thread(target=self._run, name="drive registers", daemon=True)
         self._thread.start()
 
@@ -165,7 +167,9 @@ class RegisterService:
         if link.tls is not None:
             files = settings.certificates
             if files is None:
-                raise TransportError("TLS needs the server's certificate and key")
+                raise TransportError(
+                    "TLS needs the server's certificate and key", code="RID-MOCK-REGISTERS"
+                )
             self._tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             self._tls.load_cert_chain(files.certificate, files.key)
             if files.client_ca is not None:

@@ -165,7 +165,10 @@ def design(
     _refuse_inapplicable(context, kind, method)
     names = tuple(name.strip() for name in wanted.split(",") if name.strip())
     if names and is_given(context, "criterion"):
-        raise ConfigError("--for takes the place of --criterion: leave one of them out")
+        raise ConfigError(
+            "--for takes the place of --criterion: leave one of them out",
+            code="RID-OPTION-EXCLUSIVE",
+        )
     excitation: SearchOptions | TwoHarmonicOptions = SearchOptions(
         period_s=period_s or DEFAULT_PERIOD_S,
         periods=periods or DEFAULT_PERIODS,
@@ -236,5 +239,5 @@ def _band(words: str) -> tuple[float, float]:
         lowest, highest = (parse_number(part) for part in words.split(":"))
     except (ConfigError, ValueError):
         advice = "give the lowest and the highest frequency in Hz, as 0.5:20"
-        raise ConfigError(f"--band {words!r}: {advice}") from None
+        raise ConfigError(f"--band {words!r}: {advice}", code="RID-MOTION-BAND") from None
     return lowest, highest

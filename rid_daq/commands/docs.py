@@ -57,7 +57,8 @@ def find_page(site: Path, topic: str | None) -> Path:
     if not start.is_file():
         raise ConfigError(
             "this installation has no documentation: read the folder docs of the repository, or"
-            " make the site with docs/site/build.py"
+            " make the site with docs/site/build.py",
+            code="RID-DOCS-PAGE",
         )
     if topic is None:
         return start
@@ -72,5 +73,10 @@ def find_page(site: Path, topic: str | None) -> Path:
     if len(found) == 1:
         return pages[found[0]]
     if not found:
-        raise ConfigError(f"no page is called {topic!r}; `rid-daq docs` opens the start page")
-    raise ConfigError(f"{topic!r} may be {', '.join(found)}; name one of them")
+        raise ConfigError(
+            f"no page is called {topic!r}; `rid-daq docs` opens the start page",
+            code="RID-DOCS-PAGE",
+        )
+    raise ConfigError(
+        f"{topic!r} may be {', '.join(found)}; name one of them", code="RID-DOCS-PAGE"
+    )

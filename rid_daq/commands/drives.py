@@ -194,7 +194,9 @@ def _print(console: Console, done: DrivesRestored, request: RestoreRequest) -> N
         console.say(f"What was written, and what was there: {done.write_log}")
     if done.left:
         console.verdict(False, f"Cell {done.cell}: its drives do not hold all that was saved.")
-        raise PreflightError("; ".join(_sentence(done, each) for each in done.left))
+        raise PreflightError(
+            "; ".join(_sentence(done, each) for each in done.left), code="RID-DRIVE-SETTINGS"
+        )
     count = len(done.settings)
     what = f"{count} settings were put back" if count else "Nothing differed"
     kept = " The drives keep it." if request.store else ""

@@ -103,7 +103,10 @@ def identify(
     from rid_daq.performers.identify import perform
 
     if choose and (friction_terms is not None or not friction):
-        raise ConfigError("--choose chooses the friction terms: leave the other option out")
+        raise ConfigError(
+            "--choose chooses the friction terms: leave the other option out",
+            code="RID-OPTION-EXCLUSIVE",
+        )
     request = IdentifyRequest(
         runs=runs,
         names=tuple(run),

@@ -100,5 +100,7 @@ def _row_range(text: str) -> RowRange:
     first = int(found[1]) if found else 0
     last = int(found[2]) if found and found[2] else None
     if found is None or first < 1 or (last is not None and last <= first):
-        raise ConfigError(f"--rows {text}: give FIRST-LAST, such as 355-5090, or FIRST-")
+        raise ConfigError(
+            f"--rows {text}: give FIRST-LAST, such as 355-5090, or FIRST-", code="RID-OPTION-SYNTAX"
+        )
     return RowRange(first=first, last=last)

@@ -100,11 +100,14 @@ def init(
     elif given := [
         f"--{name}" for name, value in (limits | {"base": base, "tip": tip}).items() if value
     ]:
-        raise ConfigError(f"{', '.join(given)}: this is about a URDF: give it with --urdf")
+        raise ConfigError(
+            f"{', '.join(given)}: this is about a URDF: give it with --urdf",
+            code="RID-OPTION-NEEDS",
+        )
     else:
         files = _starter_files()
     _refuse_present(folder, files)
-    with system_errors(RecordingError, f"{folder}: cannot make the folder"):
+    with system_errors(RecordingError, f"{folder}: cannot make the folder", code="RID-FILE-WRITE"):
         folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         write_whole(folder / name, text.encode())
@@ -140,7 +143,8 @@ def _refuse_present(folder: Path, names: Iterable[str]) -> None:
     if present:
         raise ConfigError(
             f"{folder}: {', '.join(present)} is already there; nothing was written."
-            " Give another folder, or move the files away."
+            " Give another folder, or move the files away.",
+            code="RID-FILE-EXISTS",
         )
 
 
@@ -157,7 +161,10 @@ def _numbers(option: str, text: str | None) -> tuple[float, ...]:
     except ConfigError:
         values = (math.nan,)
     if not all(math.isfinite(value) and value > 0.0 for value in values):
-        raise ConfigError(f"{option} {text}: give one number above 0, or one a joint: 3.1,3.1,2.5")
+        raise ConfigError(
+            f"{option} {text}: give one number above 0, or one a joint: 3.1,3.1,2.5",
+            code="RID-OPTION-SYNTAX",
+        )
     return values
 
 

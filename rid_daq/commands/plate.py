@@ -118,4 +118,6 @@ def _pose(text: str | None) -> list[float] | None:
     try:
         return list(parse_numbers(text))
     except ConfigError:
-        raise ConfigError(f"--pose {text}: give one number a joint, such as 0,0.2,-0.4") from None
+        raise ConfigError(
+            f"--pose {text}: give one number a joint, such as 0,0.2,-0.4", code="RID-OPTION-SYNTAX"
+        ) from None

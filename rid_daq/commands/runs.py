@@ -65,7 +65,9 @@ def runs(
     ]
     damaged = [(run.run_id, str(problem)) for run, problem in damaged_runs(folder)]
     if verify and not found and not damaged:
-        raise ConfigError(f"{folder}: there are no runs, so nothing can be verified")
+        raise ConfigError(
+            f"{folder}: there are no runs, so nothing can be verified", code="RID-RUN-UNKNOWN"
+        )
     told = [problem for _, problem in damaged]
     console.document({"runs": [each.document() for each in found], "damaged": told})
     if not found and not damaged:
@@ -87,7 +89,9 @@ def runs(
             console.verdict(False, f"damaged: {problem}")
     if problems:
         lines = "\n".join(f"  {run}: {problem}" for run, problem in problems)
-        raise RecordingError(f"problems in the run folders: {len(problems)}\n{lines}")
+        raise RecordingError(
+            f"problems in the run folders: {len(problems)}\n{lines}", code="RID-RUN-DAMAGED"
+        )
 
 
 def _print(console: Console, found: list[_Listed]) -> None:

@@ -120,13 +120,15 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
     if unknown:
         raise ConfigError(
             f"cell {loaded.config.name} has no joint {', '.join(unknown)}; it has"
-            f" {', '.join(names)}"
+            f" {', '.join(names)}",
+            code="RID-CELL-JOINTS",
         )
     if not request.unattended:
         console.require_keys(simulated=loaded.config.simulated)
     elif not loaded.config.simulated:
         raise PreflightError(
-            f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot"
+            f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot",
+            code="RID-KEY-NEEDED",
         )
     require_ready(
         loaded,
@@ -201,7 +203,8 @@ class AxisBench:
         if seen is None:
             raise PreflightError(
                 f"cell {self._session.cell.name}: its axes cannot be seen here: leave --unattended"
-                " out"
+                " out",
+                code="RID-CELL-NOT-OURS",
             )
         return judge_axis(motion, seen, self._session.cell, self._robot)
 
@@ -254,7 +257,8 @@ class AxisBench:
         if abs(line.goal[number] - pose[number]) < ENOUGH * size:
             raise PreflightError(
                 f"{joint.name}: {line.obstacle} is in the way of {size:.3g} rad or m: `rid-daq jog`"
-                " leads the robot to where there is room"
+                " leads the robot to where there is room",
+                code="RID-POSE-OUTSIDE",
             )
         return line
 
@@ -274,7 +278,7 @@ class AxisBench:
         def which(text: str) -> str:
             word = text.strip()  # SPACE was held
             if word not in ("+", "-", "0", *names):
-                raise ConfigError("answer +, -, 0 or a joint's name")
+                raise ConfigError("answer +, -, 0 or a joint's name", code="RID-AXIS-TEST-ANSWER")
             return word
 
         way = self._console.ask(

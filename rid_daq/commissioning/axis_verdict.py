@@ -215,12 +215,18 @@ def parse_amount(text: str, motion: AxisMotion, tool_mm: float) -> float:
         value = float(words.removesuffix("mm").removesuffix("°").removesuffix("deg").strip())
     except ValueError:
         raise ConfigError(
-            f"{text!r}: give a number, such as 2, or 24mm of the tool point"
+            f"{text!r}: give a number, such as 2, or 24mm of the tool point",
+            code="RID-AXIS-TEST-ANSWER",
         ) from None
     if not 0.0 <= value < 1e4:
-        raise ConfigError(f"{text!r}: give how far it moved, without a sign")
+        raise ConfigError(
+            f"{text!r}: give how far it moved, without a sign", code="RID-AXIS-TEST-ANSWER"
+        )
     if not of_tool:
         return value
     if tool_mm <= 0.0:
-        raise ConfigError(f"{text!r}: the tool point stands on this axis: give degrees")
+        raise ConfigError(
+            f"{text!r}: the tool point stands on this axis: give degrees",
+            code="RID-AXIS-TEST-ANSWER",
+        )
     return value / tool_mm * abs(motion.commanded)

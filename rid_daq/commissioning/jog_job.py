@@ -79,7 +79,8 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
     if request.home and home is None:
         raise ConfigError(
             f"cell {loaded.config.name}: has no home pose: name one position a joint in the cell"
-            " file, as `home: [0.0, …]`"
+            " file, as `home: [0.0, …]`",
+            code="RID-CELL-VALUE",
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
     console.require_keys(simulated=loaded.config.simulated)

@@ -104,7 +104,10 @@ def run_story(
     loaded = load_cell(DEMO_CELL)
     robot, cell, plant = loaded.robot, loaded.config, loaded.plant
     if plant is None:
-        raise ConfigError(f"cell {cell.name}: names no plant, so nothing can be simulated")
+        raise ConfigError(
+            f"cell {cell.name}: names no plant, so nothing can be simulated",
+            code="RID-CELL-NOT-SIMULATED",
+        )
     told = _Told(show)
     runs = folder.path / _name(unmodelled)
     simulation = CellSimulation(
@@ -237,7 +240,7 @@ class _Recorder:
         run = session.record(asked).as_step()
         if run.outcome.stop is not None:
             why = "; ".join((run.outcome.stop.text, *run.outcome.notes))
-            raise SafetyStop(f"the demo's {role} was stopped: {why}")
+            raise SafetyStop(f"the demo's {role} was stopped: {why}", code="RID-STOP-ORDERED")
         return run
 
 

@@ -237,7 +237,8 @@ def _reaction(recording: Recording, model: Estimate) -> FloatArray:
     rest = rest[rest < main[0]]
     if reaction is None or not reaction.valid[rest[0] : main[-1] + 1].all():
         raise DataQualityError(
-            "the force plate was not valid all the time: the reaction on the base is not known"
+            "the force plate was not valid all the time: the reaction on the base is not known",
+            code="RID-PLATE-CHANNEL",
         )
     pose = recording.position[rest].mean(axis=0, keepdims=True)
     still = np.zeros_like(pose)

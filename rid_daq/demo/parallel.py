@@ -95,7 +95,9 @@ def _receive(line: Connection) -> Any:
     try:
         message = line.recv()
     except EOFError:
-        raise DriverError("a simulation of the demo died; start it again") from None
+        raise DriverError(
+            "a simulation of the demo died; start it again", code="RID-SYSTEM-PROCESS-DIED"
+        ) from None
     if isinstance(message, RidDaqError):
         raise message
     return message

@@ -40,9 +40,13 @@ class PastValue:
 
     def __post_init__(self) -> None:
         if self.when.tzinfo is None:
-            raise ConfigError(f"run {self.run_id}: its time has no time zone")
+            raise ConfigError(
+                f"run {self.run_id}: its time has no time zone", code="RID-INTERNAL-ERROR"
+            )
         if not (math.isfinite(self.value) and math.isfinite(self.two_sigma)):
-            raise ConfigError(f"run {self.run_id}: its value is not a finite number")
+            raise ConfigError(
+                f"run {self.run_id}: its value is not a finite number", code="RID-INTERNAL-ERROR"
+            )
 
 
 def history_figure(quantity: str, unit: str, values: Sequence[PastValue]) -> GridPlot:

@@ -36,7 +36,8 @@ def motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, bytes]:
         raise ConfigError(
             f"{path}: robot: is for {motion.robot!r}, cell {loaded.config.name} has"
             f" {loaded.robot.name!r}; make one with `rid-daq design`, or change the name if the"
-            " robots are the same"
+            " robots are the same",
+            code="RID-ROBOT-OTHER",
         )
     return motion, text
 
@@ -68,7 +69,8 @@ def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Es
         raise ConfigError(
             f"{path}: is of robot {estimate.robot.name!r}, which is not this {robot.name!r}: they"
             f" differ in {', '.join(differences)}. Identify this robot, or correct its file (of an"
-            " import: the map's `robot`)"
+            " import: the map's `robot`)",
+            code="RID-ROBOT-OTHER",
         )
     return estimate
 
@@ -101,7 +103,10 @@ def loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop,
     data = read_content(path, loop_file.LARGEST_FILE_BYTES)
     robot, loops = loop_file.loops_content(data, path)
     if robot != loaded.robot.name:
-        raise ConfigError(f"{path}: is of robot {robot!r}, the cell has {loaded.robot.name!r}")
+        raise ConfigError(
+            f"{path}: is of robot {robot!r}, the cell has {loaded.robot.name!r}",
+            code="RID-ROBOT-OTHER",
+        )
     return loops, data
 
 
@@ -120,6 +125,7 @@ def with_feedforward(
     if file.motion != motion:
         raise ConfigError(
             f"{path}: pre-compensates another motion than the one given: make it again with"
-            " `rid-daq compensate`"
+            " `rid-daq compensate`",
+            code="RID-FEEDFORWARD-OTHER-MOTION",
         )
     return file.onto(samples), data

@@ -114,7 +114,8 @@ def _side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | 
         return folder.name, read_estimate(folder), None
     if not folder.file(MODEL).exists():
         raise ConfigError(
-            f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}"
+            f"run {what!r} has no {MODEL}: identify it first: rid-daq identify {folder.path}",
+            code="RID-RUN-NO-RESULT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
     folder.read(MODEL)  # as it was written there, or refused

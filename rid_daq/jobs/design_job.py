@@ -153,7 +153,9 @@ def _require_periods(request: DesignRequest) -> None:
     most = next(int(limit.le) for limit in limits if hasattr(limit, "le"))
     if periods > most:
         raise ConfigError(
-            f"--periods {periods}: a motion of kind {request.kind.value} has at most {most} periods"
+            f"--periods {periods}: a motion of kind {request.kind.value} has at most {most}"
+            " periods",
+            code="RID-OPTION-RANGE",
         )
 
 

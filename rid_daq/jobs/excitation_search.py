@@ -171,7 +171,8 @@ def search(
             raise typer.Exit(exit_code_of_stop(StopCode.INTERRUPTED, interrupted_by))
         raise ConfigError(
             f"none of {len(trials)} starts gave a motion that holds every limit. {work.complaint()}"
-            " Take more --starts, a longer --period, or look at the limits, bodies and workspace"
+            " Take more --starts, a longer --period, or look at the limits, bodies and workspace",
+            code="RID-DESIGN-NONE",
         )
     return Search(problem.criterion, best, tuple(trials), interrupted_by)
 

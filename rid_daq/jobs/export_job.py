@@ -115,11 +115,15 @@ def export_model(request: ExportRequest) -> ExportedModel:
     """
     to, as_identified = request.to, request.as_identified
     if to not in NEED_NO_LINKS and to not in DESCRIPTIONS:
-        raise ConfigError(f"--to {to.value} is for recordings, and {request.what} is a model file")
+        raise ConfigError(
+            f"--to {to.value} is for recordings, and {request.what} is a model file",
+            code="RID-EXPORT-FORMAT",
+        )
     if as_identified and to not in NEED_NO_LINKS:
         raise ConfigError(
             f"--as-identified is for {', '.join(NEED_NO_LINKS)}: {to.value} describes links, and"
-            " the identified parameters are sums over several"
+            " the identified parameters are sums over several",
+            code="RID-EXPORT-LINKS",
         )
     estimate = read_estimate(Path(request.what))
     if not as_identified:
@@ -129,7 +133,8 @@ def export_model(request: ExportRequest) -> ExportedModel:
         raise EstimationError(
             f"{request.what}: does not explain the torque of {', '.join(bad)} on its own data;"
             " correct the files and identify again (`rid-daq identify` says what is wrong), or"
-            " accept it (--despite-misfit)"
+            " accept it (--despite-misfit)",
+            code="RID-MODEL-MISFIT",
         )
     if as_identified:
         chosen, sentence = ExportModel.identified(estimate), "Parameters as identified."
@@ -168,7 +173,8 @@ def export_recording(
         model = folder.path / MODEL
         raise ConfigError(
             f"--to {to.value} is for models: give a model file"
-            + (f", as {model}" if model.exists() else " of `rid-daq identify`")
+            + (f", as {model}" if model.exists() else " of `rid-daq identify`"),
+            code="RID-EXPORT-FORMAT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
     notes = report_lacks(console, [data])

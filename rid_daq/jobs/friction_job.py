@@ -73,7 +73,8 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasured:
         if first.robot.differences(one.robot):
             raise ConfigError(
                 f"{one.folder.path}: is of robot {one.robot.name!r},"
-                f" {first.folder.path} of {first.robot.name!r}: give runs of one robot"
+                f" {first.folder.path} of {first.robot.name!r}: give runs of one robot",
+                code="RID-ROBOT-OTHER",
             )
         for curve in _curves(one):
             curves.setdefault(curve.joint, []).append(curve)
@@ -102,5 +103,6 @@ def _curves(data: RunData) -> tuple[FrictionCurve, ...]:
     raise ConfigError(
         f"{data.folder.path}: is {kind}; friction alone is measured by constant speeds or by a path"
         " there and back: make one with `rid-daq design CELL --kind constant-velocity -o MOTION`"
-        " (or `--kind reversed`) and record it"
+        " (or `--kind reversed`) and record it",
+        code="RID-FRICTION-RUNS",
     )

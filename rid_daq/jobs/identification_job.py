@@ -176,7 +176,10 @@ def compare_friction(
     """
     robot = one_robot(data)
     if how.loaded:
-        raise ConfigError("friction is chosen without a payload: leave --loaded out with --choose")
+        raise ConfigError(
+            "friction is chosen without a payload: leave --loaded out with --choose",
+            code="RID-OPTION-EXCLUSIVE",
+        )
     signals = signals_of(data, how)
     motions = [(run.position, run.velocity) for run in signals]
     model, speed = how.options.model.build(robot), how.options.standstill_rad_s
@@ -321,13 +324,15 @@ def one_robot(data: Sequence[RunData]) -> RobotDescription:
             raise ConfigError(
                 f"run {other.folder.run_id} is of robot {other.robot.name}, run"
                 f" {data[0].folder.run_id} of {robot.name} (or of another description of it):"
-                " identify them one by one"
+                " identify them one by one",
+                code="RID-ROBOT-OTHER",
             )
     kinds = {item.is_periodic for item in data}
     if len(kinds) > 1:
         names = ", ".join(item.folder.run_id for item in data if not item.is_periodic)
         raise ConfigError(
-            f"some runs are periodic and some are not ({names}): identify them one by one"
+            f"some runs are periodic and some are not ({names}): identify them one by one",
+            code="RID-RUN-KINDS-MIXED",
         )
     return robot
 
@@ -344,12 +349,15 @@ def friction_terms_of(text: str | None) -> tuple[FrictionTerm, ...] | None:
         return None
     terms = tuple(term.strip() for term in text.split(",") if term.strip())
     if not terms:
-        raise ConfigError("--friction-terms names none; --no-friction leaves friction out")
+        raise ConfigError(
+            "--friction-terms names none; --no-friction leaves friction out", code="RID-OPTION-NAME"
+        )
     known = get_args(FrictionTerm)
     unknown = [term for term in terms if term not in known]
     if unknown or len(set(terms)) != len(terms):
         raise ConfigError(
             f"--friction-terms {text}: {', '.join(unknown) or 'a term stands twice'}; the terms"
-            f" are {', '.join(known)}"
+            f" are {', '.join(known)}",
+            code="RID-OPTION-NAME",
         )
     return cast(tuple[FrictionTerm, ...], terms)

@@ -174,7 +174,8 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     how = replace(request.how, loaded=_loaded(request, data))
     if request.load_mass_kg is not None and not how.loaded:
         raise ConfigError(
-            "--load-mass is the mass of the payload: name the runs with it (--loaded)"
+            "--load-mass is the mass of the payload: name the runs with it (--loaded)",
+            code="RID-OPTION-NEEDS",
         )
     if how.options.model.kind != "external":
         require_torques(data)
@@ -268,11 +269,15 @@ def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, .
     used = {item.folder.run_id for item in data}
     for name, run_id in zip(request.loaded, ids, strict=True):
         if run_id not in used:
-            raise ConfigError(f"--loaded {name}: is not among the runs to identify; name it there")
+            raise ConfigError(
+                f"--loaded {name}: is not among the runs to identify; name it there",
+                code="RID-PAYLOAD-RUNS",
+            )
     if ids and used <= set(ids):
         raise ConfigError(
             "every run carried the payload, so that it cannot be told from the last link: add a run"
-            " without it"
+            " without it",
+            code="RID-PAYLOAD-RUNS",
         )
     return ids
 

@@ -80,7 +80,8 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
     ranges = request.rows or (import_map.rows,)
     if request.labels and len(request.labels) != len(ranges):
         raise ConfigError(
-            f"--label: {len(request.labels)} labels for {len(ranges)} runs: give one a run"
+            f"--label: {len(request.labels)} labels for {len(ranges)} runs: give one a run",
+            code="RID-OPTION-COUNT",
         )
     for label in request.labels:
         require_label(label)
@@ -89,14 +90,16 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
         if import_map.joint_states is not None:
             if request.further:
                 raise ConfigError(
-                    f"{request.further[0]}: a bag is imported by itself: leave it out"
+                    f"{request.further[0]}: a bag is imported by itself: leave it out",
+                    code="RID-IMPORT-FILES",
                 )
             file = Path(place) / f"{file.stem}.csv"
             import_map = bag_as_table(request.file, import_map, robot.joint_names, file)
         elif is_bag(file):
             raise ConfigError(
                 f"{file}: is a bag, and map {import_map.name!r} reads CSV files: give a map with"
-                " `joint_states: {effort: torque}`"
+                " `joint_states: {effort: torque}`",
+                code="RID-IMPORT-FILES",
             )
         maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
         read = [import_csv(file, each, robot, further=request.further) for each in maps]

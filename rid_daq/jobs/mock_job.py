@@ -124,7 +124,8 @@ class ServedCell:
         while not came and signal.sigtimedwait(ending, LOOK_S) is None:
             if not is_served(self.loaded.config):
                 raise TransportError(
-                    f"cell {self.cell.name}: its simulated bus died; start it again"
+                    f"cell {self.cell.name}: its simulated bus died; start it again",
+                    code="RID-MOCK-ENDED",
                 )
         ignore_termination()
 
@@ -146,7 +147,8 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
         raise ConfigError(
             f"{request.faults}: program: happens to the program that works with a cell which it"
             " serves itself, and `mock` serves one for others: leave it out here, or give the"
-            " script to `rid-daq record --faults`"
+            " script to `rid-daq record --faults`",
+            code="RID-FAULT-SCRIPT",
         )
     _check_channel(loaded.config)
     if request.log is not None:
@@ -196,12 +198,15 @@ def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
     if present:
         raise ConfigError(
             f"{folder}: {', '.join(present)} is already there; nothing was written. Give another"
-            " folder, or move the files away."
+            " folder, or move the files away.",
+            code="RID-FILE-EXISTS",
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RecordingError(f"{folder}: cannot make the folder: {error.strerror}") from None
+        raise RecordingError(
+            f"{folder}: cannot make the folder: {error.strerror}", code="RID-FILE-WRITE"
+        ) from None
     for name, content in eds_files.items():
         write_whole(folder / name, content)
     return loaded.config.name, [*eds_files]
@@ -211,7 +216,8 @@ def _simulated(cell: str) -> tuple[LoadedCell, PlantConfig]:
     loaded = load_cell(cell)
     if not loaded.config.simulated or loaded.plant is None:
         raise ConfigError(
-            f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant"
+            f"cell {loaded.config.name}: is not simulated; say simulated: true and name a plant",
+            code="RID-CELL-NOT-SIMULATED",
         )
     return loaded, loaded.plant
 
@@ -246,7 +252,11 @@ def _check_channel(cell: CellConfig) -> None:
     if cell.can.interface == SIMULATED and os.sep in cell.can.channel:
         raise ConfigError(
             f"cell {cell.name}: can.channel {cell.can.channel}: on interface {SIMULATED} simulated"
-            " devices are served under a plain channel name"
+            " devices are served under a plain channel name",
+            code="RID-CELL-VALUE",
         )
     if is_served(cell):
-        raise LockedError(f"cell {cell.name}: channel {cell.can.channel} is served already")
+        raise LockedError(
+            f"cell {cell.name}: channel {cell.can.channel} is served already",
+            code="RID-MOCK-SERVED",
+        )

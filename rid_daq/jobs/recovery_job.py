@@ -75,14 +75,18 @@ def recover_file(source: Path, target: Path) -> Recovery:
     if repair.whole:
         return Recovery(source, None, {source.name: repair})
     if target.exists() or target.is_symlink():
-        raise RecordingError(f"{target}: exists already; give another name with --output")
+        raise RecordingError(
+            f"{target}: exists already; give another name with --output", code="RID-OUTPUT-EXISTS"
+        )
     temporary = target.with_name(f"{target.name}.tmp")
     try:
         temporary.unlink(missing_ok=True)
         repair = repair_journal(source, temporary)
         os.link(temporary, target)  # never replaces, whoever else writes here
     except OSError as error:
-        raise RecordingError(f"{target}: cannot be written: {error.strerror}") from error
+        raise RecordingError(
+            f"{target}: cannot be written: {error.strerror}", code="RID-FILE-WRITE"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
     return Recovery(source, target, {source.name: repair})
@@ -120,7 +124,8 @@ def recover_run(source: Path, root: Path) -> Recovery:
     _refuse_foreign(source, manifest, readable)
     if not readable:
         raise RecordingError(
-            "; ".join(notes) or f"{source}: no recording ({_JOURNAL}) in it, nothing to recover"
+            "; ".join(notes) or f"{source}: no recording ({_JOURNAL}) in it, nothing to recover",
+            code="RID-RECORDING-EMPTY",
         )
     others = [n for n in names if n not in journals and not _is_result(n)]
     kept, left_out = _trusted(source, others, manifest)
@@ -196,7 +201,8 @@ def _refuse_foreign(source: Path, manifest: Manifest | None, readable: dict[str,
             raise RecordingError(
                 f"{source / name}: belongs to run {repair.run_id}, not to"
                 f" {', '.join(sorted(own - {repair.run_id}))}: take it out of the folder, put the"
-                " original back, then recover the run; or recover that file alone"
+                " original back, then recover the run; or recover that file alone",
+                code="RID-RUN-MIXED",
             )
 
 
@@ -226,7 +232,8 @@ def _missing(
 def _refuse_open(path: Path) -> None:
     if being_written(path):
         raise LockedError(
-            f"{path}: is still being written: wait until the recording ends, or stop it"
+            f"{path}: is still being written: wait until the recording ends, or stop it",
+            code="RID-RUN-OPEN",
         )
 
 

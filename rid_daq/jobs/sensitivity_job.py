@@ -162,7 +162,8 @@ def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, Sen
         ):
             raise ConfigError(
                 f"{model}: has other terms than robot.yaml states; identify again without options"
-                " that choose terms"
+                " that choose terms",
+                code="RID-MODEL-TERMS-DIFFER",
             )
         parameters = consistent(estimate).standard_values
         noise = np.maximum(estimate.residual_nm, 1e-6)
@@ -172,7 +173,8 @@ def _problems(cell: LoadedCell, request: SensitivityRequest) -> dict[Motion, Sen
     else:
         raise ConfigError(
             f"cell {cell.config.name} is not simulated, so that its robot's true parameters are not"
-            " known: give a model that was identified (--model)"
+            " known: give a model that was identified (--model)",
+            code="RID-CELL-NOT-SIMULATED",
         )
     body = _body(cell, request.payload)
     if request.motion is not None:
@@ -196,7 +198,8 @@ def _body(cell: LoadedCell, payload: str) -> PayloadBody:
         return read_payload(Path(payload)).estimate.body
     names = ", ".join(known) or "none"
     raise ConfigError(
-        f"--payload {payload}: neither a file nor a payload of cell {cell.config.name} ({names})"
+        f"--payload {payload}: neither a file nor a payload of cell {cell.config.name} ({names})",
+        code="RID-OPTION-NAME",
     )
 
 

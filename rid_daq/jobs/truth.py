@@ -69,7 +69,9 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
         known["P0_spring"] = plant.spring.stiffness_n_per_m * plant.spring.free_length_m
     unknown = [name for name in model.parameter_names if name not in known]
     if unknown:
-        raise ConfigError(f"plant {plant.name}: says nothing of {', '.join(unknown)}")
+        raise ConfigError(
+            f"plant {plant.name}: says nothing of {', '.join(unknown)}", code="RID-PLANT-UNFIT"
+        )
     return np.array([known[name] for name in model.parameter_names])
 
 

@@ -133,20 +133,25 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
     """
     if not request.model.exists() and Path(request.run).is_file():
         turned = as_command("validate", request.run, request.model)
-        raise ConfigError(f"{request.run} is a file, no run: the model comes first: {turned}")
+        raise ConfigError(
+            f"{request.run} is a file, no run: the model comes first: {turned}",
+            code="RID-RUN-IS-FILE",
+        )
     estimate = read_estimate(request.model)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     require_robot(request.model, estimate, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
         raise ConfigError(
-            "--limits: has no effect with an external model, which knows no friction; leave it out"
+            "--limits: has no effect with an external model, which knows no friction; leave it out",
+            code="RID-OPTION-NEEDS",
         )
     recovered_from = data.folder.manifest().facts.get("recovered_from")
     if data.folder.run_id in estimate.run_ids or recovered_from in estimate.run_ids:
         raise DataQualityError(
             f"{data.folder.path}: no verdict: the model was identified from this very run, which"
-            " says nothing of other motions. Validate on a run that it has not seen"
+            " says nothing of other motions. Validate on a run that it has not seen",
+            code="RID-VALIDATE-SAME-RUN",
         )
     notes = report_lacks(console, [data])
     if not external:
@@ -225,11 +230,13 @@ def predict_motion(request: ValidateRequest) -> Validated:
     if not request.base:
         raise ConfigError(
             f"{motion}: is a motion file: without a run only the reaction on the base can be judged"
-            " (--base-limits); record it to judge torques"
+            " (--base-limits); record it to judge torques",
+            code="RID-OPTION-NEEDS",
         )
     if request.cell is None:
         raise ConfigError(
-            f"{motion}: a motion file needs --cell, which says the limits and the cycle time"
+            f"{motion}: a motion file needs --cell, which says the limits and the cycle time",
+            code="RID-OPTION-NEEDS",
         )
     cell = load_cell(request.cell)
     limits = _limits_of(cell.config, f"cell {cell.config.name}")
@@ -251,7 +258,8 @@ def _limits_of(cell: CellConfig | None, where: str) -> PlateLimits:
     limits = None if cell is None or cell.plate is None else cell.plate.limits
     if limits is None:
         raise ConfigError(
-            f"--base-limits: {where} has no `plate` with `limits`; add force_n and moment_nm there"
+            f"--base-limits: {where} has no `plate` with `limits`; add force_n and moment_nm there",
+            code="RID-PLATE-NO-LIMITS",
         )
     return limits
 
@@ -263,7 +271,8 @@ def _require_motion(validation: Validation, data: RunData) -> None:
     if moved_s < SHORTEST_S:
         raise DataQualityError(
             f"{data.folder.path}: no verdict: the run moves for {moved_s:.1f} s, a verdict needs"
-            f" {SHORTEST_S:g} s of motion. Record a longer one"
+            f" {SHORTEST_S:g} s of motion. Record a longer one",
+            code="RID-RUN-STILL",
         )
 
 
@@ -289,7 +298,8 @@ def _limits(text: str | None, data: RunData) -> tuple[float, ...] | None:
     if len(values) not in (1, count) or not all(0.0 < value < 1e6 for value in values):
         raise ConfigError(
             f"--limits {text}: give one percentage, or {count} separated by commas, such as"
-            f" {','.join(['10'] * count)}"
+            f" {','.join(['10'] * count)}",
+            code="RID-OPTION-COUNT",
         )
     return values * (count if len(values) == 1 else 1)
 

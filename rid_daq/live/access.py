@@ -77,11 +77,14 @@ class Access:
             raise ConfigError(
                 f"--listen {listen}: other machines can reach this address, so the live page needs"
                 f" {' and '.join(missing)} too (a secret, and TLS); without them it is served on"
-                " 127.0.0.1 only"
+                " 127.0.0.1 only",
+                code="RID-LISTEN-UNPROTECTED",
             )
         secret = secrets.token_urlsafe(32) if token is None else _read_token(token)
         if certificate is not None and not certificate.is_file():
-            raise ConfigError(f"--certificate {certificate}: there is no such file")
+            raise ConfigError(
+                f"--certificate {certificate}: there is no such file", code="RID-FILE-UNKNOWN"
+            )
         return cls(address, port, secret, certificate)
 
     @classmethod
@@ -97,10 +100,13 @@ class Access:
         if not ipaddress.ip_address(address).is_loopback and certificate is None:
             raise ConfigError(
                 f"--listen {listen}: other machines can reach this address, so it needs"
-                " --certificate FILE (TLS); without it pages are served on 127.0.0.1 only"
+                " --certificate FILE (TLS); without it pages are served on 127.0.0.1 only",
+                code="RID-LISTEN-UNPROTECTED",
             )
         if certificate is not None and not certificate.is_file():
-            raise ConfigError(f"--certificate {certificate}: there is no such file")
+            raise ConfigError(
+                f"--certificate {certificate}: there is no such file", code="RID-FILE-UNKNOWN"
+            )
         return cls(address, port, "", certificate)
 
     @property
@@ -135,7 +141,8 @@ class Access:
         except OSError as error:  # ssl.SSLError is one
             raise ConfigError(
                 f"--certificate {self.certificate}: does not hold a certificate and its key (PEM,"
-                f" without a passphrase): {error.strerror or error}"
+                f" without a passphrase): {error.strerror or error}",
+                code="RID-LISTEN-CREDENTIALS",
             ) from None
         return context
 
@@ -202,7 +209,8 @@ def _parse_listen(listen: str) -> tuple[str, int]:
     except ValueError:
         raise ConfigError(
             f"--listen {listen}: give a literal address and a port, as {DEFAULT_LISTEN} or"
-            " [::1]:8642; port 0 takes any that is free"
+            " [::1]:8642; port 0 takes any that is free",
+            code="RID-LISTEN-ADDRESS",
         ) from None
 
 
@@ -210,10 +218,13 @@ def _read_token(path: Path) -> str:
     try:
         token = read_file(path, MOST_TOKEN_BYTES).decode("ascii").strip()
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--token {path}: cannot be read: {error}") from None
+        raise ConfigError(
+            f"--token {path}: cannot be read: {error}", code="RID-FILE-READ"
+        ) from None
     if len(token) < LEAST_TOKEN_CHARACTERS or not all(c.isalnum() or c in "-_" for c in token):
         raise ConfigError(
             f"--token {path}: must hold {LEAST_TOKEN_CHARACTERS} or more letters, digits, - or _;"
-            " `openssl rand -hex 32` makes one"
+            " `openssl rand -hex 32` makes one",
+            code="RID-LISTEN-CREDENTIALS",
         )
     return token

@@ -90,7 +90,8 @@ def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | Non
     if not options.wanted:
         if options != LiveOptions():
             raise ConfigError(
-                "--listen, --token and --certificate are of the live page: add --live"
+                "--listen, --token and --certificate are of the live page: add --live",
+                code="RID-OPTION-NEEDS",
             )
         yield None
         return
@@ -123,6 +124,7 @@ def listen_on(access: Access) -> socket.socket:
         listener.close()
         raise ConfigError(
             f"--listen {access.address}:{access.port}: {error.strerror}; choose another port, or 0"
-            " for any that is free"
+            " for any that is free",
+            code="RID-LISTEN-ADDRESS",
         ) from None
     return listener

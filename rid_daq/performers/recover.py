@@ -57,11 +57,13 @@ def _run_folder(runs: Path, what: str) -> Path:
         if what not in ("", ".", "..") and path.is_dir():
             return path
     if Path(what).suffix == ".mcap":
-        raise RecordingError(f"{what}: no such file")
+        raise RecordingError(f"{what}: no such file", code="RID-FILE-UNKNOWN")
     try:
         return find_run(runs, what).path
     except ConfigError as error:
-        raise ConfigError(f"{error}; give the path of a run folder or of an .mcap file") from error
+        raise ConfigError(
+            f"{error}; give the path of a run folder or of an .mcap file", code=error.refusal
+        ) from error
 
 
 def _print(console: Console, recovery: Recovery, *, is_run: bool) -> None:

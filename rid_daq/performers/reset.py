@@ -61,7 +61,8 @@ def perform(request: ResetRequest, console: Console) -> None:
         console.verdict(False, f"Cell {loaded.config.name}: a fault remains.")
         raise PreflightError(
             "; ".join(_sentence(drive) for drive in stuck)
-            + ": remove the cause first, or see the drive's manual for how it is reset"
+            + ": remove the cause first, or see the drive's manual for how it is reset",
+            code="RID-DRIVE-FAULT",
         )
     count = sum(drive.was_faulty for drive in drives)
     what = "No drive was in fault." if not count else f"Reset: {count} of {len(drives)} drives."

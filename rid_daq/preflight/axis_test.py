@@ -119,7 +119,7 @@ def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path |
     axis = axis.model_copy(update={"signature": test.signature_of(axis)})
     others = (each for each in _signed(loaded) if each.joint != joint)
     test = test.model_copy(update={"axes": (*others, axis)})
-    with system_errors(RecordingError, f"{path.parent}: cannot be made"):
+    with system_errors(RecordingError, f"{path.parent}: cannot be made", code="RID-FILE-WRITE"):
         path.parent.mkdir(exist_ok=True, mode=0o700)
     write_whole(path, f"{test.model_dump_json(indent=2)}\n".encode())
     return path
@@ -162,7 +162,8 @@ def require_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
     if rule is AxisTestRule.REQUIRED:
         raise PreflightError(
             f"cell {loaded.config.name}: the axis test of {', '.join(untested)} is missing, or"
-            f" older than cell or robot file: {_advice(loaded)}"
+            f" older than cell or robot file: {_advice(loaded)}",
+            code="RID-AXIS-TEST-MISSING",
         )
     return f"{rule.value}; missing: {', '.join(untested)}"
 

@@ -75,7 +75,7 @@ def write_seconds(folder: Path, size: int) -> float:
         They cannot be written there.
     """
     with (
-        system_errors(RecordingError, f"{folder}: cannot be written to"),
+        system_errors(RecordingError, f"{folder}: cannot be written to", code="RID-FILE-WRITE"),
         tempfile.NamedTemporaryFile(dir=folder, prefix=".rid-daq-speed-") as file,
     ):
         block = os.urandom(1 << 16)

@@ -75,7 +75,8 @@ def refuse_unfit_eds(loaded: LoadedCell) -> None:
         more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
         raise PreflightError(
             f"{'; '.join(told[:MOST_TOLD])}{more}. Nothing was asked of the drives: {_ADVICE};"
-            " `rid-daq check` lists all"
+            " `rid-daq check` lists all",
+            code="RID-EDS-UNFIT",
         )
 
 

@@ -91,7 +91,7 @@ def keep_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> No
         seen_by=seen_by,
         when_utc=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    with system_errors(RecordingError, f"{path.parent}: cannot be made"):
+    with system_errors(RecordingError, f"{path.parent}: cannot be made", code="RID-FILE-WRITE"):
         path.parent.mkdir(exist_ok=True, mode=0o700)
     write_whole(path, f"{pose.model_dump_json(indent=2)}\n".encode())
 

@@ -57,7 +57,10 @@ class AccuracyWatch:
         self, goals: Sequence[str], robot: RobotDescription, samples: MotionSamples
     ) -> None:
         if samples.samples_per_period is None:
-            raise ConfigError("--until needs a periodic motion: its periods are what is averaged")
+            raise ConfigError(
+                "--until needs a periodic motion: its periods are what is averaged",
+                code="RID-RECORDING-NOT-PERIODIC",
+            )
         model = RobotModel.from_description(robot)
         self.goals: tuple[Goal, ...] = parse_goals(goals, model, base_parameters(model))
         self.states: tuple[GoalState, ...] = ()

@@ -66,7 +66,9 @@ class PayloadCertificateRequest(Ranged):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.by is not None and not 0 < len(self.by.strip()) <= LONGEST_NAME:
-            raise ConfigError(f"--by: give a name of 1 to {LONGEST_NAME} characters")
+            raise ConfigError(
+                f"--by: give a name of 1 to {LONGEST_NAME} characters", code="RID-OPTION-RANGE"
+            )
 
 
 def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, Path]:
@@ -159,14 +161,16 @@ def _require_finished(folder: RunFolder, manifest: Manifest, state: SessionState
         if not has_payload:
             raise DataQualityError(
                 f"{folder.path}: has no {PAYLOAD} of its own, so there is nothing to certify:"
-                f" `rid-daq payload identify --loaded {folder.run_id} ...` without -o writes it"
+                f" `rid-daq payload identify --loaded {folder.run_id} ...` without -o writes it",
+                code="RID-CERTIFICATE-NOT-READY",
             )
         return
     if manifest.status == RunStatus.UNFINISHED or not has_payload:
         done = ", ".join(state.done) or "nothing"
         raise DataQualityError(
             f"{folder.path}: the session is not finished (done: {done}) and has no verdict: go on"
-            f" with it: rid-daq payload {cell_of(folder, state.cell)} --resume {folder.run_id}"
+            f" with it: rid-daq payload {cell_of(folder, state.cell)} --resume {folder.run_id}",
+            code="RID-CERTIFICATE-NOT-READY",
         )
 
 
@@ -182,7 +186,8 @@ def _require_ended(folder: RunFolder, manifest: Manifest) -> None:
         raise DataQualityError(
             f"{folder.path}: was never finished, so its files cannot be certified: write what is"
             f" readable as a new run with `rid-daq recover {folder.path}`, and identify the payload"
-            " from that"
+            " from that",
+            code="RID-RUN-UNFINISHED",
         )
 
 
@@ -203,14 +208,16 @@ def _payload_of(
     if not payload.checks:
         raise DataQualityError(
             f"{folder.file(PAYLOAD)}: has no verdict: nothing was held against a limit; identify"
-            " the payload again"
+            " the payload again",
+            code="RID-CERTIFICATE-NOT-READY",
         )
     ids = payload.estimate.run_ids
     wanted = None if state is None else tuple(state.done[name] for name in state.measurements)
     if wanted is not None and ids != wanted:
         raise DataQualityError(
             f"{folder.path}: its runs are not those that {PAYLOAD} was identified from: finish the"
-            f" session: rid-daq payload {cell_of(folder)} --resume {folder.run_id}"
+            f" session: rid-daq payload {cell_of(folder)} --resume {folder.run_id}",
+            code="RID-CERTIFICATE-NOT-READY",
         )
     told = None if result.payload is None else [each.value for each in result.payload.parameters]
     reported = payload.estimate.reported.tolist()
@@ -220,11 +227,13 @@ def _payload_of(
     ):
         raise DataQualityError(
             f"{folder.path}: {RESULT} and {PAYLOAD} are not of the same payload: identify it again,"
-            " without -o"
+            " without -o",
+            code="RID-CERTIFICATE-NOT-READY",
         )
     if state is None and folder.run_id not in ids:
         raise DataQualityError(
-            f"{folder.path}: {PAYLOAD} is of other runs ({', '.join(ids)}): name one of those"
+            f"{folder.path}: {PAYLOAD} is of other runs ({', '.join(ids)}): name one of those",
+            code="RID-CERTIFICATE-NOT-READY",
         )
     return payload, result
 
@@ -245,7 +254,8 @@ def _files(folder: RunFolder) -> list[CertifiedFile]:
         if not folder.holds(name, entry):
             raise RecordingError(
                 f"{folder.file(name)}: is not what was written (its SHA-256 differs): put the"
-                " original back"
+                " original back",
+                code="RID-RUN-CHANGED",
             )
         found.append(CertifiedFile(folder.run_id, name, entry.sha256))
     return found

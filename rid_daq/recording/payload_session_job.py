@@ -133,7 +133,8 @@ def _require_followed(request: PayloadSessionRequest, payload_request: PayloadRe
             f"--until-mass {request.until_mass_kg:g}: {request.model} says {only_in_time}, which is"
             " made up for once a run is complete: the mass cannot be followed while the robot"
             " moves. Leave --until-mass out, or give a model that `rid-daq identify` writes without"
-            " --choose"
+            " --choose",
+            code="RID-OPTION-NO-EFFECT",
         )
 
 
@@ -165,12 +166,15 @@ def _motion_of(state: SessionState, loaded: LoadedCell) -> FourierMotion:
     """Return an interrupted session's motion."""
     session = state.folder.run_id
     if state.cell != loaded.config.name:
-        raise ConfigError(f"--resume {session}: was a session on cell {state.cell}")
+        raise ConfigError(
+            f"--resume {session}: was a session on cell {state.cell}", code="RID-SESSION-OTHER-CELL"
+        )
     require_own(state.folder)
     if load_robot(str(state.folder.file(ROBOT))) != loaded.robot:
         raise ConfigError(
             f"--resume {session}: the robot file of cell {state.cell} has changed since: put the"
-            " old one back, or begin a new session"
+            " old one back, or begin a new session",
+            code="RID-SESSION-OTHER-CELL",
         )
     name = str(state.folder.file(MOTION))
     motion = _periodic(motion_content(state.folder.read(MOTION), name))

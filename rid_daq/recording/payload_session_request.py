@@ -140,7 +140,8 @@ class PayloadSessionRequest(Ranged):
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"]))
             raise ConfigError(
-                f"--resume {self.resume}: its file says {where}: {first['msg']}; was it edited?"
+                f"--resume {self.resume}: its file says {where}: {first['msg']}; was it edited?",
+                code="RID-SESSION-STATE",
             ) from None
         said = {*self.given, *self.asked} - {"limits"}
         taken = {name: getattr(old, name) for name in known if name not in said}

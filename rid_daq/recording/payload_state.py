@@ -116,14 +116,18 @@ class SessionState:
             The folder is not of a payload session.
         """
         if not folder.file(STATE).exists():
-            raise ConfigError(f"{folder.path}: is not the folder of a payload session")
+            raise ConfigError(
+                f"{folder.path}: is not the folder of a payload session", code="RID-SESSION-STATE"
+            )
         try:
             document = _State.model_validate(parse_json(folder.read(STATE)))
         except (ConfigError, ValidationError) as error:
             first = error.errors()[0] if isinstance(error, ValidationError) else None
             said = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
             raise ConfigError(
-                f"{folder.file(STATE)}: not the state of a payload session ({said}); was it edited?"
+                f"{folder.file(STATE)}: not the state of a payload session ({said}); was it"
+                " edited?",
+                code="RID-SESSION-STATE",
             ) from None
         return cls(folder, document.cell, document.done, document.facts, document.asked)
 

@@ -88,7 +88,8 @@ class PayloadGuide:
         request, session = self.request, self.session
         if session.simulated is None and request.payload is not None:
             raise ConfigError(
-                f"--payload is for a simulated cell that is started here, not for {request.cell}"
+                f"--payload is for a simulated cell that is started here, not for {request.cell}",
+                code="RID-CELL-NOT-OURS",
             )
         self._preflight()
         self._require_cleared()
@@ -146,13 +147,15 @@ class PayloadGuide:
             return EmptyFlange.BY_FLAG
         if not self.console.can_ask:
             raise PreflightError(
-                f"{question} Nobody can be asked here: answer by the flags (--yes)"
+                f"{question} Nobody can be asked here: answer by the flags (--yes)",
+                code="RID-ANSWER-NOBODY",
             )
         if not self.console.confirm(question):
             raise PreflightError(
                 "nothing was moved: take off what hangs on the flange, then go on with --resume"
                 f" {self.state.folder.run_id}; or weigh against a model of the robot as it stands"
-                " (--model)"
+                " (--model)",
+                code="RID-ANSWER-NO",
             )
         return EmptyFlange.SAID if self.session.simulated is None else EmptyFlange.SIMULATED
 
@@ -169,7 +172,10 @@ class PayloadGuide:
         if problem is not None:
             raise problem
         if red:
-            raise PreflightError(f"red lines in the preflight: {len(red)}; see `rid-daq check`")
+            raise PreflightError(
+                f"red lines in the preflight: {len(red)}; see `rid-daq check`",
+                code="RID-PREFLIGHT-RED",
+            )
         self.console.say(f"Preflight: {len(lines)} lines, none red.")
 
     def _steps(self) -> Iterator[Step]:

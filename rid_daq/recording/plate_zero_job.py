@@ -116,11 +116,15 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     loaded = load_cell(request.cell)
     plate = loaded.config.plate
     if plate is None or loaded.amplifier_profile is None:
-        raise ConfigError(f"cell {loaded.config.name} has no plate: there is nothing to zero")
+        raise ConfigError(
+            f"cell {loaded.config.name} has no plate: there is nothing to zero",
+            code="RID-PLATE-MISSING",
+        )
     if request.write and request.cell in bundled_names("cells"):
         raise ConfigError(
             f"--write: {request.cell} is bundled with the program; `rid-daq init` makes a cell of"
-            " your own"
+            " your own",
+            code="RID-PLATE-ZERO-WRITE",
         )
     pose = None if request.pose is None else np.array(request.pose)
     turn = plan_turn(loaded.robot, pose)
@@ -200,10 +204,14 @@ def _offset(
         The plate's side of it cannot be used.
     """
     if data is None:
-        raise DataQualityError("nothing was recorded: the plate is not zeroed")
+        raise DataQualityError(
+            "nothing was recorded: the plate is not zeroed", code="RID-RECORDING-EMPTY"
+        )
     both = data.recording
     if both.reaction is None:
-        raise DataQualityError(f"the plate is not zeroed: {'; '.join(data.damage)}")
+        raise DataQualityError(
+            f"the plate is not zeroed: {'; '.join(data.damage)}", code="RID-RECORDING-ROWS-LOST"
+        )
     number: IntArray = np.full(len(both), -1, dtype=np.int64)
     for k, rows in enumerate(readings):
         inside = (both.sample_index >= rows.start) & (both.sample_index < rows.stop)

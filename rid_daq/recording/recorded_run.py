@@ -88,7 +88,9 @@ class RecordedRun:
             Nothing was.
         """
         if self.data is None:
-            raise DataQualityError(f"{self.folder.path}: nothing was recorded in this run")
+            raise DataQualityError(
+                f"{self.folder.path}: nothing was recorded in this run", code="RID-RECORDING-EMPTY"
+            )
         return self.data
 
     @property
@@ -207,4 +209,6 @@ def ending_said(outcome: RecordOutcome, epilogue: str = "") -> Iterator[None]:
         yield
     except RecordingError as error:
         ended = stop_words(outcome) or "The motion ended as planned."
-        raise RecordingError(" ".join(filter(None, (ended, epilogue, str(error))))) from error
+        raise RecordingError(
+            " ".join(filter(None, (ended, epilogue, str(error)))), code=error.refusal
+        ) from error

@@ -367,7 +367,8 @@ def refuse_runs(runs: Path) -> None:
     """
     if runs.exists() and not runs.is_dir():
         raise RecordingError(
-            f"{runs}: no run folder can be made: it is a file; give --runs the folder of the runs"
+            f"{runs}: no run folder can be made: it is a file; give --runs the folder of the runs",
+            code="RID-FILE-NOT-FOLDER",
         )
 
 

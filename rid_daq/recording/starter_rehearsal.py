@@ -70,7 +70,7 @@ def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
         left -= 1
         files = starting_files(urdf, made)
         with (
-            system_errors(RecordingError, "no folder for the rehearsal"),
+            system_errors(RecordingError, "no folder for the rehearsal", code="RID-FILE-WRITE"),
             tempfile.TemporaryDirectory(prefix="rid-daq-") as folder,
         ):
             for name, text in files.items():
@@ -110,5 +110,8 @@ def _run(loaded: LoadedCell, folder: Path) -> RecordOutcome:
             raise failure
         for line in lines:
             if line.verdict == "red":
-                raise RidDaqError(f"{line.where}, {line.what}: {line.found}. {line.next_action}")
+                raise RidDaqError(
+                    f"{line.where}, {line.what}: {line.found}. {line.next_action}",
+                    code="RID-PREFLIGHT-RED",
+                )
         return record_motion(reachable, robot, samples, RunFolder.create(folder, "rehearsal"))

@@ -130,7 +130,10 @@ def _planned(
     if request.motion is None:
         return "Points that another program sent.", None, {}
     if request.socket is not None:
-        raise ConfigError("points come from the motion file or over --socket: give one of them")
+        raise ConfigError(
+            "points come from the motion file or over --socket: give one of them",
+            code="RID-OPTION-EXCLUSIVE",
+        )
     motion, text = motion_and_bytes(request.motion, loaded)
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion.describe(), samples, {MOTION: text}

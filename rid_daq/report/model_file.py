@@ -40,7 +40,7 @@ class ModelFile(Section):
         RecordingError
             It cannot be read any more.
         """
-        with system_errors(RecordingError, f"{path}: cannot be read"):
+        with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
             return cls(name=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest())
 
     def __str__(self) -> str:

@@ -135,4 +135,6 @@ def _shown(section: str, *, read: bool) -> Iterator[None]:
         jinja2.TemplateError,
     ) as error:
         why = "was it edited?" if read else "nothing was written"
-        raise RecordingError(f"{section}: cannot be shown: {error}; {why}") from error
+        raise RecordingError(
+            f"{section}: cannot be shown: {error}; {why}", code="RID-RESULT-UNSOUND"
+        ) from error

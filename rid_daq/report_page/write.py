@@ -41,7 +41,7 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     try:
         page = render_report(result, before)
     except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise RecordingError(f"{path}: {error}", code=error.refusal) from error
     folder.write(RESULT, text.encode())
     return folder.write(REPORT, page.encode())
 

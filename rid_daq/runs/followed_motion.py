@@ -59,7 +59,8 @@ def error_of(data: RunData) -> TrackingError:
     if recording.target_position is None or not main.any():
         raise DataQualityError(
             f"run {data.folder.run_id} says nothing of where the robot should have been: a run of"
-            " this program's own is needed"
+            " this program's own is needed",
+            code="RID-RUN-FOREIGN",
         )
     chain = Chain.from_description(data.robot)
     return tracking_error(chain, recording.target_position[main], recording.position[main])

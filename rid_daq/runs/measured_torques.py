@@ -25,5 +25,6 @@ def require_torques(runs: Sequence[RunData]) -> None:
             found = ", ".join(f"{joint} (always {value:g})" for joint, value in dead.items())
             raise DataQualityError(
                 f"{data.folder.path}: no torque was measured of joints that move: {found}. Look at"
-                f" the {where}"
+                f" the {where}",
+                code="RID-RUN-NO-TORQUE",
             )

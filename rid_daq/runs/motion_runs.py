@@ -56,7 +56,8 @@ class MotionRun:
         if self.streamed:
             raise DataQualityError(
                 f"run {self.run_id} was streamed: what compensated it was computed on line and is"
-                " not kept. Record the motion, plainly or with --feedforward, and use that run"
+                " not kept. Record the motion, plainly or with --feedforward, and use that run",
+                code="RID-RUN-FOREIGN",
             )
         planned = self.motion.plan(self.data.robot, self.cell.cycle_time_s).whole()
         return planned if self.file is None else self.file.onto(planned)
@@ -90,7 +91,8 @@ def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun
     if cell is None or not motion.exists():
         raise DataQualityError(
             f"run {folder.run_id} says nothing of where the robot should have been: a run of this"
-            " program's own is needed"
+            " program's own is needed",
+            code="RID-RUN-FOREIGN",
         )
     ahead = folder.file(FEEDFORWARD)
     return MotionRun(

@@ -43,7 +43,7 @@ def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
                 code="RID-OUTPUT-EXISTS",
             )
         _refuse_part(output)
-        with system_errors(RecordingError, f"{output}: cannot be read"):
+        with system_errors(RecordingError, f"{output}: cannot be read", code="RID-FILE-READ"):
             is_own = made.is_at(output)
         if not is_own:
             raise ConfigError(
@@ -65,11 +65,19 @@ def require_writable(output: Path) -> None:
         No file of that name can be.
     """
     if output.exists() and not output.is_file():
-        raise RecordingError(f"{output}: cannot be written: is no file; choose another name")
+        raise RecordingError(
+            f"{output}: cannot be written: is no file; choose another name", code="RID-FILE-WRITE"
+        )
     if not output.parent.is_dir():
-        raise RecordingError(f"{output}: cannot be written: there is no folder {output.parent}")
+        raise RecordingError(
+            f"{output}: cannot be written: there is no folder {output.parent}",
+            code="RID-FILE-WRITE",
+        )
     if not os.access(output.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"{output}: cannot be written: {output.parent} may not be written to")
+        raise RecordingError(
+            f"{output}: cannot be written: {output.parent} may not be written to",
+            code="RID-FILE-WRITE",
+        )
     _refuse_part(output)
 
 

@@ -64,7 +64,8 @@ def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
     plate = _value(yaml.compose(text, Loader=yaml.SafeLoader), "plate")
     if not isinstance(plate, yaml.MappingNode) or plate.flow_style or not plate.value:
         raise ConfigError(
-            f"{name}: plate does not stand there as lines of its own; put the zero in by hand"
+            f"{name}: plate does not stand there as lines of its own; put the zero in by hand",
+            code="RID-PLATE-ZERO-WRITE",
         )
     lines = text.splitlines(keepends=True)
     first_key = plate.value[0][0].start_mark
@@ -80,7 +81,10 @@ def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
     expected = {**before.data, "plate": {**before.data["plate"]}}
     expected["plate"]["zero"] = {key: list(getattr(zero, key)) for key in type(zero).model_fields}
     if after.data != expected:
-        raise ConfigError(f"{name}: cannot be changed safely; put the zero in by hand")
+        raise ConfigError(
+            f"{name}: cannot be changed safely; put the zero in by hand",
+            code="RID-PLATE-ZERO-WRITE",
+        )
     validate(after, CellConfig)
     return changed
 
@@ -100,7 +104,7 @@ def write_zero(path: Path, zero: PlateZero, comment: str = "") -> None:
         text = read_file(target, MAX_BYTES).decode("utf-8")
         mode = target.stat().st_mode
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
+        raise ConfigError(f"{path}: cannot be read: {error}", code="RID-FILE-READ") from None
     write_whole(target, with_zero(text, zero, str(path), comment).encode())
     target.chmod(mode & 0o777)
 

@@ -232,17 +232,17 @@ def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
     """
     recorded = folder.file(RECORDING).exists()
     if not (recorded or folder.file(SOURCE).exists()):
-        raise RecordingError(
-            f"{folder.path}: holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this"
-            " run"
-        )
+        words = f"holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this run"
+        raise RecordingError(f"{folder.path}: {words}", code="RID-RECORDING-EMPTY")
     if recorded and being_written(folder.file(RECORDING)):
-        raise LockedError(f"{folder.path}: is still being recorded; wait until it has ended")
+        words = f"{folder.path}: is still being recorded; wait until it has ended"
+        raise LockedError(words, code="RID-RUN-OPEN")
     if not unfinished and folder.manifest().status == RunStatus.UNFINISHED:
         raise DataQualityError(
             f"{folder.path}: was never finished: the program ended before the run did. Write what"
             f" is readable as a new run: `rid-daq recover {folder.path}`; or use it as it is:"
-            " --unfinished"
+            " --unfinished",
+            code="RID-RUN-UNFINISHED",
         )
     return recorded
 
@@ -260,16 +260,13 @@ def require_own(folder: RunFolder) -> None:
         whose = _whose(folder, name)
         words = f"{path}: {what}{whose}."
         if "put into" in what:
-            raise RecordingError(f"{words} Take it out of the folder")
-        if path.suffix == ".mcap" and path.exists() and not whose:
-            raise RecordingError(
-                f"{words} Put the original back, or write what is readable of it as a new run:"
-                f" `rid-daq recover {folder.path}`"
-            )
+            raise RecordingError(f"{words} Take it out of the folder", code="RID-RUN-MIXED")
         again = "import" if folder.file(SOURCE).exists() else "record"
-        raise RecordingError(
-            f"{words} Put the original back; if the new one is right, {again} a run with it"
-        )
+        advice = f"; if the new one is right, {again} a run with it"
+        if path.suffix == ".mcap" and path.exists() and not whose:
+            again = f"`rid-daq recover {folder.path}`"
+            advice = f", or write what is readable of it as a new run: {again}"
+        raise RecordingError(f"{words} Put the original back{advice}", code="RID-RUN-CHANGED")
 
 
 def _whose(folder: RunFolder, name: str) -> str:
@@ -289,7 +286,8 @@ def _require_run(folder: RunFolder, name: str, run_id: str) -> None:
     if run_id not in ("", folder.run_id):
         raise RecordingError(
             f"{folder.file(name)}: belongs to run {run_id}, not to {folder.run_id}: put the"
-            " original back"
+            " original back",
+            code="RID-RUN-MIXED",
         )
 
 
@@ -301,7 +299,8 @@ def _require_header(folder: RunFolder, header: JournalHeader, robot: RobotDescri
         raise RecordingError(
             f"{path}: is of robot {header.robot_name!r} with the joints"
             f" {', '.join(header.joint_names)}; {ROBOT} beside it describes {robot.name!r}:"
-            f" put the {ROBOT} back that it was recorded with"
+            f" put the {ROBOT} back that it was recorded with",
+            code="RID-RUN-MIXED",
         )
 
 

@@ -22,11 +22,10 @@ from urllib.parse import quote
 
 import httpx
 
-from config import errors
-from config.errors import ConfigError, LockedError, RidDaqError, ServiceError
+from config.errors import ConfigError, LockedError, ServiceError
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Job, JobState, OnLostClient
-from rid_daq.service.refusals import NotAllowedError, NotKnownError, UnknownError
+from rid_daq.service.refusals import refusal_of
 from rid_daq.service.sockets import is_this_computer, local_sockets
 from rid_daq.terminal.job_events import EVENT, AnyEvent, Documented, Ended
 
@@ -71,7 +70,8 @@ class JobResult:
         if self.job.state is not JobState.DONE:
             raise ServiceError(
                 f"job {self.job.id} ({self.job.kind.value}) is {self.job.state.value}:"
-                f" {self.job.reason}"
+                f" {self.job.reason}",
+                code="RID-JOB-NOT-DONE",
             )
         return self
 
@@ -189,7 +189,9 @@ class ServiceClient:
         try:
             content = path.read_bytes()
         except OSError as error:
-            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+            raise ConfigError(
+                f"{path}: cannot be read: {error.strerror}", code="RID-FILE-READ"
+            ) from None
         self._send(self._http.build_request("PUT", _api(f"/files/{quote(name)}"), content=content))
 
     def get_run_file(self, run: str, name: str) -> bytes:
@@ -205,12 +207,15 @@ class ServiceClient:
             waited_s = request.extensions["timeout"]["read"]
             raise ServiceError(
                 f"the service has not answered for {waited_s:g} s: it hangs, or its computer is too"
-                " busy; what it was asked may still be done"
+                " busy; what it was asked may still be done",
+                code="RID-SERVICE-UNREACHABLE",
             ) from None
         except httpx.HTTPError as error:
-            raise ServiceError(f"the service cannot be reached: {error}") from None
+            raise ServiceError(
+                f"the service cannot be reached: {error}", code="RID-SERVICE-UNREACHABLE"
+            ) from None
         if not answer.is_success:
-            raise _refusal(answer)
+            raise refusal_of(answer)
         return answer
 
     @contextmanager
@@ -351,11 +356,6 @@ class LeasedCell:
         self.service.ask("POST", f"/jobs/{job.id}/answer", told, self.lease.key)
 
 
-_REFUSALS: dict[str, type[RidDaqError]] = {
-    each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
-}
-
-
 def _api(path: str) -> str:
     return f"/api/v1{path}"
 
@@ -365,35 +365,26 @@ def _patience(answer_s: float | None = None) -> httpx.Timeout:
     return httpx.Timeout(_PATIENCE_S if answer_s is None else answer_s, connect=_REACH_S)
 
 
-def _refusal(answer: httpx.Response) -> RidDaqError:
-    """Return the error that an answer names."""
-    try:
-        told = answer.json()
-        name, message = str(told["error"]), str(told["message"])
-        code = str(told.get("code", ""))
-    except (AttributeError, ValueError, KeyError, TypeError):
-        return ServiceError(f"the service answers {answer.status_code} {answer.reason_phrase}")
-    named = getattr(errors, name, None)
-    if name in _REFUSALS:
-        return _REFUSALS[name](message, code=code)
-    if isinstance(named, type) and issubclass(named, RidDaqError):
-        return named(message, code=code)
-    return ServiceError(message, code=code)
-
-
 def _socket(address: str) -> Path:
     if address != "local":
         path = Path(address)
         if not path.is_socket():
             raise ConfigError(
                 f"--service {address}: give local, the path of a service's socket, or"
-                " https://HOST:PORT"
+                " https://HOST:PORT",
+                code="RID-SERVICE-ADDRESS",
             )
         return path
     found = local_sockets()
     if len(found) == 1:
         return found[0]
     if not found:
-        raise ConfigError("no service of yours runs on this computer: `rid-daq serve CELL` is one")
+        raise ConfigError(
+            "no service of yours runs on this computer: `rid-daq serve CELL` is one",
+            code="RID-SERVICE-UNREACHABLE",
+        )
     names = ", ".join(map(str, found))
-    raise ConfigError(f"several services run on this computer: name the socket of one: {names}")
+    raise ConfigError(
+        f"several services run on this computer: name the socket of one: {names}",
+        code="RID-SERVICE-ADDRESS",
+    )

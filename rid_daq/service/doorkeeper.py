@@ -124,7 +124,8 @@ class Doorkeeper:
         found = self.look(headers, local=local)
         if found is None:
             raise NotKnownError(
-                "show a token (Authorization: Bearer ...), or pair this device on its page"
+                "show a token (Authorization: Bearer ...), or pair this device on its page",
+                code="RID-ACCESS-UNKNOWN",
             )
         return found
 
@@ -161,7 +162,8 @@ class Doorkeeper:
         """
         if not hmac.compare_digest(link_secret.encode(), self.link_secret.encode()):
             raise NotAllowedError(
-                "this address is of another start of the service: see its terminal"
+                "this address is of another start of the service: see its terminal",
+                code="RID-ACCESS-UNKNOWN",
             )
         name = self._name_of(browser_words(agent))
         _, secret = self.tokens.add(name, Role.ADMINISTRATOR, person=True, ends=TokenEnd.SERVICE)

@@ -93,7 +93,7 @@ def serve_cells(
     """
     folder = request.folder.resolve()
     if not folder.is_dir():
-        raise ConfigError(f"{folder}: is no folder; make it first")
+        raise ConfigError(f"{folder}: is no folder; make it first", code="RID-FILE-NOT-FOLDER")
     cells = [ServedCell(reference, request.pace) for reference in request.cells]
     with contextlib.ExitStack() as stack:
         stack.enter_context(_only_one(folder))
@@ -154,4 +154,6 @@ def _only_one(folder: Path) -> Iterator[None]:
         with held_file(state / "lock"):
             yield
     except BlockingIOError:
-        raise LockedError(f"{folder}: another service works in this folder") from None
+        raise LockedError(
+            f"{folder}: another service works in this folder", code="RID-CELL-BUSY"
+        ) from None

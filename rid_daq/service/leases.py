@@ -89,14 +89,19 @@ class Leases:
             left_s = running.ends_s - self._now_s()
             raise LockedError(
                 f"cell {cell}: {held.owner} has it ({held.note or 'no note'}; {left_s:.0f} s left"
-                " unless renewed): wait, ask them, or take it over on the page"
+                " unless renewed): wait, ask them, or take it over on the page",
+                code="RID-LEASE-OTHER",
             )
         if held is not None and not who.person:
             raise NotAllowedError(
-                f"cell {cell}: only a person takes it over from {held.owner}, on the page"
+                f"cell {cell}: only a person takes it over from {held.owner}, on the page",
+                code="RID-ACCESS-ROLE",
             )
         if held is not None and confirmed != cell:
-            raise ConfigError(f"{confirmed!r} is not the cell's name {cell!r}: nothing was taken")
+            raise ConfigError(
+                f"{confirmed!r} is not the cell's name {cell!r}: nothing was taken",
+                code="RID-ANSWER-NO",
+            )
         lease = Lease(
             id=secrets.token_hex(8),
             cell=cell,
@@ -173,4 +178,6 @@ class Leases:
 
     def _check(self, seconds: float) -> None:
         if not LEAST_S <= seconds <= MOST_S:
-            raise ConfigError(f"seconds: {seconds:g}: give {LEAST_S:g} to {MOST_S:g}")
+            raise ConfigError(
+                f"seconds: {seconds:g}: give {LEAST_S:g} to {MOST_S:g}", code="RID-OPTION-RANGE"
+            )

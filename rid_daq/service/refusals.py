@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from http import HTTPStatus
+from typing import TYPE_CHECKING, Final
 
 from config import errors
 from config.errors import RidDaqError, ServiceError
+
+if TYPE_CHECKING:
+    import httpx
 
 
 class NotAllowedError(ServiceError):
@@ -37,6 +41,10 @@ _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
     (errors.EstimationError, HTTPStatus.UNPROCESSABLE_ENTITY),
 )
 
+_REFUSALS: Final[dict[str, type[RidDaqError]]] = {
+    each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
+}
+
 
 def status_of(error: RidDaqError) -> HTTPStatus:
     """Return the status that a client gets for an error."""
@@ -44,3 +52,22 @@ def status_of(error: RidDaqError) -> HTTPStatus:
         if isinstance(error, kind):
             return status
     return HTTPStatus.INTERNAL_SERVER_ERROR
+
+
+def refusal_of(answer: httpx.Response) -> RidDaqError:
+    """Return the error that an answer names."""
+    try:
+        told = answer.json()
+        name, message = str(told["error"]), str(told["message"])
+        code = str(told.get("code", ""))
+    except (AttributeError, ValueError, KeyError, TypeError):
+        return ServiceError(
+            f"the service answers {answer.status_code} {answer.reason_phrase}",
+            code="RID-SERVICE-UNREACHABLE",
+        )
+    named = getattr(errors, name, None)
+    if name in _REFUSALS:
+        return _REFUSALS[name](message, code=code)
+    if isinstance(named, type) and issubclass(named, RidDaqError):
+        return named(message, code=code)
+    return ServiceError(message, code=code)

@@ -110,7 +110,7 @@ def _end(reason: str, ended: Any) -> None:
         With its exit code.
     """
     if ended is None:
-        raise ServiceError(reason)
+        raise ServiceError(reason, code="RID-JOB-NOT-DONE")
     kind = getattr(errors, ended.error or "", None)
     if isinstance(kind, type) and issubclass(kind, RidDaqError):
         raise kind(ended.message, code=ended.code or "")
@@ -134,7 +134,9 @@ def _cell_name(asked: str | None, names: list[str]) -> str:
     named = _NAME.search(path.read_text(encoding="utf-8")) if path.is_file() else None
     if named is not None and named[1] in names:
         return named[1]
-    raise ConfigError(f"the service has no cell {asked!r}; it has {', '.join(names)}")
+    raise ConfigError(
+        f"the service has no cell {asked!r}; it has {', '.join(names)}", code="RID-CELL-UNKNOWN"
+    )
 
 
 class _Shown:
@@ -186,7 +188,8 @@ class _Shown:
         if event.form == "hold":
             raise ConfigError(
                 "a key must be held: do this on the service's page, or in a terminal at the cell"
-                " without --service"
+                " without --service",
+                code="RID-KEY-NEEDED",
             )
         if event.form == "yes_no":
             text = "yes" if self._console.confirm(event.text) else "no"

@@ -69,7 +69,8 @@ class ServedCell:
         if loaded.config.name != self.name:
             raise ConfigError(
                 f"{self.reference}: the cell is called {loaded.config.name!r} now, it was"
-                f" {self.name!r}: start the service again"
+                f" {self.name!r}: start the service again",
+                code="RID-SERVICE-CELLS",
             )
         return loaded
 

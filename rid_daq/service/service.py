@@ -75,7 +75,9 @@ class CellService:
         self.runs = self.folder / "runs"
         self.cells = {cell.name: cell for cell in cells}
         if len(self.cells) != len(cells):
-            raise ConfigError("two of the cells have one name: give each its own")
+            raise ConfigError(
+                "two of the cells have one name: give each its own", code="RID-SERVICE-CELLS"
+            )
         state = open_state_folder(self.folder)
         self.database = open_database(state / "service.db")
         self.jobs = JobStore(self.database)
@@ -114,7 +116,9 @@ class CellService:
         """
         found = self.cells.get(name)
         if found is None:
-            raise UnknownError(f"no cell {name!r} here; there are {', '.join(self.cells)}")
+            raise UnknownError(
+                f"no cell {name!r} here; there are {', '.join(self.cells)}", code="RID-CELL-UNKNOWN"
+            )
         return found
 
     def job(self, job_id: str) -> Job:
@@ -127,7 +131,7 @@ class CellService:
         """
         found = self.jobs.get(job_id)
         if found is None:
-            raise UnknownError(f"no job {job_id!r}")
+            raise UnknownError(f"no job {job_id!r}", code="RID-JOB-UNKNOWN")
         return found
 
     def status(self, cell: ServedCell) -> CellStatus:
@@ -203,7 +207,9 @@ class CellService:
         """
         require_role(who, Role.OPERATOR)
         if self.workshop.closing:
-            raise LockedError("the service is ending: nothing more is begun")
+            raise LockedError(
+                "the service is ending: nothing more is begun", code="RID-SERVICE-ENDING"
+            )
         request = paced(kind, request, cell.pace_here())
         of_cells = [path for each in self.cells.values() for path in each.loaded.paths]
         await asyncio.to_thread(check_request, kind, request, self.folder, of_cells)
@@ -264,7 +270,9 @@ class CellService:
         running = self.workshop.get(job.id)
         asked = None if running is None else running.question
         if running is None or asked is None or asked.question != question:
-            raise LockedError(f"job {job.id} does not ask question {question} now")
+            raise LockedError(
+                f"job {job.id} does not ask question {question} now", code="RID-JOB-UNKNOWN"
+            )
         if job.kind.opens_cell:
             self.leases.require(job.cell, lease)
         self.audit.note(who.name, "answered", job.cell, f"{asked.text} {text}")
@@ -334,7 +342,8 @@ class CellService:
         if self.workshop.is_busy(cell.name):
             busy = "a job" if running is None else running.job.kind.value
             raise LockedError(
-                f"cell {cell.name}: {busy} is under way: wait for its end, or stop it"
+                f"cell {cell.name}: {busy} is under way: wait for its end, or stop it",
+                code="RID-JOB-RUNNING",
             )
         if not kind.moves:
             return
@@ -346,7 +355,8 @@ class CellService:
         if not (cleared or cell.loaded.config.simulated):
             raise PreflightError(
                 f"cell {cell.name} is real: say that nobody is in it and the emergency stop is at"
-                " hand (cleared), each time"
+                " hand (cleared), each time",
+                code="RID-ANSWER-NO",
             )
 
     def _publish_cell(self, cell: ServedCell) -> None:
@@ -367,7 +377,9 @@ def require_role(who: Identity, role: Role) -> None:
         The role is not enough.
     """
     if not who.role.includes(role):
-        raise NotAllowedError(f"{who.name} is {who.role.value}: this needs {role.value}")
+        raise NotAllowedError(
+            f"{who.name} is {who.role.value}: this needs {role.value}", code="RID-ACCESS-ROLE"
+        )
 
 
 def paced(kind: JobKind, request: dict[str, Any], pace: float | None) -> dict[str, Any]:

@@ -96,11 +96,14 @@ class SystemdUnit:
         RecordingError
             It cannot be written.
         """
-        with system_errors(RecordingError, f"{self.path}: cannot be written"):
+        with system_errors(
+            RecordingError, f"{self.path}: cannot be written", code="RID-FILE-WRITE"
+        ):
             before = self.path.read_text(encoding="utf-8") if self.path.exists() else _HEAD
             if not before.startswith(_HEAD):
                 raise ConfigError(
-                    f"{self.path}: is there already and was not written by rid-daq: move it away"
+                    f"{self.path}: is there already and was not written by rid-daq: move it away",
+                    code="RID-FILE-EXISTS",
                 )
             self.path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(self.path, self.text.encode())

@@ -47,7 +47,10 @@ class Simulation(Ranged):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.realtime and self.pace is not None:
-            raise ConfigError("--realtime and --pace are two ways to keep time: give one")
+            raise ConfigError(
+                "--realtime and --pace are two ways to keep time: give one",
+                code="RID-OPTION-EXCLUSIVE",
+            )
 
     def with_faults(self, faults: FaultScript) -> Simulation:
         """Return the same with a fault script."""
@@ -103,17 +106,20 @@ def mountable_cell(
         if simulation.pace is not None:
             raise ConfigError(
                 f"cell {cell.name}: its devices are not started here and keep their own time: leave"
-                " --pace out, or give it to `rid-daq mock`"
+                " --pace out, or give it to `rid-daq mock`",
+                code="RID-CELL-NOT-OURS",
             )
         if payload is not None:
             raise ConfigError(
                 f"cell {cell.name}: its robot is not started here, so nothing can be mounted on its"
-                " flange: leave --payload out, or give it to `rid-daq mock`"
+                " flange: leave --payload out, or give it to `rid-daq mock`",
+                code="RID-CELL-NOT-OURS",
             )
         if faults is not NO_SCRIPT:
             raise ConfigError(
                 f"cell {cell.name}: its devices are not started here, so nothing can be made to go"
-                " wrong in them: leave --faults out, or give it to `rid-daq mock`"
+                " wrong in them: leave --faults out, or give it to `rid-daq mock`",
+                code="RID-CELL-NOT-OURS",
             )
         with hold_cell(cell):
             yield _as_served(cell), None
@@ -123,10 +129,13 @@ def mountable_cell(
     from mock_hw.simulation import CellSimulation
 
     if loaded.plant is None:
-        raise ConfigError(f"cell {cell.name}: a simulated cell needs plant")
+        raise ConfigError(
+            f"cell {cell.name}: a simulated cell needs plant", code="RID-CELL-NOT-SIMULATED"
+        )
     if simulation.pace is not None and cell.can.interface != SIMULATED:
         raise ConfigError(
-            f"cell {cell.name}: time waits for nobody on {cell.can.interface}: leave --pace out"
+            f"cell {cell.name}: time waits for nobody on {cell.can.interface}: leave --pace out",
+            code="RID-MOCK-REAL-TIME",
         )
     with (
         SimulatedCell(
@@ -176,7 +185,8 @@ def refuse_one_process(cell: CellConfig) -> None:
     if cell.can.interface == "virtual":
         raise ConfigError(
             f"cell {cell.name}: can.interface virtual lives within one process, a session has"
-            " several; use rid_sim, udp_multicast, slcan or socketcan"
+            " several; use rid_sim, udp_multicast, slcan or socketcan",
+            code="RID-CAN-INTERFACE",
         )
 
 

@@ -43,6 +43,7 @@ def held_before(runs: Path, reference: str) -> tuple[SavedDrive, ...]:
         path = folder.file(DRIVE_WRITES)
         if not path.exists():
             raise ConfigError(
-                f"{folder.path}: nothing was written to drives in this run: nothing to roll back"
+                f"{folder.path}: nothing was written to drives in this run: nothing to roll back",
+                code="RID-WRITE-LOG-EMPTY",
             )
     return read_write_log(path)

@@ -31,10 +31,13 @@ def owned(cell: CellConfig) -> Iterator[None]:
         except BlockingIOError:
             raise LockedError(
                 f"cell {cell.name}: another service has it (process {file_holder(path)}): end that"
-                " one, or leave the cell to it"
+                " one, or leave the cell to it",
+                code="RID-CELL-BUSY",
             ) from None
         except OSError as error:
-            raise RecordingError(f"{path}: cannot open the lock file: {error.strerror}") from None
+            raise RecordingError(
+                f"{path}: cannot open the lock file: {error.strerror}", code="RID-FILE-ACCESS"
+            ) from None
         yield
 
 
@@ -50,7 +53,8 @@ def refuse_owned(cell: CellConfig) -> None:
     if owner is not None and owner not in (os.getpid(), os.getppid()):
         raise LockedError(
             f"cell {cell.name}: the service has it (process {owner}): send this there with"
-            " `--service local`, or end the service"
+            " `--service local`, or end the service",
+            code="RID-CELL-BUSY",
         )
 
 

@@ -193,7 +193,8 @@ def signed(lock: Path, cell: str) -> Iterator[None]:
         except OSError as error:
             raise RecordingError(
                 f"{path}: cannot be written: {error.strerror}. `rid-daq stop` finds a session by"
-                " it: let its owner or root remove it, or name another folder with RID_DAQ_LOCKS"
+                " it: let its owner or root remove it, or name another folder with RID_DAQ_LOCKS",
+                code="RID-FILE-ACCESS",
             ) from None
         yield
 

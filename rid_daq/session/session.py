@@ -46,11 +46,13 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
             raise LockedError(
                 f"cell {cell.name}: bus {cell.can.interface}:{cell.can.channel} is held by another"
                 f" session ({_holder(path)}). Wait until it ends, or stop it:"
-                f" `rid-daq stop {cell.name}`."
+                f" `rid-daq stop {cell.name}`.",
+                code="RID-CELL-BUSY",
             ) from None
         except OSError as error:
             raise RecordingError(
-                f"{path}: cannot open the lock file: {error.strerror}{_advice(error)}"
+                f"{path}: cannot open the lock file: {error.strerror}{_advice(error)}",
+                code="RID-FILE-ACCESS",
             ) from None
         stack.enter_context(signed(path, cell.name))
         yield

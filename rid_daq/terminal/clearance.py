@@ -65,13 +65,20 @@ def clear(cell: str, cleared: bool, console: Console, danger: str = "The robot w
         return True
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
     if not console.can_ask:
-        raise PreflightError(f"nobody can be asked whether cell {cell} is clear: {advice}")
+        raise PreflightError(
+            f"nobody can be asked whether cell {cell} is clear: {advice}", code="RID-ANSWER-NOBODY"
+        )
     console.say(danger)
     answer = console.ask(f"Is nobody in cell {cell}? Type the cell's name", str)
     if answer != cell:
-        raise PreflightError(f"nothing was moved: {answer!r} is not {cell!r}; {advice}")
+        raise PreflightError(
+            f"nothing was moved: {answer!r} is not {cell!r}; {advice}", code="RID-ANSWER-NO"
+        )
     if not console.confirm("Is the emergency stop at hand?"):
-        raise PreflightError("nothing was moved: have the emergency stop at hand, then start again")
+        raise PreflightError(
+            "nothing was moved: have the emergency stop at hand, then start again",
+            code="RID-ANSWER-NO",
+        )
     return True
 
 
@@ -87,6 +94,9 @@ def require_yes(console: Console, question: str, answered: bool) -> None:
         console.say(f"{question} Answered by --yes.")
         return
     if not console.can_ask:
-        raise PreflightError(f"{question} Nobody can be asked here: answer by the flags (--yes)")
+        raise PreflightError(
+            f"{question} Nobody can be asked here: answer by the flags (--yes)",
+            code="RID-ANSWER-NOBODY",
+        )
     if not console.confirm(question):
-        raise PreflightError("nothing was moved further: the answer was no")
+        raise PreflightError("nothing was moved further: the answer was no", code="RID-ANSWER-NO")

@@ -353,7 +353,9 @@ def _answered(ask: Callable[[], T]) -> T:
         return ask()
     except typer.Abort:
         typer.echo(err=True)  # the question's line has no end
-        raise PreflightError("nobody answered: nothing more is moved") from None
+        raise PreflightError(
+            "nobody answered: nothing more is moved", code="RID-ANSWER-NOBODY"
+        ) from None
 
 
 class _Silent:

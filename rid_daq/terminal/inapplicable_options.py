@@ -35,4 +35,6 @@ def refuse_inapplicable(context: typer.Context, unread: Collection[str], because
     for parameter in context.command.params:
         if parameter.name in unread and is_given(context, parameter.name):
             option = "/".join((parameter.opts[0], *parameter.secondary_opts[:1]))
-            raise ConfigError(f"{option}: has no effect {because}; leave it out")
+            raise ConfigError(
+                f"{option}: has no effect {because}; leave it out", code="RID-OPTION-NO-EFFECT"
+            )

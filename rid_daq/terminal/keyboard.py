@@ -125,5 +125,6 @@ def require_keyboard() -> None:
     if not sys.stdin.isatty():
         raise PreflightError(
             "a key must be held for the robot to move, and there is no keyboard here: run the"
-            " command in a terminal"
+            " command in a terminal",
+            code="RID-KEY-NEEDED",
         )

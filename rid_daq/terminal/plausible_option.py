@@ -36,7 +36,7 @@ def _looking(found: Plausible) -> Callback:
     def look(param: typer.CallbackParam, value: float | None) -> float | None:
         refusal = None if value is None else found.refusal(value)
         if refusal is not None:
-            raise ConfigError(f"{param.opts[0]}: {refusal}")
+            raise ConfigError(f"{param.opts[0]}: {refusal}", code="RID-OPTION-RANGE")
         return value
 
     return look

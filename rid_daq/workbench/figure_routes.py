@@ -70,7 +70,7 @@ def run_figure(
     for drawing in run_drawings(folder):
         if drawing.name == name:
             return _answer(request, drawing.make, f"{folder.run_id}-{name}", dark, form)
-    raise UnknownError(f"run {folder.run_id} has no figure {name!r}")
+    raise UnknownError(f"run {folder.run_id} has no figure {name!r}", code="RID-RUN-FILE")
 
 
 @router.get("/cells/{cell}/motion")
@@ -115,7 +115,7 @@ def warm_up(
         if isinstance(event, WarmedUp)
     ]
     if not told:
-        raise UnknownError(f"job {job.id} has not told of a warm-up yet")
+        raise UnknownError(f"job {job.id} has not told of a warm-up yet", code="RID-JOB-UNKNOWN")
     power = [period for event in told for period in event.power_w]
 
     def make() -> Any:
@@ -142,7 +142,7 @@ def history(
     robot = cell.loaded.robot.name
     found = [each for each in history_of(service.runs, robot) if each.title == quantity]
     if not found:
-        raise UnknownError(f"no run of {robot} tells of {quantity!r}")
+        raise UnknownError(f"no run of {robot} tells of {quantity!r}", code="RID-RUN-FILE")
     told = found[0]
     values = [
         PastValue(

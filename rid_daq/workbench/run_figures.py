@@ -137,7 +137,9 @@ def _warm_up(folder: RunFolder) -> list[Drawing]:
 def _motion(folder: RunFolder) -> GridPlot:
     for name in (ROBOT, CELL):
         if not folder.file(name).exists():
-            raise RecordingError(f"run {folder.run_id} has no {name}: its motion is not drawn")
+            raise RecordingError(
+                f"run {folder.run_id} has no {name}: its motion is not drawn", code="RID-RUN-FILE"
+            )
     cell = load_bundled_or_path(str(folder.file(CELL)), "cells", CellConfig)
     robot = load_robot(str(folder.file(ROBOT)))
     samples = load_motion(folder.file(MOTION)).plan(robot, cell.cycle_time_s)

@@ -103,7 +103,7 @@ def _compressed(name: str) -> CompressedBody:
 def _content(name: str) -> bytes:
     content = static_files().get(name)
     if content is None:
-        raise UnknownError(f"no file {name!r}")
+        raise UnknownError(f"no file {name!r}", code="RID-FILE-UNKNOWN")
     return content
 
 

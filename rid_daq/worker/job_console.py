@@ -201,7 +201,7 @@ class JobConsole(Console):
         answer = self.orders.wait_for_answer(number)
         self.events.write(Answered(at_s=time.time(), question=number))
         if answer is None:
-            raise PreflightError("nobody answered: nothing more is moved")
+            raise PreflightError("nobody answered: nothing more is moved", code="RID-ANSWER-NOBODY")
         return answer
 
     @contextmanager

@@ -104,7 +104,7 @@ def request_of(
         found = error.errors()
         first = next((each for each in found if each["type"] in _OUT_OF_RANGE), found[0])
         where = ".".join(map(str, first["loc"]))
-        code = CODE if first["type"] in _OUT_OF_RANGE else ""
+        code = CODE if first["type"] in _OUT_OF_RANGE else "RID-REQUEST-INVALID"
         raise ConfigError(f"{kind.value}: {where}: {first['msg']}", code=code) from None
     except ConfigError as error:
         raise ConfigError(f"{kind.value}: {error}", code=error.refusal) from None

@@ -23,6 +23,7 @@ from acquisition.hold_to_run.held_key import (
     KeyMessage,
     KeyVerdict,
 )
+from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.service_beat import ServiceBeat
 from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
@@ -35,6 +36,10 @@ _REFUSALS: Final = {
     KeyVerdict.UNRELEASED: f"the key was held before it could count: {_AGAIN}",
     KeyVerdict.ELSEWHERE: "another page or program holds a key: it must let go first",
     KeyVerdict.TAP_LOST: "a choice came too late and was not taken: choose again, then press",
+}
+_CODES: Final = {
+    StopCode.SERVICE_LOST: "RID-SERVICE-LOST",
+    StopCode.CLIENT_LOST: "RID-CLIENT-LOST",
 }
 
 Refused = Callable[[str, float | None], None]
@@ -102,8 +107,7 @@ class Orders:
     def _require_service(self) -> None:
         reason = None if self.service is None else self.service.reason(self._now_s())
         if reason is not None:
-            code = f"RID-{reason.code.name.replace('_', '-')}"
-            raise PreflightError(f"{reason.text}; nothing more is moved", code=code)
+            raise PreflightError(f"{reason.text}; nothing more is moved", code=_CODES[reason.code])
 
     def begin(self) -> None:
         """Ask for keys, and let them count."""

@@ -14,6 +14,7 @@ from dynamics.terms.conditions import Conditions
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate, predict
 from tests.builders.known_model import known
+from tests.builders.raised_codes import raises_code
 from tests.builders.warm_model import FALL, by_temperature
 from tests.builders.warming_arm import motion, recording
 
@@ -108,7 +109,7 @@ def test_a_model_at_one_temperature_compensates_on_line(
         VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
         for joint in cell.robot.joint_names
     ]
-    with pytest.raises(EstimationError, match="depends on the drive's temperature"):
+    with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
         OnlineFeedforward.identified(cell.config, cell.robot, followed, loops)
     warm = at_operation(followed, "warm", WAY[1]).estimate
     OnlineFeedforward.identified(cell.config, cell.robot, warm, loops)
@@ -118,7 +119,7 @@ def test_what_friction_does_not_depend_on_is_not_asked(cell: LoadedCell) -> None
     plain = known(cell, {})
     assert at_operation(plain, None, None).estimate is plain
     assert at_operation(plain, None, None).notes == []
-    with pytest.raises(ConfigError, match="--temperature 40: has no effect"):
+    with raises_code(ConfigError, "RID-OPTION-NO-EFFECT", "--temperature", "40"):
         at_operation(plain, "40", None)
 
 
@@ -126,22 +127,22 @@ def test_what_friction_does_not_depend_on_is_not_asked(cell: LoadedCell) -> None
 def test_nobody_knows_how_warm_measured_drives_become(
     measured: Estimate, asked: str | None
 ) -> None:
-    with pytest.raises(ConfigError, match="friction of axis1, axis2 depends on temperatures that"):
+    with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "axis1", "axis2"):
         at_operation(measured, asked, WAY[1])
 
 
 @pytest.mark.parametrize("asked", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
 def test_what_is_no_temperature_is_refused(measured: Estimate, asked: str) -> None:
-    with pytest.raises(ConfigError, match="give one temperature of -40 to 200 °C, or 3 separated"):
+    with raises_code(ConfigError, "RID-OPTION-SYNTAX", "-40", "200"):
         at_operation(measured, asked, WAY[1])
 
 
 @pytest.mark.parametrize("asked", [None, "40"])
 def test_without_thermometers_there_are_no_degrees(followed: Estimate, asked: str | None) -> None:
-    with pytest.raises(ConfigError, match="say --temperature warm, as the motion"):
+    with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "--temperature"):
         at_operation(followed, asked, WAY[1])
 
 
 def test_points_from_elsewhere_do_not_tell_how_warm_they_make_joints(followed: Estimate) -> None:
-    with pytest.raises(ConfigError, match="point by point"):
+    with raises_code(ConfigError, "RID-MODEL-TEMPERATURE"):
         at_operation(followed, "warm", None)

@@ -24,6 +24,7 @@ from config.plausible import Plausible
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
 from rid_daq.app import run
+from tests.builders.raised_codes import raises_code
 
 
 def bundled(kind: str, name: str = "ir361") -> str:
@@ -164,7 +165,7 @@ def test_a_body_s_grams_and_square_millimetres_are_recognised(
         bundled("cells", "kr15").replace("plant: kr15", "plant: plant.yaml")
     )
     (tmp_path / "plant.yaml").write_text(text.replace(right, wrong, 1))
-    with pytest.raises(ConfigError, match="is implausible") as caught:
+    with raises_code(ConfigError, "RID-FILE-VALUE") as caught:
         load_cell(str(tmp_path / "cell.yaml"))
     assert words in str(caught.value)
 

@@ -33,6 +33,7 @@ from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from tests.builders.obedient_cell import ObedientCell
+from tests.builders.raised_codes import raises_code
 
 INCREMENTS = 4096
 NAMES = ("base", "elbow")
@@ -144,7 +145,7 @@ def test_one_that_does_not_stop_without_this_computer_is_never_moved() -> None:
     with opened(cell) as (open_cell, bus):
         bus.drives[1].objects[od.ABORT_CONNECTION] = 0
         open_cell.axes.bring_up()
-        with pytest.raises(PreflightError, match=r"does not stop in time: elbow \(node 2\): op"):
+        with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
             prove_watches(open_cell.axes, open_cell.clock, cell)
         trial = try_watches(open_cell.axes, open_cell.clock, cell)[1]
         assert (trial.joint, trial.how) == ("elbow", "operation enabled")
@@ -162,7 +163,7 @@ def test_one_that_only_reports_that_this_computer_is_silent_is_never_moved(
         only_reports(bus.drives[1])
         bus.drives[1].clock.rate = rate
         open_cell.axes.bring_up()
-        with pytest.raises(PreflightError, match=r"does not stop in time: elbow \(node 2\): op"):
+        with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
             prove_watches(open_cell.axes, open_cell.clock, cell)
         base, elbow = try_watches(open_cell.axes, open_cell.clock, cell)
         assert (elbow.how, math.isnan(elbow.acted_s)) == ("operation enabled", True)
@@ -224,7 +225,7 @@ def test_life_guarding_is_proven_before_every_motion_whatever_the_drive_has() ->
         assert bus.drives[0].objects[od.GUARD_TIME] == 25
         assert bus.drives[0].objects[od.LIFE_TIME_FACTOR] == 3
         bus.drives[0].watches = False
-        with pytest.raises(PreflightError, match=r"does not stop in time: base \(node 1\): op"):
+        with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
             prove_watches(open_cell.axes, open_cell.clock, cell)
 
 
@@ -243,7 +244,9 @@ def test_a_guarded_drive_that_goes_into_fault_without_power_too_is_tried_to_the_
             drive._fault(0x3210)
 
         monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
-        with pytest.raises(PreflightError, match="3210h"):  # a fault that is none of the trial's
+        with raises_code(
+            PreflightError, "RID-PREFLIGHT-RED", "3210h"
+        ):  # a fault that is none of the trial's
             try_watches(open_cell.axes, open_cell.clock, cell)
 
 

@@ -16,6 +16,7 @@ from drivers.servo.cia402 import AxisUnits, MotorRatings
 from drivers.servo.requirements import cyclic_pdos
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.rack import DriveRack
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S = 0.008
 COMMAND = struct.Struct("<Hi")
@@ -139,12 +140,12 @@ def test_the_same_seed_sends_the_same_frames_and_another_one_does_not(loaded: Lo
 
 def test_joints_without_a_drive_are_named(loaded: LoadedCell) -> None:
     cell = loaded.config.model_copy(update={"axes": loaded.config.axes[:2]})
-    with pytest.raises(ConfigError, match="each joint needs one drive"):
+    with raises_code(ConfigError, "RID-CELL-JOINTS"):
         rack_of(loaded, cell)
 
 
 def test_no_snapshot_is_a_transport_error(snapshot: Path) -> None:
-    with pytest.raises(TransportError, match="no simulated axes"):
+    with raises_code(TransportError, "RID-MOCK-NOT-SERVED"):
         SnapshotReader(snapshot)
 
 
@@ -154,5 +155,5 @@ def test_a_torn_snapshot_is_noticed(snapshot: Path) -> None:
     with SnapshotReader(snapshot) as reader:
         assert reader.read().position.tolist() == [2.0]
         writer._memory[0:8] = (3).to_bytes(8, "little")
-        with pytest.raises(TransportError, match="torn"):
+        with raises_code(TransportError, "RID-MOCK-ENDED", "torn"):
             reader.read()

@@ -17,6 +17,7 @@ from drivers.cell import Cell
 from drivers.servo.watchdog_test import try_watches
 from mock_hw.drive import objects as od
 from mock_hw.drive.drive import SimulatedDrive
+from tests.builders.raised_codes import raises_code
 from tests.mock_hw.test_families import cell_of, opened
 
 WATCH_ON_COMPUTER = (0x1016, 1)
@@ -95,7 +96,7 @@ def test_with_its_boot_up_still_unread_when_they_are_started(rig: Rig) -> None:
     rig.cell.axes.bring_up()
     rig.restart_base()
     rig.pass_time(0.05)
-    with pytest.raises(DeviceFaultError, match="base: the drive booted"):
+    with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "base"):
         rig.cell.axes.start()
     rig.cell.axes.bring_up()
 

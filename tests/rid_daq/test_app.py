@@ -120,7 +120,8 @@ def test_what_the_system_says_of_a_file_is_one_message(
 
     monkeypatch.setattr("acquisition.runs.catalogue.list_runs", closed)
     assert run(["runs"]) == ExitCode.STORAGE
-    assert capsys.readouterr().err == "rid-daq: secret/manifest.json: Permission denied\n"
+    expected = "rid-daq: secret/manifest.json: Permission denied [RID-FILE-ACCESS]\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_with_json_an_error_is_a_document_too(

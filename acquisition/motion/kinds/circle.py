@@ -99,7 +99,10 @@ class CircleMotion(Motion):
         """
         n = len(robot.joints)
         if len(self.near) != n:
-            raise ConfigError(f"near has {len(self.near)} values, robot {robot.name!r} {n} joints")
+            raise ConfigError(
+                f"near has {len(self.near)} values, robot {robot.name!r} {n} joints",
+                code="RID-MOTION-JOINTS",
+            )
         chain = Chain.from_description(robot)
         near = np.array(self.near, dtype=float)
         rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
@@ -111,7 +114,8 @@ class CircleMotion(Motion):
         if harmonics >= min(MOST_HARMONICS, round(period_s / sample_period_s) // 2):
             raise ConfigError(
                 "the circle comes too near a singular pose for a smooth motion: move it, or make it"
-                " smaller"
+                " smaller",
+                code="RID-PATH-SINGULAR",
             )
         kept = 2.0 * bins[1 : harmonics + 1]
         joints = FourierJoint.for_each(

@@ -127,7 +127,8 @@ class ConstantVelocityMotion(Motion):
         if len(self.pose) != len(robot.joints):
             raise ConfigError(
                 f"pose has {len(self.pose)} values, robot {robot.name!r} has {len(robot.joints)}"
-                " joints"
+                " joints",
+                code="RID-MOTION-JOINTS",
             )
         pose = np.array(self.pose)
         dwell = max(1, math.ceil(self.dwell_s / sample_period_s))
@@ -172,7 +173,8 @@ def _joint(spec: SpeedRuns, robot: RobotDescription) -> int:
     if spec.joint not in robot.joint_names:
         raise ConfigError(
             f"the motion runs joint {spec.joint!r}; robot {robot.name!r} has"
-            f" {', '.join(robot.joint_names)}"
+            f" {', '.join(robot.joint_names)}",
+            code="RID-MOTION-JOINTS",
         )
     return robot.joint_names.index(spec.joint)
 
@@ -196,7 +198,9 @@ def _stroke(
         raise ConfigError(
             f"joint {spec.joint!r}: at {speed:g} per second the ramps leave"
             f" {max(constant_s, 0.0):.3g} s of constant speed between {spec.low:g} and"
-            f" {spec.high:g}, {SHORTEST_RUN_S:g} s are the least: widen low and high, or run slower"
+            f" {spec.high:g}, {SHORTEST_RUN_S:g} s are the least: widen low and high, or"
+            " run slower",
+            code="RID-MOTION-STROKE",
         )
     half = 0.5 * (both_ramps + speed * constant * sample_period_s)
     middle = 0.5 * (spec.low + spec.high)

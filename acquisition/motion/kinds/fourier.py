@@ -96,7 +96,8 @@ class FourierMotion(Motion):
         if sorted(given) != sorted(robot.joint_names):
             raise ConfigError(
                 f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
-                f" {', '.join(robot.joint_names)} once (amplitude 0 where it stands still)"
+                f" {', '.join(robot.joint_names)} once (amplitude 0 where it stands still)",
+                code="RID-MOTION-JOINTS",
             )
         by_name = {joint.joint: joint for joint in self.joints}
         joints = [by_name[name] for name in robot.joint_names]

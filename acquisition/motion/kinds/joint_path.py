@@ -51,7 +51,8 @@ class JointPathMotion(Motion):
         if chords.min() <= 0.0:
             number = int(chords.argmin()) + 2
             raise ConfigError(
-                f"point {number} of the path is the same as the one before: leave one out"
+                f"point {number} of the path is the same as the one before: leave one out",
+                code="RID-PATH-SEGMENT",
             )
         knots = np.concatenate([[0.0], np.cumsum(chords)])
         curve = joint_spline(knots, points)
@@ -79,14 +80,16 @@ class JointPathMotion(Motion):
             if len(point) != len(robot.joints):
                 raise ConfigError(
                     f"point {number} of the path has {len(point)} values, robot {robot.name!r}"
-                    f" {len(robot.joints)} joints"
+                    f" {len(robot.joints)} joints",
+                    code="RID-MOTION-JOINTS",
                 )
             for joint, value in zip(robot.joints, point, strict=True):
                 low, high = joint.limits.position_min, joint.limits.position_max
                 if not low <= value <= high:
                     raise LimitError(
                         f"point {number} of the path has joint {joint.name!r} at {value:.4g},"
-                        f" outside its limits {low:g} to {high:g}"
+                        f" outside its limits {low:g} to {high:g}",
+                        code="RID-MOTION-LIMIT",
                     )
         return np.array(self.points, dtype=float)
 
@@ -102,5 +105,6 @@ def _refuse_between(
             raise LimitError(
                 f"the curve between points {number} and {number + 1} of the path has joint"
                 f" {joint.name!r} at {position[off.argmax(), j]:.4g}, outside its limits {low:g} to"
-                f" {high:g}: move the points"
+                f" {high:g}: move the points",
+                code="RID-MOTION-LIMIT",
             )

@@ -105,10 +105,12 @@ class JointTableMotion(Motion, Derived):
                 self, file=None, joints=joints, time_s=time_s, position=position
             )
         except ValidationError as error:
-            raise ConfigError(f"{path}: {error.errors()[0]['msg']}") from None
+            raise ConfigError(
+                f"{path}: {error.errors()[0]['msg']}", code="RID-FILE-VALUE"
+            ) from None
         found = [f"{path}: {key_name(key)}: {words}" for key, words in implausible(whole)]
         if found:
-            raise ConfigError("\n".join(found))
+            raise ConfigError("\n".join(found), code="RID-TABLE-INVALID")
         return whole
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
@@ -116,7 +118,8 @@ class JointTableMotion(Motion, Derived):
         if sorted(self.joints) != sorted(robot.joint_names):
             raise ConfigError(
                 f"the table has columns {', '.join(self.joints) or 'of no joint'}; robot"
-                f" {robot.name!r} needs each of {', '.join(robot.joint_names)} once"
+                f" {robot.name!r} needs each of {', '.join(robot.joint_names)} once",
+                code="RID-MOTION-JOINTS",
             )
         order = [self.joints.index(name) for name in robot.joint_names]
         time_s, position = np.array(self.time_s), np.array(self.position)[:, order]
@@ -132,13 +135,17 @@ class JointTableMotion(Motion, Derived):
 def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
     """Refuse times that do not increase, positions outside the limits, and ends not at rest."""
     if len(time_s) < FEWEST_ROWS:
-        raise ConfigError(f"the table has {len(time_s)} rows, {FEWEST_ROWS} are the least")
+        raise ConfigError(
+            f"the table has {len(time_s)} rows, {FEWEST_ROWS} are the least",
+            code="RID-TABLE-INVALID",
+        )
     steps = np.diff(time_s)
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0)) + 2
         raise ConfigError(
             f"row {row} of the table is at {time_s[row - 1]:g} s, not after the one before: time_s"
-            " must increase"
+            " must increase",
+            code="RID-TABLE-INVALID",
         )
     for j, joint in enumerate(robot.joints):
         low, high = joint.limits.position_min, joint.limits.position_max
@@ -149,7 +156,8 @@ def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescripti
             likely = Plausible(0.0, max(abs(low), abs(high)), unit).likely_unit(abs(at))
             raise LimitError(
                 f"row {row + 1} of the table has joint {joint.name!r} at {at:.4g} {unit},"
-                f" outside its limits {low:g} to {high:g} {unit}{likely}"
+                f" outside its limits {low:g} to {high:g} {unit}{likely}",
+                code="RID-MOTION-LIMIT",
             )
         for row, speed in (
             (1, abs(position[1, j] - position[0, j]) / steps[0]),
@@ -159,7 +167,8 @@ def _refuse_rows(time_s: FloatArray, position: FloatArray, robot: RobotDescripti
                 raise ConfigError(
                     f"at row {row} of the table joint {joint.name!r} moves at {speed:.3g} per"
                     " second: the table must begin and end at rest. Add rows that lead into and out"
-                    " of the motion"
+                    " of the motion",
+                    code="RID-TABLE-INVALID",
                 )
 
 
@@ -171,12 +180,15 @@ def _read_table(
         text = read_file(path, MOST_BYTES).decode("utf-8-sig")
         lines = list(csv.reader(io.StringIO(text, newline="")))
     except OSError as error:
-        raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
+        raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: is no CSV file: {error}") from None
+        raise ConfigError(f"{path}: is no CSV file: {error}", code="RID-FILE-TYPE") from None
     header = [name.strip() for name in lines[0]] if lines else []
     if header.count(TIME) != 1:
-        raise ConfigError(f"{path}:1: the first line must name the columns: {TIME}, and the joints")
+        raise ConfigError(
+            f"{path}:1: the first line must name the columns: {TIME}, and the joints",
+            code="RID-TABLE-INVALID",
+        )
     column = header.index(TIME)
     time_s, position = [], []
     for number, line in enumerate(lines[1:], start=2):
@@ -188,13 +200,18 @@ def _read_table(
     del header[column]
     if not header or not time_s:
         missing = "no column of a joint" if not header else "no row below its first line"
-        raise ConfigError(f"{path}: has {missing}: there is no motion in it")
+        raise ConfigError(
+            f"{path}: has {missing}: there is no motion in it", code="RID-TABLE-INVALID"
+        )
     return tuple(header), tuple(time_s), tuple(position)
 
 
 def _numbers(path: Path, number: int, line: list[str], columns: int) -> list[float]:
     if len(line) != columns:
-        raise ConfigError(f"{path}:{number}: has {len(line)} columns, the first line {columns}")
+        raise ConfigError(
+            f"{path}:{number}: has {len(line)} columns, the first line {columns}",
+            code="RID-TABLE-INVALID",
+        )
     values = []
     for cell in line:
         try:

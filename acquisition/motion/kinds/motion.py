@@ -103,7 +103,7 @@ class Motion(PhysicalFile):
         """
         found = cls.of(motion)
         if found is None:
-            raise ConfigError(refusal)
+            raise ConfigError(refusal, code="RID-MOTION-KIND")
         return found
 
 
@@ -125,5 +125,6 @@ def refuse_longer(seconds: float, what: str) -> None:
     if seconds > LONGEST_MOTION_S:
         raise ConfigError(
             f"the motion takes {seconds:.6g} s: {what}; at most {LONGEST_MOTION_S:g} s can be run."
-            " Give fewer or shorter ones"
+            " Give fewer or shorter ones",
+            code="RID-MOTION-LONG",
         )

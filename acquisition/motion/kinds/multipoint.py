@@ -80,7 +80,8 @@ class MultipointMotion(Motion):
         raise ConfigError(
             f"robot {robot.name!r}: of {MOST_DRAWS * self.points} random points {len(poses)} are"
             f" reached clear of its own bodies, {self.points} are asked for: ask for fewer points,"
-            " take another seed or a smaller range_fraction, or look at `bodies` in the robot file"
+            " take another seed or a smaller range_fraction, or look at `bodies` in the robot file",
+            code="RID-DESIGN-NONE",
         )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:

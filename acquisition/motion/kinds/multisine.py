@@ -119,7 +119,8 @@ class MultisineMotion(Motion):
         if last > MOST_HARMONICS:
             raise ConfigError(
                 f"highest_hz {self.highest_hz:g} is {last} harmonics of period_s, {MOST_HARMONICS}"
-                " are the most: lower it or shorten the period"
+                " are the most: lower it or shorten the period",
+                code="RID-MOTION-BAND",
             )
         lines = np.arange(first, last + 1)
         if self.grid != "full":
@@ -136,7 +137,8 @@ class MultisineMotion(Motion):
                 raise ConfigError(
                     f"the band from {self.lowest_hz:g} to {self.highest_hz:g} Hz has {len(own)}"
                     f" lines for joint {robot.joints[k].name!r}, a multisine needs 2: widen the"
-                    " band or lengthen the period"
+                    " band or lengthen the period",
+                    code="RID-MOTION-BAND",
                 )
         return tuple(shared.get(k, np.zeros(0, dtype=np.int64)) for k in range(len(order)))
 
@@ -205,7 +207,8 @@ class MultisineMotion(Motion):
         if sorted(given) != sorted(robot.joint_names):
             raise ConfigError(
                 f"the motion moves joints {', '.join(given)}; robot {robot.name!r} needs each of"
-                f" {', '.join(robot.joint_names)} once (velocity 0 where it is not measured)"
+                f" {', '.join(robot.joint_names)} once (velocity 0 where it is not measured)",
+                code="RID-MOTION-JOINTS",
             )
         return [given.index(name) for name in robot.joint_names]
 

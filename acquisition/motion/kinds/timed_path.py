@@ -87,14 +87,16 @@ class TimedPathMotion(Motion):
         if abs(sample_period_s - self.cycle_time_s) > SAME_CYCLE:
             raise ConfigError(
                 f"the path was timed for cycles of {1e3 * self.cycle_time_s:g} ms, this cell has"
-                f" {1e3 * sample_period_s:g} ms: make it again with `rid-daq retime`"
+                f" {1e3 * sample_period_s:g} ms: make it again with `rid-daq retime`",
+                code="RID-MOTION-CYCLE",
             )
         n = len(robot.joints)
         for number, way in enumerate(self.ways, start=1):
             if any(len(point) != n for point in way.points):
                 raise ConfigError(
                     f"way {number} of the path has poses that are not of {n} joints, as robot"
-                    f" {robot.name!r} has"
+                    f" {robot.name!r} has",
+                    code="RID-MOTION-JOINTS",
                 )
         rest = max(1, math.ceil(self.rest_s / sample_period_s - 1e-9))
         paths = [_path(way) for way in self.ways]

@@ -120,7 +120,10 @@ class PathMotion(Motion):
         """Yield how the arm follows each section, from the pose that the one before ends in."""
         n = len(robot.joints)
         if len(self.near) != n:
-            raise ConfigError(f"near has {len(self.near)} values, robot {robot.name!r} {n} joints")
+            raise ConfigError(
+                f"near has {len(self.near)} values, robot {robot.name!r} {n} joints",
+                code="RID-MOTION-JOINTS",
+            )
         chain = Chain.from_description(robot)
         near = np.array(self.near, dtype=float)
         rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
@@ -143,7 +146,8 @@ class PathMotion(Motion):
                     f"{section.where(float(grid[worst]))}, comes too near a singular pose: there"
                     f" joint {joint.name!r} lets it go at"
                     f" {1e3 * share[worst] * asked[worst]:.2g} mm/s only. Move the path, or start"
-                    " it near another pose"
+                    " it near another pose",
+                    code="RID-PATH-SINGULAR",
                 )
         curvature = way.points.curvature
         bend = np.linalg.norm(curvature, axis=1)
@@ -236,7 +240,8 @@ def _refuse_positions(way: _Way, robot: RobotDescription) -> None:
             raise ConfigError(
                 f"{way.section.where(float(way.grid[row]))}, needs joint {joint.name!r} beyond its"
                 f" limits {low:g} to {high:g}: it would reach {position[off.argmax(), j]:.4g}. Move"
-                " the path, or start it near another pose"
+                " the path, or start it near another pose",
+                code="RID-PATH-REACH",
             )
 
 
@@ -255,5 +260,6 @@ def _refuse_slowing(
     raise ConfigError(
         f"{way.section.where(float(way.grid[worst]))}, cannot keep {asked[worst]:g} m/s: {by}"
         f" allows {limits.speed[worst]:.3g} m/s. Ask for less, widen the bend, or leave keep_speed"
-        " out"
+        " out",
+        code="RID-MOTION-LIMIT",
     )

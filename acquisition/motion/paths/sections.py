@@ -206,7 +206,8 @@ def _joint(
     if straight_on < TURNS_BACK:
         raise ConfigError(
             f"segments {number} and {number + 1} turn back on themselves, which cannot be blended:"
-            f" give segment {number} blend_m: 0 to stop there"
+            f" give segment {number} blend_m: 0 to stop there",
+            code="RID-PATH-SEGMENT",
         )
     return _Joint(False, min(wanted_m, 0.5 * before.length_m, 0.5 * after.length_m))
 

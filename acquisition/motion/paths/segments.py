@@ -80,7 +80,10 @@ class LineSegment(PathSegment):
         end = np.array(self.to_m)
         way = end - start_m
         if np.linalg.norm(way) < SHORTEST_M:
-            raise ConfigError(f"{label} ends where it begins, at {_millimetres(end)}: leave it out")
+            raise ConfigError(
+                f"{label} ends where it begins, at {_millimetres(end)}: leave it out",
+                code="RID-PATH-SEGMENT",
+            )
 
         def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
             ones = np.ones((len(x), 1))
@@ -105,7 +108,9 @@ class ArcSegment(PathSegment):
         if size < 1e-6 * float(np.linalg.norm(a) * np.linalg.norm(b)) or size < SHORTEST_M**2:
             raise ConfigError(
                 f"{label}: {_millimetres(start_m)}, {_millimetres(through)} and"
-                f" {_millimetres(end)} lie on a line or on each other: give a line, or other points"
+                f" {_millimetres(end)} lie on a line or on each other: give a line, or"
+                " other points",
+                code="RID-PATH-SEGMENT",
             )
         normal = normal / size
         halves = 0.5 * np.array([float(a @ a), float(b @ b), 0.0])
@@ -145,7 +150,8 @@ class CircleSegment(PathSegment):
             raise ConfigError(
                 f"{label} begins at {_millimetres(start_m)}, {1e3 * abs(height_m):.3g} mm off the"
                 f" plane through its centre and {1e3 * radius_m:.3g} mm from it: move the centre,"
-                " turn the normal, or begin elsewhere"
+                " turn the normal, or begin elsewhere",
+                code="RID-PATH-SEGMENT",
             )
         y = np.cross(normal, radius)
         angle = 2.0 * math.pi * self.turns
@@ -166,7 +172,8 @@ class SplineSegment(PathSegment):
             number = int(chords.argmin()) + 1
             raise ConfigError(
                 f"{label}: point {number}, {_millimetres(points[number])}, is the same as the one"
-                " before it: leave one out"
+                " before it: leave one out",
+                code="RID-PATH-SEGMENT",
             )
         at = np.concatenate([[0.0], np.cumsum(chords)])
         spline = CubicSpline(at, points)
@@ -180,7 +187,10 @@ class SplineSegment(PathSegment):
         knots = np.append(inner, at[-1])
         slowest = np.linalg.norm(curve(knots)[1], axis=1).min()
         if slowest < 1e-3:
-            raise ConfigError(f"{label} has a cusp: give points that are more evenly spaced")
+            raise ConfigError(
+                f"{label} has a cusp: give points that are more evenly spaced",
+                code="RID-PATH-SEGMENT",
+            )
         return KnottedCurve(knots, curve)
 
 

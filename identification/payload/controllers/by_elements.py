@@ -67,7 +67,8 @@ def to_ur(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
         raise EstimationError(
             f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 is more than the controller takes"
-            f" ({LARGEST_UR_KG_M2:g})"
+            f" ({LARGEST_UR_KG_M2:g})",
+            code="RID-LOAD-DATA-RANGE",
         )
     head = (
         *origin,

@@ -79,7 +79,8 @@ def load_data(
     if not body.can_exist:
         raise EstimationError(
             "no body can have this mass and inertia (principal moments must be positive, none"
-            " larger than the other two together): no controller gets it"
+            " larger than the other two together): no controller gets it",
+            code="RID-PAYLOAD-IMPOSSIBLE",
         )
     lines = tuple("".join(c for c in line if c.isprintable()) for line in origin)
     worst = math.inf
@@ -93,7 +94,8 @@ def load_data(
         if worst <= max(sure, PRECISION) and (found.can_exist or count == MOST_DIGITS):
             return text
     raise EstimationError(
-        f"what was written for {to.value} reads back different by {worst:.1e}: nothing is kept"
+        f"what was written for {to.value} reads back different by {worst:.1e}: nothing is kept",
+        code="RID-INTERNAL-ERROR",
     )
 
 
@@ -142,11 +144,15 @@ def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
         The text is not of this format.
     """
     if len(text) > LARGEST_TEXT:
-        raise ConfigError("larger than any load data: give the file of payload export")
+        raise ConfigError(
+            "larger than any load data: give the file of payload export", code="RID-FILE-SIZE"
+        )
     try:
         return _CODECS[form].read(text)
     except _UNREADABLE as error:
-        raise ConfigError(f"not load data of the format {form.value}: {error}") from None
+        raise ConfigError(
+            f"not load data of the format {form.value}: {error}", code="RID-LOAD-DATA-FORMAT"
+        ) from None
 
 
 def deviation(wanted: PayloadBody, found: PayloadBody, form: LoadFormat) -> float:

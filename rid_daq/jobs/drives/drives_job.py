@@ -138,7 +138,8 @@ def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> DrivesRest
     if strange:
         raise ConfigError(
             f"cell {loaded.config.name} has no drive with node id {', '.join(strange)}: give the"
-            " cell that this was saved of"
+            " cell that this was saved of",
+            code="RID-CELL-JOINTS",
         )
     write_log = None if request.dry_run else new_write_log(request.runs)
     with _service(loaded, write_log) as service:

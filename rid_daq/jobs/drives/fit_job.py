@@ -54,7 +54,9 @@ def fit_eds_file(path: Path, cell: str) -> EdsFileFit:
     try:
         content = read_file(path, MAX_BYTES)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror}", code="RID-FILE-READ"
+        ) from None
     eds = parse_eds(content, path.name)
     names = bundled_names("servos")
     profiles = {name: load_bundled_or_path(name, "servos", ServoProfile) for name in names}

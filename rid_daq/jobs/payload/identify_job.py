@@ -129,10 +129,14 @@ def identify_payload_runs(request: PayloadIdentifyRequest, console: Console) -> 
     robot = None if request.model is None else estimate_for(request.model, data[0].robot)
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:
-        raise ConfigError("--procedure model needs the robot without payload: --model MODEL")
+        raise ConfigError(
+            "--procedure model needs the robot without payload: --model MODEL",
+            code="RID-OPTION-NEEDS",
+        )
     if robot is not None and request.options != ModelOptions():
         raise ConfigError(
-            "the terms are those of --model: leave --friction-terms and --no-rotors out"
+            "the terms are those of --model: leave --friction-terms and --no-rotors out",
+            code="RID-OPTION-EXCLUSIVE",
         )
     how = PayloadOptions(
         procedure=procedure,

@@ -121,9 +121,13 @@ class ReadBackRequest(Ranged):
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.file is None) == (not self.text.strip()):
-            raise ConfigError("give the load data either as a file or as text")
+            raise ConfigError(
+                "give the load data either as a file or as text", code="RID-OPTION-EXCLUSIVE"
+            )
         if len(self.text.encode()) > LARGEST_TEXT:
-            raise ConfigError(f"the load data are longer than {LARGEST_TEXT} bytes")
+            raise ConfigError(
+                f"the load data are longer than {LARGEST_TEXT} bytes", code="RID-FILE-SIZE"
+            )
 
     @property
     def source(self) -> str:
@@ -151,12 +155,12 @@ def read_back_payload(request: ReadBackRequest) -> ReadBack:
     file, text = request.source, request.text
     body = read_payload(payload_file(request.runs, request.payload)).estimate.body
     if request.file is not None:
-        with system_errors(ConfigError, f"{file}: cannot be read"):
+        with system_errors(ConfigError, f"{file}: cannot be read", code="RID-FILE-READ"):
             text = read_file(request.file, LARGEST_TEXT).decode("utf-8", errors="replace")
     try:
         found = read_load_data(text, request.form)
     except ConfigError as error:
-        raise ConfigError(f"{file}: {error}") from None
+        raise ConfigError(f"{file}: {error}", code=error.refusal) from None
     difference = 100.0 * deviation(body, found, request.form)
     line = Check.of("largest difference", difference, "≤", request.tolerance_percent, "%")
     headline = (

@@ -186,9 +186,10 @@ def known_quantity(text: str) -> Known:
             raise ValueError
         return Known(name.strip(), parse_number(value), parse_number(sigma) if sigma else 0.0)
     except EstimationError as error:
-        raise ConfigError(f"--known {text}: {error}") from None
+        raise ConfigError(f"--known {text}: {error}", code=error.refusal) from None
     except (ConfigError, ValueError) as error:
         raise ConfigError(
             f"--known {text}: give NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005"
-            f"{f' ({error})' if str(error) else ''}"
+            f"{f' ({error})' if str(error) else ''}",
+            code="RID-OPTION-SYNTAX",
         ) from None

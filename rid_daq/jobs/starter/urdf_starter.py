@@ -49,12 +49,12 @@ def starting_robot(request: UrdfRequest) -> UrdfRobot:
     try:
         data = read_file(path, MAX_BYTES)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot read: {error.strerror}") from None
+        raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
     tree = read_urdf(data, str(path))
     try:
         made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=request.defaults)
     except SeveralArmsError as error:
-        raise ConfigError(_which_arm(request, error.arms)) from None
+        raise ConfigError(_which_arm(request, error.arms), code=error.refusal) from None
     robot, touching = without_touching(made.robot, zero_pose(made.robot))
     made = replace(made, robot=robot, notes=(*made.notes, *touching))
     held, notes = held_by_motors(robot)

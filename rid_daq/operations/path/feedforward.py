@@ -224,7 +224,8 @@ def _refuse_mixed(driven: list[MotionRun]) -> None:
         if other.motion != driven[0].motion or other.file != driven[0].file:
             raise ConfigError(
                 f"runs {driven[0].run_id} and {other.run_id} differ in motion or feedforward:"
-                " refine from repetitions of one"
+                " refine from repetitions of one",
+                code="RID-REFINE-RUNS",
             )
 
 
@@ -247,7 +248,8 @@ def _refuse_growth(measured: RepeatedError, origin: Origin) -> None:
             f"the error has grown since the last refinement, most in {measured.joint_names[worst]}"
             f" ({before[worst]:.3g} to {measured.rms[worst]:.3g}): robot, payload or loops are not"
             " those of model and loops. Use the feedforward of run"
-            f" {origin.refinements[-1].runs[0]}, and measure the loops again before you go on"
+            f" {origin.refinements[-1].runs[0]}, and measure the loops again before you go on",
+            code="RID-LOOP-OTHER",
         )
 
 

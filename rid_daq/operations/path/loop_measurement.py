@@ -78,6 +78,6 @@ def _motion(data: RunData) -> MultisineMotion:
     which = f"run {data.folder.run_id} is"
     instead = "record one by `rid-daq design --kind multisine`"
     if not path.exists():
-        raise ConfigError(f"{which} a recording from elsewhere: {instead}")
+        raise ConfigError(f"{which} a recording from elsewhere: {instead}", code="RID-RUN-FOREIGN")
     motion = load_motion(path)
     return MultisineMotion.require(motion, f"{which} of a {motion.kind} motion: {instead}")

@@ -79,7 +79,8 @@ def retime_motion(request: RetimeRequest) -> Retimed:
     refuse_output(request.report, request.overwrite, made_file.REPORT)
     if request.report is not None and request.report.resolve() == request.output.resolve():
         raise ConfigError(
-            f"{request.report}: --report and --output name one file: give the page another name"
+            f"{request.report}: --report and --output name one file: give the page another name",
+            code="RID-OPTION-EXCLUSIVE",
         )
     loaded = load_cell(request.cell)
     robot = loaded.robot
@@ -88,7 +89,8 @@ def retime_motion(request: RetimeRequest) -> Retimed:
         raise ConfigError(
             f"{request.motion}: a motion of kind {motion.kind} is there to measure by"
             f" {BY_TIME[motion.kind]}, which another timing would take away: give a path"
-            " (joint_path, path, circle, joint_table, multipoint)"
+            " (joint_path, path, circle, joint_table, multipoint)",
+            code="RID-MOTION-KIND",
         )
     estimate = estimate_for(request.model, robot)
     payload = None if request.payload is None else _payload(request.payload, robot)
@@ -136,7 +138,8 @@ def _limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:
     if request.base and (plate is None or plate.limits is None):
         raise ConfigError(
             f"--base-limits: cell {loaded.config.name} has no `plate` with `limits`; add force_n"
-            " and moment_nm there"
+            " and moment_nm there",
+            code="RID-PLATE-NO-LIMITS",
         )
     own = plate.limits if request.base and plate is not None else None
     found = replace(
@@ -153,9 +156,12 @@ def _each(option: str, values: tuple[float, ...], n: int) -> np.ndarray | None:
     if not values:
         return None
     if len(values) not in (1, n):
-        raise ConfigError(f"{option} has {len(values)} values: give one, or one for each of {n}")
+        raise ConfigError(
+            f"{option} has {len(values)} values: give one, or one for each of {n}",
+            code="RID-OPTION-COUNT",
+        )
     if not all(value > 0.0 for value in values):
-        raise ConfigError(f"{option} must be positive")
+        raise ConfigError(f"{option} must be positive", code="RID-OPTION-RANGE")
     return np.array(values * n if len(values) == 1 else values)
 
 
@@ -167,13 +173,15 @@ def _payload(path: Path, robot: RobotDescription) -> PayloadEstimate:
     if differences:
         raise ConfigError(
             f"{path}: is of robot {found.robot.name!r}, which is not this {robot.name!r}: they"
-            f" differ in {', '.join(differences)}"
+            f" differ in {', '.join(differences)}",
+            code="RID-ROBOT-OTHER",
         )
     hidden = found.seen_parameters.count(False)
     if hidden:
         raise ConfigError(
             f"{path}: its motion did not show {hidden} of the payload's ten parameters: identify it"
-            " from a motion that does"
+            " from a motion that does",
+            code="RID-MOTION-UNINFORMATIVE",
         )
     return found
 
@@ -193,7 +201,8 @@ def _hold_what_is_written(
         if taken[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
             raise LimitError(
                 f"the timed motion takes {taken[:, j].max():.6g} of joint {joint.name!r} when it"
-                " is planned again: tell the makers"
+                " is planned again: tell the makers",
+                code="RID-INTERNAL-ERROR",
             )
 
 

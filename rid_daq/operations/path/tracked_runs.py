@@ -64,14 +64,16 @@ def track_runs(request: TrackingRequest) -> Tracked:
         if one.data.robot.differences(robot) or other_tool:
             raise ConfigError(
                 f"run {one.run_id} is of robot {one.data.robot.name!r}, or of another state of its"
-                f" file, run {first.run_id} of {robot.name!r}: compare runs of one"
+                f" file, run {first.run_id} of {robot.name!r}: compare runs of one",
+                code="RID-ROBOT-OTHER",
             )
     pairs = [(one, _before(one, others)) for one in driven]
     for other in others:
         if all(other is not before for _, before in pairs):
             raise ConfigError(
                 f"--against {other.run_id}: is of none of the motions given; compare runs of the"
-                " same motion"
+                " same motion",
+                code="RID-TRACKING-AGAINST",
             )
     for one, before in pairs:
         _require_order(one, before)
@@ -93,12 +95,16 @@ def _require_order(after: MotionRun, before: MotionRun | None) -> None:
     if before is None:
         return
     if before.run_id == after.run_id:
-        raise ConfigError(f"--against {before.run_id}: is the run itself; give another run")
+        raise ConfigError(
+            f"--against {before.run_id}: is the run itself; give another run",
+            code="RID-TRACKING-AGAINST",
+        )
     if after.use == PLAIN and before.use != PLAIN:
         turned = as_command("tracking", before.run_id, "--against", after.run_id)
         raise ConfigError(
             f"--against {before.run_id}: is the compensated one, and run {after.run_id} was driven"
-            f" without compensation: turn them round: {turned}"
+            f" without compensation: turn them round: {turned}",
+            code="RID-TRACKING-AGAINST",
         )
 
 
@@ -114,6 +120,7 @@ def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
     if len(same) > 1:
         raise DataQualityError(
             f"runs {same[0].run_id} and {same[1].run_id} are of the same motion: give --against"
-            " once for each"
+            " once for each",
+            code="RID-TRACKING-AGAINST",
         )
     return same[0] if same else None

@@ -206,10 +206,10 @@ def _hold(service: CellService, challenges: Challenges, told: dict[str, object])
     """
     job = service.jobs.kept(str(told.get("job")))
     if job is None:
-        raise UnknownError("no such job is under way")
+        raise UnknownError("no such job is under way", code="RID-JOB-UNKNOWN")
     key = told.get("lease")
     if not isinstance(key, str):
-        raise LockedError("show the lease")
+        raise LockedError("show the lease", code="RID-LEASE-NONE")
     lease = service.leases.require(job.cell, key)
     message = challenges.message(job.id, lease.id, told)
     if message is not None:

@@ -101,7 +101,7 @@ async def make_token(
 async def revoke_token(token: str, who: Administrator, service: Service) -> None:
     """Let somebody in no more, and end the leases that they have taken."""
     if not service.tokens.revoke(token):
-        raise UnknownError(f"no token {token!r}")
+        raise UnknownError(f"no token {token!r}", code="RID-TOKEN-UNKNOWN")
     service.audit.note(who.name, "revoked a token", details=token)
     for cell in service.leases.end_of(token):
         service.audit.note(who.name, "ended the lease", cell, "its token was revoked")

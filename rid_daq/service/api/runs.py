@@ -130,7 +130,7 @@ def get_run_file(run: str, name: str, service: Service, who: Who) -> Response:
     """Return one of a run's files, to be saved."""
     folder = run_folder(service, run)
     if name not in folder.manifest().files and name not in (REPORT, RESULT):
-        raise UnknownError(f"run {folder.run_id} has no file {name!r}")
+        raise UnknownError(f"run {folder.run_id} has no file {name!r}", code="RID-RUN-FILE")
     return _file(folder, name, "application/octet-stream", saved=True)
 
 
@@ -153,7 +153,7 @@ def get_file(path: str, service: Service, who: Who) -> Response:
     """Return a file of the service's folder, to be saved: also what jobs have exported."""
     found = _named(service, path, _SAVED)
     if not found.is_file():
-        raise UnknownError(f"no file {path!r}")
+        raise UnknownError(f"no file {path!r}", code="RID-FILE-UNKNOWN")
     return FileResponse(found, media_type="application/octet-stream", filename=found.name)
 
 
@@ -162,7 +162,9 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
     """Put a motion, a model or another file of YAML or JSON into the folder; none is replaced."""
     found = _named(service, path)
     if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
-        raise ConfigError(f"{path}: runs are made by recording; put files beside them")
+        raise ConfigError(
+            f"{path}: runs are made by recording; put files beside them", code="RID-OUTPUT-RUN"
+        )
     if found.name.endswith(AXIS_TEST_SUFFIX):
         raise ConfigError(
             f"{path}: an axis test is signed by the job that made it: run `axes`; a file counts for"
@@ -178,7 +180,7 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
                     f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB", code="RID-FILE-SIZE"
                 )
         await asyncio.to_thread(refuse_bad_file, found, bytes(content), service.folder)
-        with system_errors(ConfigError, f"{path}: cannot be put there"):
+        with system_errors(ConfigError, f"{path}: cannot be put there", code="RID-FILE-WRITE"):
             found.parent.mkdir(parents=True, exist_ok=True)
         await asyncio.to_thread(write_new, found, bytes(content))
     service.audit.note(who.name, "put a file", details=path)
@@ -222,7 +224,7 @@ def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Re
     except RecordingError as error:  # a link stands in its way
         raise UnknownError(str(error), code="RID-RUN-LINK") from None
     if not path.is_file():
-        raise UnknownError(f"run {folder.run_id} has no {name} yet")
+        raise UnknownError(f"run {folder.run_id} has no {name} yet", code="RID-RUN-FILE")
     return FileResponse(path, media_type=kind, filename=name if saved else None)
 
 

@@ -80,7 +80,10 @@ class FrontDesk:
             There is no such cell.
         """
         if target not in (ALL, *self._cells):
-            raise UnknownError(f"no cell {target!r} here; there are {', '.join(self._cells)}")
+            raise UnknownError(
+                f"no cell {target!r} here; there are {', '.join(self._cells)}",
+                code="RID-CELL-UNKNOWN",
+            )
         answer = stop_each(
             self._cells if target == ALL else [target],
             self._stop,

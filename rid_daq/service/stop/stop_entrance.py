@@ -45,7 +45,8 @@ class StopEntrance:
         if refusal is None and not head.headers.get(STOP_HEADER):
             refusal = HTTPStatus.FORBIDDEN
         if refusal is not None:
-            return _refused(refusal, "BrowserRefused", f"a stop needs the header {STOP_HEADER}")
+            needed = f"a stop needs the header {STOP_HEADER}"
+            return _refused(refusal, "BrowserRefused", needed, "RID-ACCESS-SENDER")
         try:
             who = self._desk.admit(head.headers, local=peer.local, address=peer.address)
             answer = self._desk.stop(target, who)
@@ -58,7 +59,8 @@ class StopEntrance:
     def _open_line(self, head: RequestHead, peer: Peer) -> Reply | Line:
         refusal = sender_refusal(self._access, head.lines, local=peer.local)
         if refusal is not None:
-            return _refused(refusal, "BrowserRefused", "not a page of this service")
+            said = "not a page of this service"
+            return _refused(refusal, "BrowserRefused", said, "RID-ACCESS-SENDER")
         try:
             who = self._desk.admit(head.headers, local=peer.local, address=peer.address)
         except NotKnownError as error:
@@ -66,5 +68,5 @@ class StopEntrance:
         return Line(who, lambda: StopLine(self._desk, who))
 
 
-def _refused(status: HTTPStatus, error: str, message: str, code: str = "") -> Reply:
+def _refused(status: HTTPStatus, error: str, message: str, code: str) -> Reply:
     return Reply(status, {"error": error, "message": message, "code": code})

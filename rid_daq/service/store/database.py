@@ -246,12 +246,14 @@ def open_database(path: Path) -> Database:
         elif version != VERSION:
             raise RecordingError(
                 f"{path}: was written by another version of rid-daq (format {version}, this one"
-                f" knows {VERSION}): use that one, or move the file away to begin anew"
+                f" knows {VERSION}): use that one, or move the file away to begin anew",
+                code="RID-STATE-DAMAGED",
             )
         for table in _LATER:
             connection.execute(table)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
-            f"{path}: cannot be opened as the service's file: {error}. Move it away to begin anew"
+            f"{path}: cannot be opened as the service's file: {error}. Move it away to begin anew",
+            code="RID-STATE-DAMAGED",
         ) from None
     return Database(path, connection)

@@ -33,7 +33,7 @@ def open_state_folder(folder: Path) -> Path:
         Another user made it, or can change it (`RID-STATE-NOT-PRIVATE`); or it cannot be made.
     """
     state = folder / STATE_FOLDER
-    with system_errors(RecordingError, f"{state}: cannot be used"):
+    with system_errors(RecordingError, f"{state}: cannot be used", code="RID-FILE-ACCESS"):
         _refuse(folder, changeable_by_others(folder))
         state.mkdir(exist_ok=True, mode=0o700)
         _refuse(state, private_folder_problem(state))

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from acquisition.imports.import_map import ImportMap, load_import_map
 from config.errors import ConfigError
 from config.load import bundled_names, load_cell, load_robot
+from tests.builders.raised_codes import raises_code
 
 JOINT = {"joint": "a", "position": 1, "torque": 2}
 
@@ -109,7 +110,7 @@ def test_an_import_map_finds_its_robot_beside_itself_and_their_joints_must_match
     assert robot == load_robot("ir361")
     assert import_map.joint_names == robot.joint_names
     path.write_text(path.read_text().replace("axis3", "axis4"))
-    with pytest.raises(ConfigError, match=r"map\.yaml:5:1: joints are .*axis4"):
+    with raises_code(ConfigError, "RID-IMPORT-JOINTS", "map.yaml:5:1", "axis4"):
         load_import_map(str(path))
 
 

@@ -19,6 +19,7 @@ from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from config.errors import ConfigError, DataQualityError, RidDaqError
 from tests.builders.foreign_tables import ROWS, as_lines, sound_table, two_joint_map
+from tests.builders.raised_codes import raises_code
 
 Write = Callable[[list[str] | bytes], Path]
 
@@ -122,7 +123,7 @@ class TestSoundFile:
         path = write([*as_lines(sound_table()), "", ""])
         _, report = import_csv(path, two_joint_map(rows={"first": 299, "last": 400}))
         assert report.rows_read == 102
-        with pytest.raises(ConfigError, match="has 400 rows, and rows to 401 are asked for"):
+        with raises_code(ConfigError, "RID-IMPORT-RANGE", "400", "401"):
             import_csv(path, two_joint_map(rows=rows.model_dump()))
 
     def test_of_a_known_period_can_be_averaged(self, write: Write) -> None:
@@ -311,7 +312,7 @@ class TestHopelessFiles:
             import_csv(write(content), two_joint_map())
 
     def test_a_missing_file(self, tmp_path: Path) -> None:
-        with pytest.raises(ConfigError, match="cannot read"):
+        with raises_code(ConfigError, "RID-FILE-READ"):
             import_csv(tmp_path / "none.csv", two_joint_map())
 
     @settings(

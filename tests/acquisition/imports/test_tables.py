@@ -10,6 +10,7 @@ import pytest
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
 from config.errors import ConfigError, DataQualityError
+from tests.builders.raised_codes import raises_code
 
 T = 0.01 * np.arange(300)
 POSITION = np.sin(3.0 * T)
@@ -109,5 +110,5 @@ class TestTwoFiles:
 
     def test_must_both_be_named(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
-        with pytest.raises(ConfigError, match="reads 2 files, 1 are given"):
+        with raises_code(ConfigError, "RID-IMPORT-FILES"):
             import_csv(positions, layout(self.MAP, 3))

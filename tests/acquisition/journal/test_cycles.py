@@ -16,6 +16,7 @@ from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from config.cell.cell import ButterworthFilter
 from config.errors import RecordingError
+from tests.builders.raised_codes import raises_code
 
 ROWS = 2000
 ROWS_PER_FLUSH = 13
@@ -174,27 +175,27 @@ def test_garbage_is_refused(tmp_path_factory: pytest.TempPathFactory, garbage: b
 
 
 def test_what_is_no_journal_is_refused_with_its_name(path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"recording\.mcap.*No such file"):
+    with raises_code(RecordingError, "RID-FILE-READ", "recording.mcap"):
         read_journal(path)
     path.write_bytes(b"")
-    with pytest.raises(RecordingError, match="empty"):
+    with raises_code(RecordingError, "RID-RECORDING-DAMAGED", "empty"):
         read_journal(path)
     path.write_text("time,position\n0,1\n")
-    with pytest.raises(RecordingError, match="no readable row"):
+    with raises_code(RecordingError, "RID-RECORDING-EMPTY"):
         read_journal(path)
 
 
 def test_a_disk_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
     unreadable = Path("/proc/self/mem")  # a regular file whose first page is an input/output error
-    with pytest.raises(RecordingError, match="/proc/self/mem: cannot be read: Input/output error"):
+    with raises_code(RecordingError, "RID-FILE-READ", "/proc/self/mem", "Input/output"):
         read_journal(unreadable)
-    with pytest.raises(RecordingError, match="is no file"):
+    with raises_code(RecordingError, "RID-FILE-READ"):
         read_journal(tmp_path)
 
 
 def test_a_recording_is_never_replaced(path: Path) -> None:
     path.write_bytes(b"x")
-    with pytest.raises(RecordingError, match="exists already"):
+    with raises_code(RecordingError, "RID-OUTPUT-EXISTS"):
         JournalWriter(path, HEADER)
 
 

@@ -11,6 +11,7 @@ from config.load import load_robot
 from config.robot.bodies import Plane, Workspace
 from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.kinematics import Chain, link_transforms
+from tests.builders.raised_codes import raises_code
 
 STEP_S = 0.01
 
@@ -59,14 +60,14 @@ def test_a_robot_that_stands_too_near_may_leave_but_not_come_closer(
 ) -> None:
     near = wall(float(tool_x[0]) + 0.01, -1.0)
     refuse_collision(near, swing, STEP_S, "the way")
-    with pytest.raises(PreflightError, match="of each other"):
+    with raises_code(PreflightError, "RID-MOTION-COLLISION"):
         refuse_collision(near, np.vstack([swing[30::-1], swing]), STEP_S, "the way")
 
 
 def test_a_robot_that_stands_in_the_wall_is_led_out_by_hand(
     swing: np.ndarray, tool_x: np.ndarray
 ) -> None:
-    with pytest.raises(PreflightError, match="overlap by 50 mm"):
+    with raises_code(PreflightError, "RID-MOTION-COLLISION", "50"):
         refuse_collision(wall(float(tool_x[0]) - 0.05, -1.0), swing, STEP_S, "the way")
 
 

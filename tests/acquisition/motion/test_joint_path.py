@@ -14,6 +14,7 @@ from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import Phase
 from config.errors import ConfigError
 from config.load import load_robot, to_yaml
+from tests.builders.raised_codes import raises_code
 
 ROBOT = load_robot("ir361")
 T = 0.008
@@ -108,10 +109,10 @@ def test_tables_that_cannot_be_meant_are_refused_by_their_row(
 
 def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
     motion = written(tmp_path, [])
-    with pytest.raises(ConfigError, match="first line"):
+    with raises_code(ConfigError, "RID-TABLE-INVALID"):
         load_motion(motion)
     (tmp_path / "path.csv").unlink()
-    with pytest.raises(ConfigError, match="cannot read"):
+    with raises_code(ConfigError, "RID-FILE-READ"):
         load_motion(motion)
     motion.write_text("kind: joint_table\nrobot: ir361\n")
     with pytest.raises(ConfigError, match="give either file, or"):

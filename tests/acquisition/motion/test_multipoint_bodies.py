@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.errors import ConfigError
@@ -11,6 +10,7 @@ from config.robot.bodies import Capsule
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.geometry.clearances import Clearances
+from tests.builders.raised_codes import raises_code
 
 LIMITS = JointLimits(
     position_min=-3.0, position_max=3.0, velocity=2.0, acceleration=8.0, torque=50.0
@@ -53,5 +53,5 @@ def test_without_bodies_the_points_are_those_of_the_seed() -> None:
 def test_bodies_that_leave_no_room_are_refused_with_what_to_do() -> None:
     full = robot(ball(0, (0.0, 0.0, 0.0), 0.9), ball(3, (0.0, 0.0, 0.0), 0.2))
     motion = MultipointMotion(kind="multipoint", robot="flat", seed=1)
-    with pytest.raises(ConfigError, match="of 1000 random points 0 are reached clear"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "1000"):
         motion.plan(full, 0.02)

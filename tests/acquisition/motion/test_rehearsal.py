@@ -10,6 +10,7 @@ from acquisition.motion.rehearsal import rehearsal
 from acquisition.motion.samples import MotionSamples
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
+from tests.builders.raised_codes import raises_code
 
 
 def test_it_goes_the_same_way_slower(motion: MotionSamples, robot: RobotDescription) -> None:
@@ -37,5 +38,5 @@ def test_it_has_one_period_of_a_periodic_motion(motion: MotionSamples) -> None:
 
 @pytest.mark.parametrize("slower", [0.5, float("nan"), float("inf")])
 def test_it_is_not_faster(motion: MotionSamples, slower: float) -> None:
-    with pytest.raises(ConfigError, match="slower"):
+    with raises_code(ConfigError, "RID-OPTION-RANGE", "slower"):
         rehearsal(motion, slower)

@@ -11,6 +11,7 @@ import pytest
 
 from acquisition.processing.block_file import BlockFile
 from config.errors import RecordingError
+from tests.builders.raised_codes import raises_code
 
 
 def test_arrays_come_back_by_their_numbers_and_may_be_set_again() -> None:
@@ -36,5 +37,5 @@ def test_it_leaves_no_file_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = BlockFile((3, 2))
     monkeypatch.setattr(os, "pwrite", lambda *_: 7)
-    with pytest.raises(RecordingError, match="no room for the periods of a recording"):
+    with raises_code(RecordingError, "RID-SYSTEM-DISK-FULL"):
         blocks[0] = np.ones((3, 2))

@@ -13,6 +13,7 @@ from acquisition.processing.period_table import PeriodCutter, cut_periods, runni
 from acquisition.processing.periods import PeriodAverage, average_periods, average_table
 from acquisition.recording.recording import Recording
 from config.errors import DataQualityError
+from tests.builders.raised_codes import raises_code
 
 K = 50
 RUN_IN = 7
@@ -96,7 +97,7 @@ def test_before_its_first_period_there_is_nothing_to_cut(recording: Recording) -
     cutter = PeriodCutter()
     cutter.add(recording.part(slice(0, RUN_IN)))
     assert cutter.periods == 0
-    with pytest.raises(DataQualityError, match="no row of the main periods"):
+    with raises_code(DataQualityError, "RID-RECORDING-PERIODS"):
         cutter.table()
     cutter.add(recording.part(slice(RUN_IN, RUN_IN + K + 1)))
     assert cutter.periods == 2

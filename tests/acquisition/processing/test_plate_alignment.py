@@ -15,6 +15,7 @@ from acquisition.recording.recording import Recording
 from config.cell.amplifier_profile import AmplifierProfile
 from config.errors import DataQualityError
 from config.load import load_bundled_or_path, load_cell
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S, RATE_HZ, SAMPLES = 0.008, 1500.0, 2500
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
@@ -144,7 +145,7 @@ def test_marks_are_taken_where_they_tell_more(recording: Recording) -> None:
 
 
 def test_a_plate_without_enough_rows_is_refused(recording: Recording) -> None:
-    with pytest.raises(DataQualityError, match="cannot be used: it holds no row"):
+    with raises_code(DataQualityError, "RID-PLATE-CLOCK", "used"):
         with_plate(recording, of(stream(0.0, 0.0)))
-    with pytest.raises(DataQualityError, match="too few"):
+    with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
         with_plate(recording, of(stream(0.0, 0.01)))

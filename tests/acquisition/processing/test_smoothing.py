@@ -13,6 +13,7 @@ from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import low_pass, resample_periods, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, DataQualityError
+from tests.builders.raised_codes import raises_code
 
 W = 2.0 * np.pi * 0.5
 
@@ -76,7 +77,7 @@ class TestLowPass:
         np.testing.assert_array_equal(x, before)
 
     def test_refuses_a_cut_off_beyond_the_sampling(self) -> None:
-        with pytest.raises(ConfigError, match="between 0 and 45 Hz"):
+        with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "45"):
             low_pass(np.zeros((100, 1)), 0.01, 49.0)
 
 
@@ -123,9 +124,9 @@ class TestSmoothing:
     def test_refuses_shreds(self) -> None:
         recording = uneven(duration_s=4.0)
         shreds = np.arange(len(recording)) % 30 < 20
-        with pytest.raises(DataQualityError, match="no stretch"):
+        with raises_code(DataQualityError, "RID-RECORDING-CUTOFF"):
             smooth_nonperiodic(part(recording, shreds), 9.4)
-        with pytest.raises(DataQualityError, match="too few"):
+        with raises_code(DataQualityError, "RID-RECORDING-SHORT"):
             smooth_nonperiodic(part(recording, np.arange(len(recording)) < 1), 9.4)
 
 
@@ -148,7 +149,7 @@ class TestResamplePeriods:
         assert resampled.valid[~inside].sum() > len(resampled) - 25
 
     def test_refuses_less_than_two_periods(self) -> None:
-        with pytest.raises(DataQualityError, match="holds 1 whole periods of 8 s"):
+        with raises_code(DataQualityError, "RID-IMPORT-RANGE"):
             resample_periods(uneven(duration_s=13.0), 8.0)
 
 
@@ -185,7 +186,7 @@ class TestTemperature:
 
 
 def test_a_cut_off_that_does_not_fit_is_refused_in_seconds_where_samples_are_seldom() -> None:
-    with pytest.raises(ConfigError, match=r"every 10 s: choose one between 0 and 0\.045 Hz"):
+    with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "10", "s", "0.045"):
         low_pass(np.zeros((9, 1)), 10.0, 10.0)
-    with pytest.raises(ConfigError, match="every 10 ms: choose one between 0 and 45 Hz"):
+    with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "10", "ms", "45"):
         low_pass(np.zeros((9, 1)), 0.01, 60.0)

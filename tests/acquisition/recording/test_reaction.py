@@ -12,6 +12,7 @@ from acquisition.recording.reaction import Reaction
 from acquisition.recording.recording import Recording
 from config.cell.plate import CHANNEL_NAMES
 from config.errors import DataQualityError, RecordingError
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S, K, PERIODS = 0.008, 250, 12
 
@@ -174,7 +175,7 @@ def test_a_plate_of_another_length_is_refused() -> None:
         channels_n=plain.reaction.channels_n[:-1],
         valid=plain.reaction.valid[:-1],
     )
-    with pytest.raises(RecordingError, match="rows of the force plate"):
+    with raises_code(RecordingError, "RID-API-ARGUMENT"):
         replace(plain, reaction=short)
 
 
@@ -182,7 +183,7 @@ def test_too_few_valid_periods_at_one_sample_are_told() -> None:
     valid = everywhere()
     for period in range(PERIODS - 1):
         valid[period * K + 7, 3] = False
-    with pytest.raises(DataQualityError, match="fy23"):
+    with raises_code(DataQualityError, "RID-RECORDING-PERIODS", "fy23"):
         average_periods(recording(valid=valid))
 
 

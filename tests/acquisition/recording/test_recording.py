@@ -9,6 +9,7 @@ import pytest
 
 from acquisition.recording.recording import Recording
 from config.errors import RecordingError
+from tests.builders.raised_codes import raises_code
 
 
 def fields(rows: int = 5) -> dict[str, Any]:
@@ -37,7 +38,7 @@ def test_keeps_its_own_read_only_copies() -> None:
 def test_names_the_row_where_time_does_not_increase() -> None:
     given = fields()
     given["time_s"][3] = given["time_s"][2]
-    with pytest.raises(RecordingError, match=r"row 3 is at 0\.020000 s after 0\.020000 s"):
+    with raises_code(RecordingError, "RID-RECORDING-CLOCK", "0.020000"):
         Recording(**given)
 
 

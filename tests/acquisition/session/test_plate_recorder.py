@@ -30,6 +30,7 @@ from config.simulation.faults import AmplifierFault
 from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
 from drivers.interfaces.force_plate import PlateRead
+from tests.builders.raised_codes import raises_code
 
 Serve = Callable[..., Any]
 ROWS = 1000
@@ -287,7 +288,7 @@ def test_damage_is_left_out_and_named(serve_amplifier: Serve, tmp_path: Path) ->
 def test_what_is_no_plate_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "p.mcap"
     path.write_bytes(b"nonsense")
-    with pytest.raises(RecordingError, match=r"p\.mcap: no header of a force plate"):
+    with raises_code(RecordingError, "RID-RECORDING-EMPTY", "p.mcap"):
         read_plate_journal(path)
 
 

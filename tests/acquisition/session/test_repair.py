@@ -28,6 +28,7 @@ from benchmarks.recover import HEADER, KILLED, invented_rows
 from config.errors import RecordingError
 from config.process.termination import TERMINATION
 from drivers.interfaces.drive_monitor import MonitorReading
+from tests.builders.raised_codes import raises_code
 
 ROWS = 4000
 KILLS = 3
@@ -207,7 +208,7 @@ def unheaded(tmp_path: Path, whole: bytes) -> Path:
 
 def test_rows_without_their_header_are_refused_and_no_file_is_made(unheaded: Path) -> None:
     target = unheaded.with_name("new.mcap")
-    with pytest.raises(RecordingError, match="header of its rows is lost"):
+    with raises_code(RecordingError, "RID-RECORDING-FOREIGN"):
         repair_journal(unheaded, target)
     assert not target.exists()
 

@@ -12,6 +12,7 @@ from acquisition.signals.clocks import (
     match_edges,
 )
 from config.errors import DataQualityError
+from tests.builders.raised_codes import raises_code
 
 PPM, OFFSET_S, JITTER_S, LENGTH_S = 100.0, 0.003, 0.005, 170.0
 
@@ -78,12 +79,12 @@ class TestArrivals:
     @pytest.mark.parametrize("rows", [0, 1, 30])
     def test_too_few_rows_are_refused(self, rows: int) -> None:
         device = np.arange(float(rows))
-        with pytest.raises(DataQualityError, match="too few"):
+        with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_arrivals(device, device + 0.1)
 
     def test_time_stamps_in_another_unit_are_refused(self) -> None:
         device = device_time(125.0)
-        with pytest.raises(DataQualityError, match="no quartz"):
+        with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_arrivals(device * 1000.0, on_sync(device))
 
 
@@ -101,12 +102,12 @@ class TestMarks:
     def test_no_straight_clock_between_them_means_that_it_was_set(self) -> None:
         device = np.linspace(0.0, 10.0, 20)
         true = device + 0.01 * (device > 5.0)
-        with pytest.raises(DataQualityError, match="set or restarted"):
+        with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_marks(true - 0.001, device, true + 0.001)
 
     def test_an_answer_before_its_question_is_refused(self) -> None:
         device = np.arange(5.0)
-        with pytest.raises(DataQualityError, match="marks cannot bound"):
+        with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_marks(device + 0.1, device, device)
 
 
@@ -131,5 +132,5 @@ class TestEdges:
         np.testing.assert_allclose(on_sync(device[edges]), sync[cycles], atol=1e-9)
 
     def test_too_few_are_refused(self) -> None:
-        with pytest.raises(DataQualityError, match="too few"):
+        with raises_code(DataQualityError, "RID-PLATE-CLOCK"):
             clock_from_edges(np.arange(2.0), np.arange(2.0))

@@ -8,6 +8,7 @@ from acquisition.task.position_loop import PositionLoop
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
+from tests.builders.raised_codes import raises_code
 
 LOOP = PositionLoop(gain_per_s=10.0, velocity_limit=(2.0, 3.0))
 
@@ -35,5 +36,5 @@ def test_the_limits_are_the_robots_with_the_cells_margin(
 
 @pytest.mark.parametrize("gain", [0.0, -1.0, math.nan, math.inf])
 def test_a_gain_is_positive(gain: float) -> None:
-    with pytest.raises(ConfigError, match="gain_per_s"):
+    with raises_code(ConfigError, "RID-CELL-VALUE", "gain_per_s"):
         PositionLoop(gain, (1.0,))

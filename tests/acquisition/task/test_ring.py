@@ -15,6 +15,7 @@ from acquisition.journal.cycle_row import FIELDS, joints_of_row, row_dtype, row_
 from acquisition.journal.row_layout import message_text
 from acquisition.task.ring import Ring
 from config.errors import RecordingError
+from tests.builders.raised_codes import raises_code
 
 
 def a_row(joints: int, cycle: int) -> tuple[float, ...]:
@@ -85,7 +86,7 @@ def test_a_row_that_does_not_fit_its_fields_is_refused() -> None:
 
 
 def test_a_ring_has_room() -> None:
-    with pytest.raises(RecordingError, match="capacity"):
+    with raises_code(RecordingError, "RID-INTERNAL-ERROR", "capacity"):
         Ring.create(3, 0)
 
 

@@ -20,6 +20,7 @@ from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel, torque
 from rid_daq.jobs.truth import true_parameters
+from tests.builders.raised_codes import raises_code
 
 SETTLE_ROWS = 100
 
@@ -81,5 +82,5 @@ def test_on_line_is_refused_and_says_what_to_do(
     assert cell.plant is not None
     model = RobotModel.from_description(cell.robot)
     one = SampleTorque.of(model, true_parameters(model, cell.robot, cell.plant))
-    with pytest.raises(ConfigError, match=r"wrist is coupled; use `rid-daq compensate`"):
+    with raises_code(ConfigError, "RID-ROBOT-COUPLED-WRIST"):
         OnlineFeedforward.of(cell.config, cell.robot, one, loops)

@@ -17,6 +17,7 @@ from config.load import load_cell, load_robot, read_named
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, forward, jacobian
 from mock_hw.plant.plant import Plant
+from tests.builders.raised_codes import raises_code
 
 STIFFNESS = (5e4, 6e4, 2e4)
 CYCLE_S = 0.008
@@ -122,5 +123,5 @@ def test_a_stiffness_that_no_gear_has_is_refused(tmp_path: Path, wrong: str) -> 
     text = read_named("ir361", "robots", None)[0].decode()
     file = tmp_path / "robot.yaml"
     file.write_text(text.replace("gear_ratio: 121.0", f"stiffness_nm_rad: {wrong}"))
-    with pytest.raises(ConfigError, match="stiffness_nm_rad"):
+    with raises_code(ConfigError, "RID-FILE-VALUE", "stiffness_nm_rad"):
         load_robot(str(file))

@@ -25,6 +25,7 @@ from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
 from config.errors import EstimationError
 from config.load import LoadedCell
 from config.simulation.plant import PlantConfig
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S = 0.008
 
@@ -161,7 +162,7 @@ def test_advice_names_the_axis_that_allows_least_and_counts_uncertainty() -> Non
 
 def test_loops_of_different_joints_make_no_cascade() -> None:
     axis = replace(cascade().mechanics, joint_name="axis2")
-    with pytest.raises(EstimationError, match="the mechanics of axis2"):
+    with raises_code(EstimationError, "RID-INTERNAL-ERROR", "axis2"):
         Cascade(cascade().loop, axis, 15.0, CYCLE_S)
 
 

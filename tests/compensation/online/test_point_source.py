@@ -39,6 +39,7 @@ from tests.builders.point_streams import (
     true_model,
     waves,
 )
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -210,15 +211,15 @@ class TestBeginnings:
     def test_too_few_points_to_stop_on_are_refused(
         self, forward: OnlineFeedforward, count: int
     ) -> None:
-        with pytest.raises(DriverError, match="too few points to begin with"):
+        with raises_code(DriverError, "RID-STREAM-POINTS"):
             source_of(forward, waves(1, 10)[:count], end=False, capacity=10)
 
     def test_a_path_that_begins_in_motion_is_refused(self, forward: OnlineFeedforward) -> None:
-        with pytest.raises(ConfigError, match=r"point 0, joint .*; nothing was moved"):
+        with raises_code(ConfigError, "RID-STREAM-POINTS"):
             source_of(forward, waves(2, 500)[200:])
 
     def test_points_of_another_robot_are_refused(self, forward: OnlineFeedforward) -> None:
-        with pytest.raises(ConfigError, match="points of 4 joints for a robot that has 3"):
+        with raises_code(ConfigError, "RID-MOTION-JOINTS"):
             PointSource(forward, PointRing.create(4, 10))
 
 

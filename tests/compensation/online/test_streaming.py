@@ -29,6 +29,7 @@ from compensation.online.point_server import PointServer, PointService, listenin
 from config.errors import ConfigError, LockedError, ProtocolError, TransportError
 from config.load import load_robot
 from config.robot.bodies import Plane, Workspace
+from tests.builders.raised_codes import raises_code
 
 Points = NDArray[np.float64]
 ROBOT = load_robot("ir361")
@@ -79,7 +80,7 @@ class TestRing:
         assert set(failed.failure) == {"ä"}
 
     def test_nothing_cannot_be_kept(self) -> None:
-        with pytest.raises(ConfigError, match="holds nothing"):
+        with raises_code(ConfigError, "RID-INTERNAL-ERROR"):
             PointRing.create(3, 0)
 
 
@@ -160,7 +161,7 @@ class TestIterator:
         ring = PointRing.create(3, 10)
         with (
             PointFeed(ring, gate(), points()) as fed,
-            pytest.raises(ConfigError, match=r"no points: .*no file"),
+            raises_code(ConfigError, "RID-STREAM-POINTS", "points"),
         ):
             fed.wait(10, 120.0)
 
@@ -339,7 +340,7 @@ with listening(Path({str(path)!r})):
     def test_a_folder_that_is_open_to_others_is_refused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o755)
         with (
-            pytest.raises(TransportError, match=r"open to other users.*chmod 700"),
+            raises_code(TransportError, "RID-SOCKET-PATH", "700"),
             listening(tmp_path / "points"),
         ):
             pass
@@ -356,7 +357,7 @@ with listening(Path({str(path)!r})):
                 other.bind(str(path))
                 other.listen()
                 with (
-                    pytest.raises(TransportError, match="no socket can be made"),
+                    raises_code(TransportError, "RID-SOCKET-PATH"),
                     listening(path),
                 ):
                     pass
@@ -364,7 +365,7 @@ with listening(Path({str(path)!r})):
 
     def test_a_path_that_is_too_long_is_told(self) -> None:
         with (
-            pytest.raises(TransportError, match="longer than the 107 bytes"),
+            raises_code(TransportError, "RID-SOCKET-PATH", "107"),
             listening(Path("/tmp") / ("x" * 120) / "points"),
         ):
             pass

@@ -11,6 +11,7 @@ from config.cell.cell import CellConfig
 from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError
 from config.load import load_bundled_or_path, load_cell
+from tests.builders.raised_codes import raises_code
 
 
 def entry(name: str, bits: int, **more: Any) -> dict[str, Any]:
@@ -64,5 +65,5 @@ def test_the_trimmed_exchange_needs_pdos_that_can_be_mapped(name: str) -> None:
     cell: CellConfig = load_cell("ir361").config
     profile = load_bundled_or_path(name, "servos", ServoProfile)
     trimmed = cell.model_copy(update={"servo": profile, "exchange": "trimmed"})
-    with pytest.raises(ConfigError, match="axis1 has fixed ones"):
+    with raises_code(ConfigError, "RID-CELL-VALUE", "axis1"):
         trimmed.servo_of(trimmed.axes[0])

@@ -12,6 +12,7 @@ from config.formats.eds import MAX_OBJECTS, ElectronicDataSheet, parse_eds
 from config.formats.eds_object import DataType, EdsObject, EdsValue, parse_integer, parse_value
 from config.formats.eds_text import MAX_BYTES, MAX_LINE_CHARACTERS
 from tests.builders.data_sheet import SHEET, read
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.mark.parametrize(
@@ -159,7 +160,7 @@ class TestASheetIsValid:
             lambda: replace(sheet, node_id=0),
             lambda: replace(sheet, objects=(item,) * 2),
         ):
-            with pytest.raises(ConfigError, match=r"x\.eds"):
+            with raises_code(ConfigError, "RID-EDS-INVALID", "x.eds"):
                 wrong()
 
     def test_nor_an_object(self) -> None:

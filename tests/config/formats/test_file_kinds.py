@@ -16,6 +16,7 @@ from config.load import bundled_names, load_bundled_or_path, load_cell, load_rob
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
 from identification.estimation.file import read_estimate
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -54,7 +55,7 @@ def test_a_file_of_another_kind_is_named_and_so_is_what_is_wanted(files: dict[st
 def test_a_mistake_in_a_file_of_the_right_kind_is_named_by_its_key(files: dict[str, str]) -> None:
     path = Path(files["a cell"])
     path.write_text(path.read_text() + "surplus: 1\n")
-    with pytest.raises(ConfigError, match="surplus: unknown key"):
+    with raises_code(ConfigError, "RID-FILE-VALUE", "surplus"):
         load_cell(str(path))
 
 
@@ -107,10 +108,10 @@ def test_a_map_in_place_of_a_cell_is_named_and_a_damaged_model_is_not_called_ano
 ) -> None:
     path = tmp_path / "file.yaml"
     path.write_bytes(read_named(bundled_names("maps")[0], "maps", None)[0])
-    with pytest.raises(ConfigError, match="this is an import map file; a cell file is wanted"):
+    with raises_code(ConfigError, "RID-FILE-TYPE"):
         load_cell(str(path))
     path.write_bytes(MODEL)
-    with pytest.raises(ConfigError, match="not an estimate as `rid-daq identify` writes it: "):
+    with raises_code(ConfigError, "RID-FILE-VALUE"):
         read_estimate(path)
 
 

@@ -8,6 +8,7 @@ import pytest
 from config.errors import ConfigError
 from config.formats.urdf_file import read_urdf
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
+from tests.builders.raised_codes import raises_code
 
 INERTIAL = (
     '<inertial><origin xyz="0.1 0 0" rpy="0 0 0"/><mass value="3"/>'
@@ -103,9 +104,9 @@ def test_nan_is_no_limit_of_any_kind(key: str) -> None:
         ("<mechanicalReduction>50", "<mechanicalReduction>50:1", "RID-FILE-NUMBER"),
         ("<mechanicalReduction>50", "<mechanicalReduction>N/A", "RID-FILE-NUMBER"),
         ("<mechanicalReduction>50", "<mechanicalReduction>1e5", "RID-URDF-GEAR"),
-        ("<transmission", f"{TRANSMISSION}<transmission", ""),
+        ("<transmission", f"{TRANSMISSION}<transmission", "RID-FILE-DUPLICATE"),
         ('velocity="2.5"', 'velocity="143"', "RID-URDF-LIMIT"),
-        ('xyz="0 0 1"', 'xyz="0 0 0"', ""),
+        ('xyz="0 0 1"', 'xyz="0 0 0"', "RID-URDF-STRUCTURE"),
     ],
 )
 def test_what_no_robot_has_is_refused_with_file_and_line(old: str, new: str, code: str) -> None:
@@ -196,5 +197,5 @@ def test_more_than_16_joints_are_refused_before_anything_is_made_of_them() -> No
         '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
         for n in range(17)
     )
-    with pytest.raises(ConfigError, match="at most 16"):
+    with raises_code(ConfigError, "RID-URDF-LIMIT", "16"):
         robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))

@@ -11,6 +11,7 @@ import pytest
 
 from config.errors import RecordingError
 from config.formats.whole_file import write_whole
+from tests.builders.raised_codes import raises_code
 
 
 def test_a_file_is_replaced_whole_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
@@ -22,7 +23,7 @@ def test_a_file_is_replaced_whole_and_nothing_is_left_beside_it(tmp_path: Path) 
 
 
 def test_a_folder_that_is_not_there_is_a_storage_error(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"model\.json: cannot be written"):
+    with raises_code(RecordingError, "RID-FILE-WRITE", "model.json"):
         write_whole(tmp_path / "missing" / "model.json", b"{}")
 
 
@@ -45,7 +46,7 @@ def test_a_link_stays_one_and_what_it_points_at_is_replaced(tmp_path: Path) -> N
 def test_what_is_no_file_is_left_alone(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/null"), Path("")):
-        with pytest.raises(RecordingError, match="is no file; choose another name"):
+        with raises_code(RecordingError, "RID-FILE-WRITE"):
             write_whole(path, b"new")
     assert (tmp_path / "pipe").is_fifo()
     assert Path("/dev/null").is_char_device()
@@ -55,7 +56,7 @@ def test_what_was_there_stays_where_the_new_cannot_be_put(tmp_path: Path) -> Non
     folder = tmp_path / "model.json"
     folder.mkdir()
     (folder / "inside").write_bytes(b"kept")
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with raises_code(RecordingError, "RID-FILE-WRITE"):
         write_whole(folder, b"new")
     assert (folder / "inside").read_bytes() == b"kept"
     assert [item.name for item in tmp_path.iterdir()] == ["model.json"]
@@ -80,7 +81,7 @@ def test_what_reads_back_otherwise_is_refused_and_rolled_back(
 
     monkeypatch.setattr("config.formats.whole_file.os.fsync", sync_badly)
     for _ in bits:
-        with pytest.raises(RecordingError, match="reads back otherwise"):
+        with raises_code(RecordingError, "RID-FILE-WRITE"):
             write_whole(path, data)
         assert path.read_bytes() == b"what was there"
     assert [item.name for item in tmp_path.iterdir()] == ["load.src"]

@@ -13,6 +13,7 @@ import pytest
 from config.errors import RecordingError
 from config.process import file_locks
 from config.process.file_locks import file_holder, held_file
+from tests.builders.raised_codes import raises_code
 
 HOLDER = """
 import sys
@@ -131,5 +132,5 @@ def test_a_computer_that_does_not_tell_is_an_error(
 ) -> None:
     monkeypatch.setattr(file_locks, "LOCKS", tmp_path / "missing")
     (tmp_path / "lock").touch()
-    with pytest.raises(RecordingError, match=r"nobody can say who holds.*is /proc mounted"):
+    with raises_code(RecordingError, "RID-FILE-ACCESS", "/proc"):
         file_holder(tmp_path / "lock")

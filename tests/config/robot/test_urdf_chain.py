@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from config.errors import ConfigError
 from config.formats.urdf_file import read_urdf
 from config.robot.urdf_chain import SeveralArmsError, UrdfArm, arm_between
+from tests.builders.raised_codes import raises_code
 
 
 def arm(*joints: str, tip: str | None = None, base: str | None = None) -> UrdfArm:
@@ -58,9 +57,7 @@ def test_a_linkage_beside_the_arm_is_left_aside() -> None:
 def test_several_arms_are_named_the_longest_first() -> None:
     left, right = (tuple(j.replace("a>", f"{s}a>") for j in ARM) for s in "lr")
     both = [f"{side}{p}>{side}{c}" for side in "lr" for p, c in ("ab", "bc", "cd")]
-    with pytest.raises(
-        SeveralArmsError, match=r"--tip re \(5 joints\); --tip ld \(4 joints\)"
-    ) as e:
+    with raises_code(SeveralArmsError, "RID-URDF-ARM", "--tip") as e:
         arm("t>x", "x>la:fixed", "x>ra:fixed", *both, "rd>re", "t>head")
     assert [found.tip for found in e.value.arms] == ["re", "ld"]
     assert left != right
@@ -73,10 +70,10 @@ def test_a_floating_base_is_held_and_of_two_trees_the_longer_is_taken() -> None:
 
 
 def test_a_joint_that_mimics_does_not_end_the_arm_without_a_word() -> None:
-    with pytest.raises(ConfigError, match=r"'cd' mimics 'ab' in the middle.*Give --tip c for"):
+    with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", "e>f")
 
 
 def test_a_joint_that_mimics_in_the_middle_of_the_arm_is_refused_with_a_way_out() -> None:
-    with pytest.raises(ConfigError, match=r"'cd' mimics 'ab' in the middle.*Give --tip c for"):
+    with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")

@@ -9,6 +9,7 @@ from config.errors import ConfigError
 from config.formats.urdf import UrdfJoint
 from config.robot.joint_size import JointSize, joint_sizes
 from config.robot.urdf_limits import FoundLimits, LimitDefaults, limits_of_urdf
+from tests.builders.raised_codes import raises_code
 
 SIZE = JointSize(reach_m=1.2, weight=100.0)
 ZEROS = {"lower": 0.0, "upper": 0.0, "velocity": 0.0, "effort": 0.0}
@@ -126,7 +127,7 @@ def test_options_fill_in_what_is_missing_and_nothing_else() -> None:
     assert (bare.position_min, bare.position_max) == (-1.0, 1.0)
     assert (bare.velocity, bare.acceleration, bare.torque) == (1.5, 3.0, 70.0)
     assert (whole.position_max, whole.velocity, whole.torque) == (2.5, 2.0, 50.0)
-    with pytest.raises(ConfigError, match="--effort has 2 values: give one, or one for each of"):
+    with raises_code(ConfigError, "RID-OPTION-COUNT", "--effort"):
         found(joint("revolute", WHOLE), LimitDefaults(torque=(1.0, 2.0)))
 
 

@@ -17,6 +17,7 @@ import serial.rfc2217
 
 from config.errors import TransportError
 from drivers.amplifier.amplifier import open_amplifier
+from tests.builders.raised_codes import raises_code
 
 Serve = Callable[..., Any]
 pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's
@@ -135,7 +136,7 @@ def test_a_device_server_that_goes_is_an_error_of_the_line(
         amplifier.start()
         amplifier.read(until_s)
         server.close()
-        with pytest.raises(TransportError, match="check the adapter"):
+        with raises_code(TransportError, "RID-SERIAL-LOST"):
             read_on(amplifier, until_s)
 
 

@@ -14,6 +14,7 @@ from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from config.load import load_bundled_or_path
 from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.codec import Request
+from tests.builders.raised_codes import raises_code
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 ENOUGH_S = 120.0
@@ -23,7 +24,7 @@ Plug = Callable[..., Any]
 def test_who_answers_is_escaped(plug: Plug) -> None:
     device = plug(identity=b"Example,\x1b[2J")
     with open_amplifier(device.config, PROFILE) as amplifier:
-        with pytest.raises(ProtocolError, match=r"\\x1b\[2J"):
+        with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER", "\\x1b[2J"):
             amplifier.connect()
         device.script.identity = b"Example,M8,007,1.2"
         assert amplifier.connect() == "Example,M8,007,1.2"
@@ -35,7 +36,7 @@ def test_a_wrong_baud_rate_is_found_and_named(plug: Plug, monkeypatch: pytest.Mo
     device = plug(baud_rate=115200)
     with (
         open_amplifier(device.config, PROFILE) as amplifier,
-        pytest.raises(ProtocolError, match="answers at 115200 baud, not at 460800: set plate"),
+        raises_code(ProtocolError, "RID-AMPLIFIER-SETTING", "115200", "460800"),
     ):
         amplifier.connect()
 
@@ -48,7 +49,7 @@ def test_silence_is_named_as_silence(plug: Plug, monkeypatch: pytest.MonkeyPatch
     device = plug(moods=mute)
     with (
         open_amplifier(device.config, PROFILE) as amplifier,
-        pytest.raises(DeviceTimeoutError, match="nothing answers at any speed; check that"),
+        raises_code(DeviceTimeoutError, "RID-AMPLIFIER-SILENT"),
     ):
         amplifier.connect()
 
@@ -87,7 +88,7 @@ def test_a_setting_that_does_not_stay_is_an_error(plug: Plug) -> None:
     device = plug(moods={"low_pass": stubborn})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
-        with pytest.raises(ProtocolError, match="low-pass was set to 100 and reads back 30 Hz"):
+        with raises_code(ProtocolError, "RID-AMPLIFIER-SETTING", "100", "30"):
             amplifier.configure()
 
 
@@ -95,7 +96,7 @@ def test_the_converter_is_not_set_but_compared(plug: Plug) -> None:
     device = plug(settings={("bits", 0): "12"})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
-        with pytest.raises(ProtocolError, match="bits of the converter is 12, the cell file says"):
+        with raises_code(ProtocolError, "RID-AMPLIFIER-SETTING", "12"):
             amplifier.configure()
 
 
@@ -103,7 +104,7 @@ def test_a_refused_value_is_named_in_words(plug: Plug) -> None:
     device = plug(moods={"range": lambda request: b"E03\r"})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
-        with pytest.raises(ProtocolError, match=r"1:RG\?.*range of fx12.*E03 \(value out of range"):
+        with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER", "1:RG?", "fx12", "E03"):
             amplifier.settings()
 
 
@@ -122,7 +123,7 @@ def test_forces_are_what_the_device_says(plug: Plug) -> None:
         assert amplifier.forces_n().tolist() == [1.5, -2.0, 0, 0, 0, 0, 0, 4.9]
         for nonsense in (b"1,2,3", b"a,b,c,d,e,f,g,h", b"nan,0,0,0,0,0,0,0"):
             device.script.values = nonsense
-            with pytest.raises(ProtocolError, match="asked for eight forces"):
+            with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER"):
                 amplifier.forces_n()
 
 
@@ -133,7 +134,7 @@ def test_a_device_that_does_not_do_what_it_confirmed(plug: Plug) -> None:
     device = plug(moods={"operate": confirms})
     with open_amplifier(device.config, PROFILE) as amplifier:
         amplifier.connect()
-        with pytest.raises(ProtocolError, match="did not operate"):
+        with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER"):
             amplifier.operate()
 
 
@@ -155,12 +156,12 @@ def test_a_late_confirmation_is_not_taken_for_who_answers(plug: Plug) -> None:
 
 def test_a_port_that_is_not_there_is_named(plug: Plug) -> None:
     with (
-        pytest.raises(TransportError, match=r"/dev/ttyNONE.*plate\.amplifier\.address"),
+        raises_code(TransportError, "RID-SERIAL-OPEN", "/dev/ttyNONE", "plate.amplifier.address"),
         open_amplifier(plug().config.model_copy(update={"address": "/dev/ttyNONE"}), PROFILE),
     ):
         pass
     with (
-        pytest.raises(TransportError, match="warp:"),
+        raises_code(TransportError, "RID-SERIAL-OPEN", "warp:"),
         open_amplifier(plug().config.model_copy(update={"address": "warp://core"}), PROFILE),
     ):
         pass
@@ -171,7 +172,7 @@ def test_a_port_belongs_to_one_program(plug: Plug) -> None:
     config = device.config
     with (
         open_amplifier(config, PROFILE),
-        pytest.raises(TransportError, match="no other program has it"),
+        raises_code(TransportError, "RID-SERIAL-OPEN"),
         open_amplifier(config, PROFILE),
     ):
         pass

@@ -12,6 +12,7 @@ import pytest
 from config.errors import ProtocolError
 from config.simulation.plant import SimulatedPlate
 from drivers.amplifier.amplifier import open_amplifier
+from tests.builders.raised_codes import raises_code
 
 Serve = Callable[..., Any]
 
@@ -39,7 +40,7 @@ def test_another_speed_is_found_and_named(
     served = serve_amplifier(speed=230400)
     with (
         open_amplifier(served.plate.amplifier, served.profile) as amplifier,
-        pytest.raises(ProtocolError, match="answers at 230400 baud, not at 460800"),
+        raises_code(ProtocolError, "RID-AMPLIFIER-SETTING", "230400", "460800"),
     ):
         amplifier.connect()
 
@@ -86,7 +87,7 @@ def test_the_converter_that_the_cell_file_does_not_know(serve_amplifier: Serve) 
     other = served.plate.amplifier.model_copy(update={"bits": 16})
     with open_amplifier(other, served.profile) as amplifier:
         amplifier.connect()
-        with pytest.raises(ProtocolError, match="bits of the converter is 14, the cell file says"):
+        with raises_code(ProtocolError, "RID-AMPLIFIER-SETTING", "14"):
             amplifier.configure()
 
 

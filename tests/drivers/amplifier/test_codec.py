@@ -17,6 +17,7 @@ from drivers.amplifier.codec import (
     Request,
     RequestError,
 )
+from tests.builders.raised_codes import raises_code
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 CODEC = AmplifierCodec(PROFILE)
@@ -86,7 +87,7 @@ def test_what_is_no_command_is_refused_by_number(line: bytes, number: str) -> No
 
 
 def test_an_answer_that_is_no_text_is_shown_escaped() -> None:
-    with pytest.raises(ProtocolError, match=r"\\x1b\[2J"):
+    with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER", "\\x1b[2J"):
         CODEC.read_answer(b"\x1b[2J")
     assert CODEC.error_text("03") == "error E03 (value out of range)"
     assert "not in the profile's list" in CODEC.error_text("77")

@@ -28,6 +28,7 @@ from drivers.canopen.nmt import (
 )
 from drivers.canopen.pdo import MappedObject, PdoMapping, is_valid, split
 from drivers.device_text import printable
+from tests.builders.raised_codes import raises_code
 
 
 class TestIdentifiers:
@@ -176,7 +177,7 @@ class TestPdo:
         assert (last.index, last.subindex, last.data.hex()) == (0x1801, 1, "83020040")
 
     def test_more_than_a_frame_is_refused(self) -> None:
-        with pytest.raises(ProtocolError, match="96 bits"):
+        with raises_code(ProtocolError, "RID-DRIVE-DATA-SIZE", "96"):
             PdoMapping("tpdo", 1, 0x181, (MappedObject(0x6064, 0, 32),) * 3)
 
     @given(st.integers(0, 0xFFFF), st.integers(0, 0xFF), st.integers(0, 0xFF))
@@ -186,7 +187,7 @@ class TestPdo:
 
     def test_a_frame_is_cut_by_its_mapping(self) -> None:
         assert split(self.VELOCITY.objects, bytes(range(8))) == [b"\0\1", b"\2\3\4\5", b"\6\7"]
-        with pytest.raises(ProtocolError, match="5 bytes arrived where 8"):
+        with raises_code(ProtocolError, "RID-DRIVE-DATA-SIZE"):
             split(self.VELOCITY.objects, bytes(5))
 
     def test_bit_31_switches_a_pdo_off(self) -> None:

@@ -23,6 +23,7 @@ from drivers.canopen.sdo_server import SdoServer
 from drivers.ports.can_link import open_can
 from drivers.servo.sdo_port import SdoPort
 from drivers.servo.setup import DriveSetup
+from tests.builders.raised_codes import raises_code
 
 CHANNEL = "canopen-judge"
 REACH = (-3.0, 3.0)
@@ -169,10 +170,10 @@ class TestCanopenAsServer:
         assert port.read(0x1008, 0) == b"a new and much longer name"
 
     def test_aborts(self, port: SdoPort) -> None:
-        with pytest.raises(SdoAbort, match="the object does not exist") as caught:
+        with raises_code(SdoAbort, "RID-DRIVE-REFUSED") as caught:
             port.read(0x3000, 0)
         assert caught.value.code == SdoCode.NO_OBJECT
-        with pytest.raises(SdoAbort, match="sub-index"):
+        with raises_code(SdoAbort, "RID-DRIVE-REFUSED", "sub-index"):
             port.read(0x6091, 9)
 
     def test_a_whole_drive_is_configured_and_read_back(

@@ -12,6 +12,7 @@ from config.cell.drive_profile import NAMEPLATE, POLLED, DriveProfile, Register
 from config.errors import ProtocolError
 from config.load import load_bundled_or_path
 from drivers.modbus.codec import RegisterRead, decode, encode, plan_reads
+from tests.builders.raised_codes import raises_code
 
 
 def profile(word_order: Any = "big", **registers: Register) -> DriveProfile:
@@ -82,13 +83,13 @@ class TestWhatTheWordsMean:
 
     def test_too_few_words_are_refused(self) -> None:
         read = RegisterRead("holding", 0, 2, ("motor_temperature_k",))
-        with pytest.raises(ProtocolError, match="1 registers were answered where 2 were asked"):
+        with raises_code(ProtocolError, "RID-MODBUS-GARBAGE"):
             decode(profile(), read, (1,))
 
     def test_a_number_that_is_none_points_at_the_profile(self) -> None:
         drive = profile(rated_torque_nm=Register(address=10, type="float32"))
         read = RegisterRead("holding", 10, 2, ("rated_torque_nm",))
-        with pytest.raises(ProtocolError, match="nan in register 10: check the profile's type"):
+        with raises_code(ProtocolError, "RID-MODBUS-PROFILE", "10"):
             decode(drive, read, (0x7FC0, 0x0000))
 
     @pytest.mark.parametrize("order", ["big", "little"])

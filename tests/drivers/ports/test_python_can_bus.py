@@ -5,6 +5,7 @@ import pytest
 from config.cell.cell import CanBusConfig
 from config.errors import ConfigError, TransportError
 from drivers.ports.can_link import open_can
+from tests.builders.raised_codes import raises_code
 
 
 def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> None:
@@ -24,7 +25,7 @@ def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> N
     ],
 )
 def test_a_bus_that_is_not_there_is_named_with_what_to_check(interface: str, channel: str) -> None:
-    with pytest.raises(TransportError, match=r"check can\.interface and can\.channel") as caught:
+    with raises_code(TransportError, "RID-CAN-OPEN", "can.interface", "can.channel") as caught:
         open_can(CanBusConfig(interface=interface, channel=channel))
     assert f"CAN bus {interface}:{channel} cannot be opened" in str(caught.value)
     assert caught.value.refusal == "RID-CAN-OPEN"

@@ -26,6 +26,7 @@ from drivers.ports.can_link import CanLink
 from drivers.servo.axes import CanServoAxes
 from drivers.servo.bring_up import check_bus_load
 from drivers.servo.cia402 import PowerState
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
@@ -129,13 +130,11 @@ class TestRefusals:
     ) -> None:
         """What would keep running when the laptop dies cannot be enabled."""
         del bench.drives[2].objects[0x1016, 1]
-        with pytest.raises(
-            PreflightError, match=r"elbow \(node 3\).*1016h:01 is not in this drive"
-        ):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "1016h:01"):
             bench.axes.bring_up()
-        with pytest.raises(DriverError, match="bring_up"):
+        with raises_code(DriverError, "RID-INTERNAL-ERROR", "bring_up"):
             bench.axes.start()
-        with pytest.raises(DriverError, match="start first"):
+        with raises_code(DriverError, "RID-INTERNAL-ERROR"):
             bench.axes.enable()
         measured("a drive without 1016h: cannot be started, cannot be enabled")
 
@@ -156,7 +155,7 @@ class TestRefusals:
         safety = cell.drive_safety.model_copy(update={"allow_drive_without_watchdog": (3,)})
         bench = make_bench(cell.model_copy(update={"drive_safety": safety}))
         bench.drives[0].ignored = {(0x6007, 0)}
-        with pytest.raises(PreflightError, match=r"base \(node 1\): abort connection"):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
             bench.axes.bring_up()
 
     def test_one_run_names_everything_that_is_wrong(self, bench: Bench) -> None:
@@ -175,12 +174,14 @@ class TestRefusals:
 
     def test_a_refused_write_says_why(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6072, 0] = bytes(4)
-        with pytest.raises(PreflightError, match=r"write refused: data type or length"):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "refused"):
             bench.axes.bring_up()
 
     def test_a_gear_other_than_the_robot_files(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6091, 1] = (101).to_bytes(4, "little")
-        with pytest.raises(PreflightError, match=r"gear ratio 6091h:00 is 101:1, required: 100"):
+        with raises_code(
+            PreflightError, "RID-PREFLIGHT-RED", "6091h:00", "101:1", "required", "100"
+        ):
             bench.axes.bring_up()
 
     def test_a_drive_that_does_not_know_the_gear(self, bench: Bench) -> None:
@@ -191,30 +192,28 @@ class TestRefusals:
 
     def test_units_that_make_no_sense(self, bench: Bench) -> None:
         bench.drives[0].objects[0x608F, 2] = bytes(4)
-        with pytest.raises(PreflightError, match="per motor revolutions 608Fh:02 is 0"):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "608Fh:02"):
             bench.axes.bring_up()
 
     def test_a_drive_without_cyclic_synchronous_velocity(self, bench: Bench) -> None:
         bench.drives[0].objects[0x6502, 0] = (0x2ED).to_bytes(4, "little")
-        with pytest.raises(
-            PreflightError, match="cyclic synchronous velocity 6502h:00 is 0h, required: 100h"
-        ):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "6502h:00", "0h", "required", "100h"):
             bench.axes.bring_up()
 
     def test_a_device_that_is_no_drive(self, bench: Bench) -> None:
         bench.drives[0].objects[0x1000, 0] = (0x191).to_bytes(4, "little")
-        with pytest.raises(PreflightError, match="device profile"):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
             bench.axes.bring_up()
 
     def test_a_drive_that_sends_sync_itself(self, bench: Bench) -> None:
         bench.drives[0].objects[0x1005, 0] = (0x4000_0080).to_bytes(4, "little")
-        with pytest.raises(PreflightError, match="SYNC identifier"):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
             bench.axes.bring_up()
 
     def test_a_drive_in_fault_is_not_reset_but_named(self, bench: Bench) -> None:
         bench.drives[0].state = PowerState.FAULT
         bench.drives[0].objects[0x603F, 0] = (0x7305).to_bytes(2, "little")
-        with pytest.raises(PreflightError, match=r"base.*fault: encoder error \(7305h\)"):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "base", "fault", "7305h"):
             bench.axes.bring_up()
         assert bench.drives[0].state is PowerState.FAULT
 
@@ -222,7 +221,7 @@ class TestRefusals:
 class TestDevicesThatAreNotThere:
     def test_a_drive_that_does_not_boot(self, bench: Bench) -> None:
         bench.drives[1].mute = True
-        with pytest.raises(DeviceTimeoutError, match=r"no boot-up.*shoulder \(node 2\); check"):
+        with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT"):
             bench.axes.bring_up()
 
     def test_a_drive_that_falls_silent(self, bench: Bench) -> None:
@@ -234,13 +233,13 @@ class TestDevicesThatAreNotThere:
             write(index, subindex, data)
 
         drive.server._write = die
-        with pytest.raises(DeviceTimeoutError, match="node 2 did not answer"):
+        with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT"):
             bench.axes.bring_up()
         assert {s.node_id for s in bench.axes.settings()} == {1}
 
     def test_two_devices_with_one_node_id(self, bench: Bench) -> None:
         bench.drives[2].boots = 2
-        with pytest.raises(ProtocolError, match=r"elbow \(node 3\); two devices may share"):
+        with raises_code(ProtocolError, "RID-DRIVE-NODE-TWICE"):
             bench.axes.bring_up()
 
     @pytest.mark.parametrize(
@@ -266,7 +265,7 @@ class TestDevicesThatAreNotThere:
         self, bench: Bench, delay_s: float
     ) -> None:
         bench.bus.transmit(Frame(0x602, bytes(8)), delay_s)
-        with pytest.raises(LockedError, match="it sends SDO requests to node 2"):
+        with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER"):
             bench.axes.bring_up()
         assert bench.bus.sent != []
         assert bench.bus.sent_to(0x201) == []
@@ -286,14 +285,14 @@ class TestConfiguration:
         self, cell: CellConfig, robot: RobotDescription, bench: Bench
     ) -> None:
         axes = (*cell.axes[:2], cell.axes[2].model_copy(update={"joint": "wrist"}))
-        with pytest.raises(ConfigError, match=r"without a drive: elbow; .*unknown joints: wrist"):
+        with raises_code(ConfigError, "RID-CELL-JOINTS", "drive", "joints"):
             CanServoAxes(bench.link, cell.model_copy(update={"axes": axes}), robot)
 
     def test_a_bus_that_would_be_too_full_is_refused(self, cell: CellConfig) -> None:
         fast = cell.model_copy(update={"cycle_time_ms": 1})
         assert check_bus_load(fast) == pytest.approx(0.715, abs=0.001)
         slow_bus = fast.can.model_copy(update={"bitrate": 500_000})
-        with pytest.raises(ConfigError, match="3 axes every 1 ms would fill 143 % of the CAN bus"):
+        with raises_code(ConfigError, "RID-CAN-LOAD", "143"):
             check_bus_load(fast.model_copy(update={"can": slow_bus}))
 
     def test_a_constructor_does_no_io(
@@ -350,7 +349,7 @@ class TestWhoADriveIs:
             bench.axes.bring_up()
         assert bench.drive.writes == []
         assert all(drive.writes for drive in bench.drives if drive is not bench.drive)
-        with pytest.raises(DriverError, match="bring_up"):
+        with raises_code(DriverError, "RID-INTERNAL-ERROR", "bring_up"):
             bench.axes.start()
 
 

@@ -20,6 +20,7 @@ from drivers.servo.cia402 import (
     next_controlword,
     state_of,
 )
+from tests.builders.raised_codes import raises_code
 
 S = PowerState
 W = ControlWord
@@ -150,5 +151,5 @@ def test_torque_survives_the_round_trip(permille: int) -> None:
 
 
 def test_useless_factors_are_refused() -> None:
-    with pytest.raises(ConfigError, match="finite, not 0"):
+    with raises_code(ConfigError, "RID-SERVO-VALUE"):
         AxisUnits(0.0, 1.0, 1.0, 1.0)

@@ -8,6 +8,7 @@ from config.errors import EstimationError
 from config.load import load_robot
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from dynamics.geometry.kinematics import Chain, forward, jacobian, link_transforms, point_jacobian
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.mark.parametrize("n", range(1, 8))
@@ -121,10 +122,10 @@ def test_a_chain_cannot_be_changed(ir361) -> None:
 
 @pytest.mark.parametrize("shape", [(3,), (5, 2), (2, 5, 3)])
 def test_positions_of_another_shape_are_refused(shape, ir361) -> None:
-    with pytest.raises(EstimationError, match=r"shape \(samples, 3\)"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT"):
         link_transforms(Chain.from_description(ir361), np.zeros(shape))
 
 
 def test_a_chain_of_mismatched_arrays_is_refused() -> None:
-    with pytest.raises(EstimationError, match="a chain needs"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT"):
         Chain(np.zeros((2, 5)), np.zeros(3, dtype=bool), np.zeros(3), np.zeros(3))

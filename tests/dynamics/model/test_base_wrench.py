@@ -7,6 +7,7 @@ from config.errors import EstimationError
 from config.load import load_robot
 from dynamics.model.base_wrench import base_wrench, base_wrench_gradient
 from dynamics.model.robot_model import RobotModel
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.mark.parametrize("name", ["ir361", "ur10e"])
@@ -33,5 +34,5 @@ def test_the_gradient_is_what_small_changes_of_the_motion_do(name: str) -> None:
 def test_parameters_must_be_the_models() -> None:
     model = RobotModel.from_description(load_robot("ir361"))
     rest = np.zeros((1, 3))
-    with pytest.raises(EstimationError, match="parameters"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "parameters"):
         base_wrench(model, rest, rest, rest, np.zeros(3))

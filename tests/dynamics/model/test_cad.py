@@ -11,6 +11,7 @@ from config.load import load_robot
 from config.robot.robot import LinkCad
 from dynamics.model.cad import cad_parameters, cad_prior
 from dynamics.model.robot_model import RobotModel
+from tests.builders.raised_codes import raises_code
 
 PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
 LINK = LinkCad(
@@ -61,7 +62,7 @@ def test_a_guess_has_values_and_is_no_prior(ir361) -> None:
     assert np.isfinite(sigmas[10:30]).all()
     assert not some.is_drawn
     none = ir361.model_copy(update={"cad": (guess, guess, guess)})
-    with pytest.raises(ConfigError, match=r"guesses for `cad` .uncertainty: null., which are no"):
+    with raises_code(ConfigError, "RID-ROBOT-CAD"):
         cad_prior(RobotModel.from_description(none), none)
 
 
@@ -92,5 +93,5 @@ def test_the_bundled_ur10e_weighs_what_its_maker_says() -> None:
 
 
 def test_a_robot_without_drawings_is_refused(ir361) -> None:
-    with pytest.raises(ConfigError, match="state mass, centre and inertia"):
+    with raises_code(ConfigError, "RID-ROBOT-CAD"):
         cad_parameters(RobotModel.from_description(ir361), ir361)

@@ -18,6 +18,7 @@ from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.inverse_dynamics import mass_matrix, regressor_gradient, torque_derivatives
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
+from tests.builders.raised_codes import raises_code
 
 ARMS: list[tuple[int, int, str | None]]
 ARMS = [(n, seed, None) for n in range(1, 8) for seed in range(2)]
@@ -242,9 +243,9 @@ def random_arm_once():
 def test_sums_of_wrong_shapes_are_refused(ir361, random_motion) -> None:
     model = links_only(ir361)
     q, v, a = random_motion(3, 0)
-    with pytest.raises(EstimationError, match=r"shape \(8, 3, 30\)"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "30"):
         regressor_gradient(model, q, v, a, np.zeros((8, 3, 29)))
-    with pytest.raises(EstimationError, match="30 parameters"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "30"):
         torque_derivatives(model, q, v, a, np.zeros(29))
-    with pytest.raises(EstimationError, match="30 parameters"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "30"):
         mass_matrix(model, q, np.zeros(29))

@@ -14,6 +14,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.base_wrench import base_wrench
 from dynamics.model.one_sample import BASE_WRENCH, SampleTorque
 from dynamics.model.robot_model import RobotModel, torque
+from tests.builders.raised_codes import raises_code
 
 Motions = Callable[[int, int], np.ndarray]
 
@@ -78,11 +79,11 @@ def test_a_spring_as_a_fourier_series(ir361: RobotDescription, random_motion: Mo
 def test_friction_by_temperature_is_refused(ir361: RobotDescription) -> None:
     joints = tuple(j.model_copy(update={"friction": ("temperature",)}) for j in ir361.joints)
     model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}))
-    with pytest.raises(EstimationError, match="not known ahead of the motion"):
+    with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
         SampleTorque.of(model, np.ones(len(model.parameter_names)))
 
 
 def test_parameters_of_another_model_are_refused(ir361: RobotDescription) -> None:
     model = RobotModel.from_description(ir361)
-    with pytest.raises(EstimationError, match="30 parameters, got"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "30"):
         SampleTorque.of(replace(model, terms=model.terms[:1]), np.ones(41))

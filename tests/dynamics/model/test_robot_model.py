@@ -14,6 +14,7 @@ from dynamics.model.robot_model import (
     torque,
 )
 from dynamics.terms.conditions import Conditions
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -108,13 +109,13 @@ def test_no_samples_give_no_rows(model) -> None:
 def test_motions_of_another_shape_are_refused(shapes, model) -> None:
     q, v, a = map(np.zeros, shapes)
     for function in (regressor, base_wrench_regressor):
-        with pytest.raises(EstimationError, match=r"shape \(samples, 3\)"):
+        with raises_code(EstimationError, "RID-API-ARGUMENT"):
             function(model, q, v, a)
 
 
 def test_a_wrong_number_of_parameters_is_refused(model, random_motion) -> None:
     q, v, a = random_motion(3, 0)
-    with pytest.raises(EstimationError, match="41 parameters"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "41"):
         torque(model, q, v, a, np.zeros(40))
 
 
@@ -144,5 +145,5 @@ def test_a_term_of_ones_own_adds_its_columns(model, random_motion) -> None:
 
 
 def test_two_terms_must_not_share_a_name(model) -> None:
-    with pytest.raises(EstimationError, match="damping"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "damping"):
         replace(model, terms=(*model.terms, Damper(), Damper()))

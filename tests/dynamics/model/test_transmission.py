@@ -12,6 +12,7 @@ from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.robot_model import RobotModel, load_torque, regressor, torque
 from dynamics.terms.conditions import Conditions
+from tests.builders.raised_codes import raises_code
 
 LIMITS = JointLimits(
     position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=9.0, torque=99.0
@@ -110,14 +111,14 @@ def test_a_gear_never_gives_more_power_than_it_gets(efficiency, share, seed) -> 
 
 def test_losses_need_the_load() -> None:
     model = RobotModel.from_description(pendulum(efficiency=0.8))
-    with pytest.raises(EstimationError, match=r"eta_j depend on the torque .*load_torque"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "eta_j", "load_torque"):
         regressor(model, *np.ones((3, 2, 1)))
 
 
 def test_a_load_of_another_shape_is_refused() -> None:
     model = RobotModel.from_description(pendulum(efficiency=0.8))
     q, v, a = np.ones((3, 2, 1))
-    with pytest.raises(EstimationError, match=r"load_nm has the shape \(1,\), the motion \(2, 1\)"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "load_nm"):
         regressor(model, q, v, a, Conditions(load_nm=np.ones(1)))
 
 

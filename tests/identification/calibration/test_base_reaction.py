@@ -22,6 +22,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -88,7 +89,7 @@ def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
 
 def test_the_internal_model_cannot_tell(arm: KnownArm, weigh: Weigh, motion: Motion) -> None:
     internal = estimate_periodic(arm.robot, [average_periods(weigh(0))])
-    with pytest.raises(EstimationError, match="combined model"):
+    with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
         base_load(internal, *motion, WIDE)
 
 
@@ -128,5 +129,5 @@ class TestDesign:
         assert 2.0 * gradient @ step == pytest.approx(change, rel=1e-5)
 
     def test_needs_parameters(self, problem: ExcitationProblem) -> None:
-        with pytest.raises(ConfigError, match="a-priori parameters"):
+        with raises_code(ConfigError, "RID-ROBOT-CAD"):
             replace(problem, parameters=None, base_limits=LIMITS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from config.errors import ConfigError
 from config.robot.bodies import Capsule
@@ -18,6 +17,7 @@ from identification.design.easier import easier_problems
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.design.search import refine
+from tests.builders.raised_codes import raises_code
 
 REACH_M = 0.4
 MASS_KG = 5.0
@@ -86,18 +86,17 @@ def test_a_pose_that_no_draw_hits_is_led_to() -> None:
 
 def test_an_arm_that_its_motor_never_holds_is_told_with_the_torques() -> None:
     robot = swing(0.3 * WEIGHT_NM, low=-0.5, high=0.5)
-    with pytest.raises(ConfigError) as told:
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "5.59") as told:
         problem(robot).start(0)
     least = WEIGHT_NM * np.cos(0.5 * 0.8 * 0.95)
     assert f"lift takes {least:.2g}"[:-1] in str(told.value)
-    assert "where 5.59 of its torque limit may be planned with" in str(told.value)
 
 
 def test_bodies_that_are_never_clear_are_told_with_their_distance() -> None:
     base = Capsule(kind="capsule", link=0, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
     hand = Capsule(kind="capsule", link=2, start_m=(0, 0, 0), end_m=(0, 0, 0), radius_m=0.1)
     robot = swing(2.0 * WEIGHT_NM).model_copy(update={"bodies": (base, hand)})
-    with pytest.raises(ConfigError, match=r"apart at most, where 0\.02 m must be kept"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "0.02"):
         problem(robot).start(0)
 
 

@@ -24,6 +24,7 @@ from identification.design.two_harmonic import (
     design_two_harmonic,
 )
 from identification.design.verification import check_motion
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S = 0.008
 
@@ -148,7 +149,7 @@ def test_a_caller_that_has_seen_enough_may_stop(problem) -> None:
 
 def test_a_scheduler_that_does_not_answer_is_told(problem, monkeypatch) -> None:
     monkeypatch.setattr("identification.design.search.SCHEDULER_TIMEOUT_S", 0.5)
-    with pytest.raises(ConfigError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
+    with raises_code(ConfigError, "RID-DESIGN-SCHEDULER", "tcp://127.0.0.1:9"):
         next(candidates(problem, [0], CYCLE_S, scheduler="tcp://127.0.0.1:9"))
 
 

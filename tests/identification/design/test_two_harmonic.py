@@ -14,6 +14,7 @@ from identification.design.two_harmonic import (
     condition_number,
     design_two_harmonic,
 )
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +76,7 @@ def test_six_axes_are_designed_as_well() -> None:
 
 def test_draws_that_hit_the_robot_itself_are_left_out() -> None:
     robot = load_robot("ur10e")
-    with pytest.raises(ConfigError, match="keeps clear of the robot's own bodies"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE"):
         design_two_harmonic(robot, TwoHarmonicOptions(20.0, tries=3), 0.01)
 
 
@@ -100,7 +101,7 @@ def test_an_axis_at_rest_has_no_finite_condition_number(robot: RobotDescription)
 
 
 def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescription) -> None:
-    with pytest.raises(ConfigError, match="nearest"):
+    with raises_code(ConfigError, "RID-MOTION-PERIOD", "nearest"):
         design_two_harmonic(robot, TwoHarmonicOptions(10.001, tries=1), 0.008)
 
 
@@ -110,5 +111,5 @@ def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescr
 def test_arguments_that_cannot_be_meant_are_refused(
     robot: RobotDescription, arguments: dict[str, float]
 ) -> None:
-    with pytest.raises(ConfigError, match="is outside its range"):
+    with raises_code(ConfigError, "RID-REQ-RANGE"):
         design_two_harmonic(robot, TwoHarmonicOptions(10.0, **arguments), 0.008)  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
 from identification.equations.deconvolution import without_torque_filter
+from tests.builders.raised_codes import raises_code
 
 FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 STEP_S = 0.008
@@ -74,5 +75,5 @@ def test_a_recording_without_a_filter_is_left_alone(torque: np.ndarray) -> None:
 
 
 def test_stamps_that_are_not_uniform_are_refused(torque: np.ndarray) -> None:
-    with pytest.raises(EstimationError, match="not uniform"):
+    with raises_code(EstimationError, "RID-RECORDING-CLOCK"):
         without_torque_filter(replace(recording_of(torque, FILTER), sample_period_s=None))

@@ -18,6 +18,7 @@ from identification.estimation.at_temperature import at_temperature, by_temperat
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.estimators import estimate_smoothed
 from identification.validation.robot_terms import with_friction
+from tests.builders.raised_codes import raises_code
 from tests.builders.remembering_arm import arm
 from tests.builders.warming_arm import motion, recording
 
@@ -64,7 +65,7 @@ def test_torques_and_their_intervals_are_those_at_that_temperature(
 
 def test_a_controller_can_have_it_sample_by_sample() -> None:
     estimate = identified(TERMS["coulomb and viscous"])
-    with pytest.raises(EstimationError, match="depends on the drive's temperature"):
+    with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
         SampleTorque.of(estimate.model, estimate.standard_values)
     plain = at_temperature(estimate, WARM_K)
     q, v, a = (values[40] for values in motion(10.0, 3))
@@ -97,5 +98,5 @@ def test_what_does_not_depend_on_temperature_is_left_as_it_is() -> None:
 
 def test_temperatures_of_other_joints_are_refused() -> None:
     estimate = identified(TERMS["coulomb and viscous"])
-    with pytest.raises(EstimationError, match="2 joints are given, the model has 3"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT"):
         at_temperature(estimate, WARM_K[:2])

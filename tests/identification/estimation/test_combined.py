@@ -26,6 +26,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import ModelKind
 from identification.model.options import ModelOptions
 from rid_daq.jobs.truth import true_parameters
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -166,7 +167,7 @@ class TestEstimate:
     ) -> None:
         internal = identify(arm, weigh(0), "internal")
         assert internal.plate is None
-        with pytest.raises(EstimationError, match="combined model"):
+        with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
             predict_base_wrench(internal, *np.zeros((3, 1, 3)))
 
     @pytest.mark.parametrize("weighting", ["ls", "huber"])
@@ -182,12 +183,12 @@ class TestEstimate:
         assert np.mean(np.abs(moved) < 1.0) > 0.9
 
     def test_needs_a_plate(self, arm: KnownArm, measure: Callable[..., Recording]) -> None:
-        with pytest.raises(EstimationError, match="needs a force plate; run 1 of 1 has none"):
+        with raises_code(EstimationError, "RID-PLATE-MISSING"):
             identify(arm, measure())
 
     def test_needs_periods(self, arm: KnownArm, weigh: Weigh) -> None:
         signals = period_signals(average_periods(weigh(0)), 10.0)
-        with pytest.raises(EstimationError, match="periodic runs only"):
+        with raises_code(EstimationError, "RID-MODEL-KIND"):
             estimate_smoothed(
                 arm.robot, [signals], EstimationOptions(model=ModelOptions(kind="combined"))
             )
@@ -198,7 +199,7 @@ class TestEstimate:
         reaction = recordings[0].reaction
         assert reaction is not None
         shifted = replace(reaction, channels_n=np.roll(reaction.channels_n, 200, axis=0))
-        with pytest.raises(EstimationError, match="late: they are not of this motion"):
+        with raises_code(EstimationError, "RID-PLATE-LATE", "late"):
             identify(arm, replace(recordings[0], reaction=shifted))
 
     def test_a_file_keeps_it(self, tmp_path: Path, combined: list[Estimate]) -> None:

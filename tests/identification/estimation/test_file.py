@@ -20,6 +20,7 @@ from identification.estimation.file import EstimateDocument, read_estimate, writ
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.changed_json import NASTY, changed, places
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -169,16 +170,16 @@ def test_a_model_that_contradicts_itself_is_refused(
 
 def test_not_json_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     (tmp_path / "text.json").write_text("Izz1 = 3")
-    with pytest.raises(ConfigError, match="not an estimate"):
+    with raises_code(ConfigError, "RID-FILE-SYNTAX"):
         read_estimate(tmp_path / "text.json")
-    with pytest.raises(ConfigError, match="No such file"):
+    with raises_code(ConfigError, "RID-FILE-READ"):
         read_estimate(tmp_path / "none.json")
-    with pytest.raises(ConfigError, match="cannot be read"):
+    with raises_code(ConfigError, "RID-FILE-READ"):
         read_estimate(tmp_path)
 
 
 def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, estimate: Estimate) -> None:
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with raises_code(RecordingError, "RID-FILE-WRITE"):
         write_estimate(tmp_path / "nowhere" / "model.json", estimate)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
 
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
@@ -18,6 +17,7 @@ from identification.equations.segments import cut, single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.running import RunningEstimate
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -67,7 +67,7 @@ def test_more_periods_come_closer_to_the_truth(arm: KnownArm, measure: Measure) 
 
 def test_what_was_not_shown_is_said(arm: KnownArm, measure: Measure) -> None:
     running = RunningEstimate.begin(arm.model, STANDSTILL_RAD_S)
-    with pytest.raises(EstimationError, match="equations are left"):
+    with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         running.look()
 
 
@@ -75,5 +75,5 @@ def test_a_model_that_is_not_linear_is_refused() -> None:
     robot = load_robot("ir361")
     joints = (robot.joints[0].model_copy(update={"efficiency": 0.9}), *robot.joints[1:])
     model = RobotModel.from_description(robot.model_copy(update={"joints": joints}))
-    with pytest.raises(EstimationError, match="identify after the measurement"):
+    with raises_code(EstimationError, "RID-MODEL-LOAD-FRICTION"):
         RunningEstimate.begin(model, STANDSTILL_RAD_S)

@@ -21,6 +21,7 @@ from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import held
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
+from tests.builders.raised_codes import raises_code
 
 STEP_S = 0.01
 Run = Callable[..., SmoothedSignals]
@@ -220,7 +221,7 @@ class TestPrior:
 
     def test_an_unknown_name_is_told(self, robot) -> None:
         base = base_parameters(RobotModel.from_description(robot))
-        with pytest.raises(EstimationError, match="'m9' is no parameter"):
+        with raises_code(EstimationError, "RID-OPTION-NAME", "'m9'"):
             held(base, {"m9": (1.0, 0.1)})
 
 

@@ -25,6 +25,7 @@ from identification.friction.experiments import constant_velocity_curves, revers
 from identification.friction.fits import MODELS, fit_friction
 from identification.model.options import ModelOptions
 from rid_daq.report.sections.friction import FrictionSection
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S = 0.008
 IR361 = load_robot("ir361")
@@ -176,12 +177,12 @@ def test_a_recording_that_ended_before_is_refused() -> None:
         name: getattr(recording, name)[cut]
         for name in ("time_s", "position", "torque_nm", "valid", "phase", "sample_index")
     }
-    with pytest.raises(DataQualityError, match=r"run of axis2 at -1 per second: it ended before"):
+    with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "axis2", "-1", "second"):
         constant_velocity_curves(replace(recording, **parts), STEADY, IR361)
     half = recorded(THERE_AND_BACK)
     first = half.sample_index < 2000
     parts = {name: getattr(half, name)[first] for name in parts}
-    with pytest.raises(DataQualityError, match="before the way back began"):
+    with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST"):
         reversed_curves(replace(half, **parts), THERE_AND_BACK, IR361)
 
 
@@ -214,7 +215,7 @@ def test_a_motor_that_turns_the_other_way_has_friction_of_the_same_sign() -> Non
 
 def test_a_motor_that_stands_still_while_its_joint_moves_alone_is_refused() -> None:
     robot = coupled(0.1)
-    with pytest.raises(EstimationError, match=r"motor of axis2 turns by only 0\.1 .*kind reversed"):
+    with raises_code(EstimationError, "RID-FRICTION-RUNS", "axis2", "0.1"):
         constant_velocity_curves(recorded(STEADY, robot=robot), STEADY, robot)
 
 
@@ -312,5 +313,5 @@ def test_friction_columns_are_the_terms_of_one_joint() -> None:
     columns = friction_columns(model, 1, v)
     np.testing.assert_allclose(columns[:, 3:6], np.column_stack([np.sign(v), v, v**3]))
     assert not columns[:, :3].any()
-    with pytest.raises(EstimationError, match="no friction"):
+    with raises_code(EstimationError, "RID-MODEL-NO-FRICTION"):
         friction_columns(ModelOptions(friction=False).build(IR361), 1, v)

@@ -11,6 +11,7 @@ from config.load import load_robot
 from config.robot.bodies import Capsule, Plane, Workspace
 from dynamics.geometry.kinematics import Chain, forward
 from identification.friction.motions import constant_velocity_motion, reversed_motion
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S = 0.008
 
@@ -47,7 +48,7 @@ def test_walls_shorten_the_runs() -> None:
 def test_where_nothing_is_free_the_reason_is_said() -> None:
     robot = load_robot("ir361")
     wall = Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=5.0)  # x below -5 m: nowhere
-    with pytest.raises(ConfigError, match="none of 2000 poses keeps clear"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "2000"):
         constant_velocity_motion(robot, Workspace(planes=(wall,)))
 
 

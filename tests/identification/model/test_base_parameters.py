@@ -11,6 +11,7 @@ from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
 from identification.model.base_parameters import ModelKind, base_parameters, independent_columns
+from tests.builders.raised_codes import raises_code
 
 
 def arm_of(**terms: bool) -> RobotModel:
@@ -157,7 +158,7 @@ class TestCombination:
             assert np.linalg.matrix_rank(scaled, tol=1e-9) == len(base)
 
     def test_refuses_parameters_of_another_model(self) -> None:
-        with pytest.raises(EstimationError, match="30 standard parameters are expected"):
+        with raises_code(EstimationError, "RID-API-ARGUMENT", "30"):
             base_parameters(arm_of()).from_standard(np.zeros(7))
 
 
@@ -170,7 +171,7 @@ class TestIndependentColumns:
         assert base.expressions == ("Izz1 + 2 m2",)
 
     def test_refuse_a_regressor_without_any_effect(self) -> None:
-        with pytest.raises(EstimationError, match="zero"):
+        with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE", "zero"):
             independent_columns(np.zeros((5, 2)), ("m1", "m2"), ("kg", "kg"))
 
     def test_take_a_dependence_within_the_tolerance_as_exact(self) -> None:

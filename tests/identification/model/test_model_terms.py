@@ -20,6 +20,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from identification.validation.torque_prediction import validate
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -141,7 +142,7 @@ class TestTemperature:
         )
         validation = validate(estimate, recording)
         assert np.all(validation.rms_nm < NOISE_NM)
-        with pytest.raises(EstimationError, match="depends on the drive's temperature"):
+        with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
             validate(estimate, replace(recording, temperature_k=None))
 
 

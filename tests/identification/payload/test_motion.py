@@ -14,6 +14,7 @@ from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import torque
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.payload.motion import LASTING_SHARE, PayloadSearch, design_payload_motion
+from tests.builders.raised_codes import raises_code
 
 CYCLE_S = 0.012
 PERIOD_S = 7.2
@@ -96,7 +97,7 @@ def test_the_same_seed_gives_the_same_motion(search: PayloadSearch) -> None:
 
 def test_where_there_is_no_room_it_says_so() -> None:
     wall = Plane(name="ceiling", normal=(0.0, 0.0, -1.0), offset_m=-0.4)
-    with pytest.raises(ConfigError, match="none of 20 motions shows a payload and keeps clear"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "20"):
         design_payload_motion(
             PayloadSearch(
                 load_robot("kr15"), PERIOD_S, CYCLE_S, workspace=Workspace(planes=(wall,))
@@ -104,5 +105,5 @@ def test_where_there_is_no_room_it_says_so() -> None:
             draws=20,
             steps=5,
         )
-    with pytest.raises(ConfigError, match="harmonics 1 must be at least 2"):
+    with raises_code(ConfigError, "RID-DESIGN-OPTIONS"):
         PayloadSearch(load_cell("kr15").robot, PERIOD_S, CYCLE_S, harmonics=1)

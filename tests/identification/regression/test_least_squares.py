@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from config.errors import EstimationError
 from identification.regression.least_squares import Triangle, solve
+from tests.builders.raised_codes import raises_code
 
 NAMES = ("a", "b", "c")
 
@@ -64,13 +65,13 @@ def test_the_condition_number_is_of_the_columns_at_length_one() -> None:
 
 def test_too_few_equations_are_refused() -> None:
     triangle = Triangle.empty(3).add(np.eye(3), np.ones(3))
-    with pytest.raises(EstimationError, match="3 equations are left for 3 parameters"):
+    with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         solve([triangle], [1.0], NAMES)
 
 
 def test_a_parameter_that_never_shows_is_named() -> None:
     matrix = np.random.default_rng(0).normal(size=(9, 3)) * np.array([1.0, 0.0, 1.0])
-    with pytest.raises(EstimationError, match="does not show b"):
+    with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE"):
         solve([Triangle.empty(3).add(matrix, np.ones(9))], [1.0], NAMES)
 
 
@@ -106,5 +107,5 @@ def test_the_first_parameters_can_be_solved_for_alone(equations) -> None:
 
 def test_equations_that_are_not_finite_are_refused(equations) -> None:
     matrix, rhs = equations
-    with pytest.raises(EstimationError, match="not finite"):
+    with raises_code(EstimationError, "RID-RECORDING-DAMAGED"):
         Triangle.empty(3).add(matrix, np.where(rhs > 0.0, np.nan, rhs))

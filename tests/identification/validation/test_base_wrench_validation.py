@@ -18,6 +18,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.base_wrench_validation import validate_base_wrench
 from rid_daq.jobs.truth import true_parameters
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -86,15 +87,15 @@ def test_a_plate_that_was_mostly_in_overload_is_refused(
     assert reaction is not None
     valid = reaction.valid.copy()
     valid[:, 5] = False
-    with pytest.raises(DataQualityError, match="channel fz2"):
+    with raises_code(DataQualityError, "RID-PLATE-CHANNEL", "fz2"):
         validate_base_wrench(estimate, replace(other, reaction=replace(reaction, valid=valid)))
 
 
 def test_needs_a_plate_and_a_model_that_knows_it(
     arm: KnownArm, estimate: Estimate, other: Recording
 ) -> None:
-    with pytest.raises(DataQualityError, match="nothing of a force plate"):
+    with raises_code(DataQualityError, "RID-PLATE-MISSING"):
         validate_base_wrench(estimate, replace(other, reaction=None))
     internal = estimate_periodic(arm.robot, [average_periods(other)])
-    with pytest.raises(EstimationError, match="combined model"):
+    with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
         validate_base_wrench(internal, other)

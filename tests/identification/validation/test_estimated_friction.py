@@ -13,6 +13,7 @@ from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.validation.estimated_friction import EstimatedFriction
 from tests.builders.known_model import known
+from tests.builders.raised_codes import raises_code
 from tests.builders.warm_model import by_temperature
 
 CELL = load_cell("ir361")
@@ -57,5 +58,5 @@ def test_what_load_adds_is_left_out_and_told() -> None:
 
 
 def test_a_model_without_friction_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no friction to compare with"):
+    with raises_code(ConfigError, "RID-MODEL-NO-FRICTION"):
         EstimatedFriction(replace(known(CELL, {}), options=ModelOptions(friction=False)))

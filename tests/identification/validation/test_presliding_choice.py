@@ -12,6 +12,7 @@ from dynamics.kernels.presliding import AT_ONCE
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_smoothed
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
+from tests.builders.raised_codes import raises_code
 from tests.builders.remembering_arm import (
     STEP_S,
     arm,
@@ -85,7 +86,7 @@ def test_a_robot_that_slides_at_once_gets_none() -> None:
 
 
 def test_a_recording_in_one_piece_is_refused() -> None:
-    with pytest.raises(EstimationError, match="two parts"):
+    with raises_code(EstimationError, "RID-RECORDING-SHORT"):
         choose_presliding(arm(), [recording({}, WAY)], folds=1)
 
 

@@ -15,6 +15,7 @@ from config.errors import DataQualityError, EstimationError
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.validation.torque_prediction import Validation, validate
+from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm
@@ -101,15 +102,15 @@ def test_a_joint_that_never_moves_has_no_error_and_no_verdict(
 
 def test_a_recording_at_rest_is_refused(identified: Estimate, other_run: Recording) -> None:
     rest = replace(other_run, position=np.zeros_like(other_run.position))
-    with pytest.raises(DataQualityError, match="nothing to validate on"):
+    with raises_code(DataQualityError, "RID-RUN-STILL"):
         validate(identified, rest)
 
 
 def test_another_robot_s_recording_is_refused(identified: Estimate, other_run: Recording) -> None:
-    with pytest.raises(EstimationError, match="has joints a, b, c, the estimate axis1"):
+    with raises_code(EstimationError, "RID-ROBOT-OTHER", "axis1"):
         validate(identified, replace(other_run, joint_names=("a", "b", "c")))
 
 
 def test_limits_for_other_joints_are_refused(identified: Estimate, other_run: Recording) -> None:
-    with pytest.raises(EstimationError, match="2 limits are given for 3 joints"):
+    with raises_code(EstimationError, "RID-OPTION-COUNT"):
         validate(identified, other_run, limits_percent=(1.0, 2.0))

@@ -16,6 +16,7 @@ import pytest
 from config.errors import TransportError
 from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
 from mock_hw.bus.lawicel_port import LawicelPort
+from tests.builders.raised_codes import raises_code
 
 BITRATE = 1_000_000
 
@@ -157,5 +158,5 @@ def test_python_cans_slcan_speaks_with_it(port: LawicelPort, tmp_path: Path) -> 
 
 
 def test_a_path_that_is_taken_is_refused(port: LawicelPort, tmp_path: Path) -> None:
-    with pytest.raises(TransportError, match="cannot make an slcan adapter"):
+    with raises_code(TransportError, "RID-SOCKET-PATH"):
         LawicelPort(tmp_path / "adapter", BITRATE)

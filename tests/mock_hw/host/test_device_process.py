@@ -16,6 +16,7 @@ import pytest
 
 from config.errors import TransportError
 from mock_hw.host.device_process import DeviceProcess, wait_until_ready
+from tests.builders.raised_codes import raises_code
 
 ENOUGH_S = 120.0
 PROGRAM = """
@@ -93,7 +94,7 @@ def test_a_killed_group_takes_the_hardware_with_it_in_the_end(start: Start, tmp_
 def test_a_process_that_ends_without_a_word_did_not_start() -> None:
     process = DeviceProcess(os._exit)  # which takes no pipe for an argument
     try:
-        with pytest.raises(TransportError, match="amplifier did not start: the process ended"):
+        with raises_code(TransportError, "RID-MOCK-ENDED", "start"):
             wait_until_ready("amplifier", process.pipe)
     finally:
         process.end()

@@ -13,6 +13,7 @@ import serial
 
 from config.errors import TransportError
 from mock_hw.host.pty_port import UNKNOWN_RATE, PtyPort
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -88,6 +89,6 @@ def test_unplugged_it_hangs_up_and_comes_back_at_the_same_path(
 
 
 def test_a_path_that_is_taken_is_refused(port: PtyPort, tmp_path: Path) -> None:
-    with pytest.raises(TransportError, match="cannot make a serial port"):
+    with raises_code(TransportError, "RID-SOCKET-PATH"):
         PtyPort(tmp_path / "amplifier", patient=False)
     assert (tmp_path / "amplifier").is_symlink()

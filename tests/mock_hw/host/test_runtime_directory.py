@@ -21,6 +21,7 @@ from mock_hw.host.runtime_directory import (
     socket_path,
 )
 from rid_daq.session.running_sessions import running_sessions
+from tests.builders.raised_codes import raises_code
 
 PROGRAM = """
 import multiprocessing, signal
@@ -54,14 +55,14 @@ def test_the_folder_is_made_and_closed_to_others(base: Path) -> None:
 def test_a_folder_that_is_open_to_others_is_refused(base: Path) -> None:
     (base / "rid-daq").mkdir()
     (base / "rid-daq").chmod(0o755)
-    with pytest.raises(TransportError, match="chmod 700"):
+    with raises_code(TransportError, "RID-RUNTIME-NOT-PRIVATE", "700"):
         runtime_directory()
 
 
 def test_a_link_to_somewhere_else_is_refused(base: Path) -> None:
     (base / "elsewhere").mkdir()
     (base / "rid-daq").symlink_to(base / "elsewhere")
-    with pytest.raises(TransportError, match="not a folder"):
+    with raises_code(TransportError, "RID-RUNTIME-NOT-PRIVATE"):
         runtime_directory()
 
 
@@ -71,7 +72,7 @@ def test_names_resolve_in_the_folder_and_paths_stay_paths(base: Path) -> None:
 
 
 def test_a_path_too_long_for_a_socket_is_named() -> None:
-    with pytest.raises(TransportError, match="107 bytes"):
+    with raises_code(TransportError, "RID-SOCKET-PATH", "107"):
         socket_path("/" + "x" * 200 + "/a.sock")
 
 

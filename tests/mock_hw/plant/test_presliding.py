@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from config.errors import ConfigError
 from config.simulation.plant import UnmodelledAxis
 from mock_hw.plant.plant import Plant
+from tests.builders.raised_codes import raises_code
 from tests.mock_hw.plant.test_servo_loops import OFF, ON, one_axis
 
 Array = NDArray[np.float64]
@@ -92,5 +93,5 @@ def test_a_load_that_trembles_below_the_friction_does_not_walk() -> None:
 
 
 def test_presliding_without_friction_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"presliding_rad needs friction that gives way"):
+    with raises_code(ConfigError, "RID-PLANT-UNFIT", "presliding_rad"):
         one_axis(unmodelled=UnmodelledAxis(presliding_rad=PRESLIDING))

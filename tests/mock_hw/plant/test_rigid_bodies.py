@@ -12,6 +12,7 @@ from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription, Rotor
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
 from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies
+from tests.builders.raised_codes import raises_code
 
 LIMITS = JointLimits(
     position_min=-3.0, position_max=3.0, velocity=3.0, acceleration=9.0, torque=99.0
@@ -220,5 +221,5 @@ def test_a_rotor_inertia_without_a_place_for_the_rotor_is_refused() -> None:
     cell = load_cell("ir361")
     assert cell.plant is not None
     joints = (cell.robot.joints[0].model_copy(update={"rotor": None}), *cell.robot.joints[1:])
-    with pytest.raises(ConfigError, match="'axis1' a rotor inertia"):
+    with raises_code(ConfigError, "RID-PLANT-UNFIT", "'axis1'"):
         build_rigid_bodies(cell.robot.model_copy(update={"joints": joints}), cell.plant)

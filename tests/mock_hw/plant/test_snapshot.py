@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from config.errors import TransportError
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
+from tests.builders.raised_codes import raises_code
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
@@ -65,5 +65,5 @@ def test_no_snapshot_is_ever_a_mixture_of_two(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TransportError, match="nothing-here"):
+    with raises_code(TransportError, "RID-MOCK-NOT-SERVED", "nothing-here"):
         SnapshotReader(tmp_path / "nothing-here")

@@ -13,6 +13,7 @@ from dynamics.model.robot_model import torque as model_torque
 from dynamics.terms.conditions import Conditions
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.thermal import MotorTemperatures
+from tests.builders.raised_codes import raises_code
 
 ON = np.ones(6, dtype=bool)
 
@@ -164,5 +165,5 @@ def test_the_reference_payloads_are_those_of_the_thesis(truth: PlantConfig) -> N
         "medium": 9.579,
         "large": 13.555,
     }
-    with pytest.raises(ConfigError, match="no payload 'huge'; there are: small, medium, large"):
+    with raises_code(ConfigError, "RID-PLANT-UNFIT", "'huge'", "are"):
         truth.with_payload("huge")

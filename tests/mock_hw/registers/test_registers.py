@@ -26,6 +26,7 @@ from drivers.modbus.codec import plan_reads
 from drivers.modbus.drive_monitor import ModbusDriveMonitor
 from drivers.modbus.link import open_modbus
 from mock_hw.registers.server import ServerCertificates
+from tests.builders.raised_codes import raises_code
 from tests.builders.register_workshop import (
     PROFILE,
     TIMEOUT_S,
@@ -83,7 +84,7 @@ class TestTheDriverReadsThem:
         config = workshop.serve(kind, fault=at_first("exception", code=2))
         with open_modbus(config) as link:
             (read,) = plan_reads(PROFILE, POLLED)
-            with pytest.raises(ProtocolError, match=r"registers 100 to 103 .*exception 2: it has"):
+            with raises_code(ProtocolError, "RID-MODBUS-PROFILE", "100", "103"):
                 link.read(1, read)
         assert workshop.requests == 1
         measured(f"{kind}, a refusal: one request, the exception in words")
@@ -93,7 +94,7 @@ class TestTheDriverReadsThem:
         config = workshop.serve(kind, fault=at_first("silent"))
         line = monitor(config, workshop)
         (read,) = plan_reads(PROFILE, POLLED)
-        with pytest.raises(DeviceTimeoutError, match=r"unit 1: no answer within 4 s; check"):
+        with raises_code(DeviceTimeoutError, "RID-MODBUS-SILENT"):
             line._link.read(1, read)
         assert workshop.requests == 1
         assert line.read().problems == ()
@@ -145,7 +146,7 @@ def test_a_gateway_that_is_switched_off_is_told_from_drives_that_are_silent(
     assert line.read().problems == ()
     assert workshop.service is not None
     workshop.service.close()
-    with pytest.raises(TransportError, match="cannot be reached; check address"):
+    with raises_code(TransportError, "RID-MODBUS-OPEN"):
         line.read()
 
 
@@ -156,7 +157,7 @@ def test_nobody_there(workshop: Workshop, tmp_path: Path) -> None:
     with pytest.raises(TransportError, match=r"Modbus 127\.0\.0\.1:\d+ cannot be opened"):
         open_modbus(config)
     line = ModbusRtu(kind="rtu", address=str(tmp_path / "nothing"))
-    with pytest.raises(TransportError, match=r"nothing cannot be opened .*; check monitor\.link"):
+    with raises_code(TransportError, "RID-MODBUS-OPEN", "monitor.link"):
         open_modbus(config.model_copy(update={"link": line}))
 
 
@@ -211,13 +212,13 @@ class TestTls:
     def test_a_drive_of_another_authority_is_not_believed(
         self, workshop: Workshop, authority: Path
     ) -> None:
-        with pytest.raises(TransportError, match=r"cannot be opened .*certificate verify failed"):
+        with raises_code(TransportError, "RID-MODBUS-OPEN"):
             open_modbus(self.serve(workshop, authority, ca="other.pem"))
 
     def test_a_drive_of_another_name_is_not_believed(
         self, workshop: Workshop, authority: Path
     ) -> None:
-        with pytest.raises(TransportError, match=r"not valid for 'robot\.cell'"):
+        with raises_code(TransportError, "RID-MODBUS-OPEN", "'robot.cell'"):
             open_modbus(self.serve(workshop, authority, name="robot.cell"))
 
     def test_a_computer_without_certificate_gets_no_answer(
@@ -232,7 +233,7 @@ class TestTls:
         assert np.isnan(reading.temperature_k).all()
 
     def test_files_that_are_not_there_are_named(self, workshop: Workshop, authority: Path) -> None:
-        with pytest.raises(TransportError, match="a certificate cannot be used"):
+        with raises_code(TransportError, "RID-MODBUS-OPEN"):
             open_modbus(self.serve(workshop, authority, ca="nothing.pem"))
 
 

@@ -84,4 +84,4 @@ def test_no_command_learns_or_judges_by_it(
     assert run([*words, "--runs", str(folder / "runs")]) == 6
     said = " ".join(capsys.readouterr().err.split())
     assert "no torque was measured of joints that move: b (always 0)." in said
-    assert said.endswith("Look at the torque column in its map")
+    assert said.endswith("[RID-RUN-NO-TORQUE]")

@@ -24,6 +24,7 @@ from config.errors import ConfigError, RecordingError
 from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
+from tests.builders.raised_codes import raises_code
 
 ROWS = 500
 JOINTS = ("axis1", "axis2", "axis3")
@@ -184,9 +185,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     table = recording_table(data.recording, data.robot)
-    with pytest.raises(
-        ConfigError, match="install rid-daq with the extra parquet, as `rid-daq docs install`"
-    ):
+    with raises_code(ConfigError, "RID-INSTALL-LIBRARY"):
         recording_bytes(table, RecordingFormat.PARQUET)
 
 
@@ -202,7 +201,7 @@ def test_a_label_with_a_dot_means_its_run(folder: RunFolder, label: str, tmp_pat
 
 
 def test_another_robots_joints_are_refused(data: RunData) -> None:
-    with pytest.raises(RecordingError, match="the robot has"):
+    with raises_code(RecordingError, "RID-ROBOT-OTHER"):
         recording_table(data.recording, load_cell("kr15").robot)
 
 

@@ -15,6 +15,7 @@ from config.load import load_cell
 from mock_hw.host.runtime_directory import plate_path, runtime_directory
 from rid_daq.app import run
 from rid_daq.jobs.mock_job import MockRequest, serve_cell
+from tests.builders.raised_codes import raises_code
 
 Serve = Callable[[str], AbstractContextManager[None]]
 
@@ -138,5 +139,5 @@ def test_devices_that_are_not_simulated_are_refused(files: Path, tmp_path: Path)
     cell = tmp_path / "real" / "cell.yaml"
     change(cell, "simulated: true\n", "")
     request = MockRequest(str(files / "cell.yaml"), devices=str(cell))
-    with pytest.raises(ConfigError, match="is not simulated"), serve_cell(request):
+    with raises_code(ConfigError, "RID-CELL-NOT-SIMULATED"), serve_cell(request):
         pass

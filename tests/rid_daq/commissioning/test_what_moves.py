@@ -22,6 +22,7 @@ from rid_daq.commissioning.axis_verdict import Seen, judge_axis
 from rid_daq.commissioning.jog_job import Jogging
 from rid_daq.recording.run_session import RunSession
 from rid_daq.terminal.console import Console
+from tests.builders.raised_codes import raises_code
 
 LOADED = load_cell("ir361")
 ROBOT = LOADED.robot
@@ -132,7 +133,7 @@ def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> 
         return Line(start, start, 1.0, "floor")
 
     monkeypatch.setattr(LineCheck, "__call__", blocked)
-    with pytest.raises(PreflightError, match="axis1: floor is in the way"):
+    with raises_code(PreflightError, "RID-POSE-OUTSIDE", "axis1"):
         bench(inside(0, 0.5), 0)
 
 

@@ -38,6 +38,7 @@ from tests.builders.drawn_figures import (
     tables,
     written,
 )
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(scope="module")
@@ -296,9 +297,9 @@ def test_what_a_motion_does_not_show_is_said() -> None:
 
 
 def test_a_past_value_knows_its_time_zone() -> None:
-    with pytest.raises(ConfigError, match="time zone"):
+    with raises_code(ConfigError, "RID-INTERNAL-ERROR"):
         PastValue("R", "x", datetime(2026, 1, 1), 1.0)
-    with pytest.raises(ConfigError, match="finite"):
+    with raises_code(ConfigError, "RID-INTERNAL-ERROR", "finite"):
         PastValue("R", "x", datetime(2026, 1, 1, tzinfo=UTC), float("nan"))
 
 

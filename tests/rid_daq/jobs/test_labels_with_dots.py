@@ -10,6 +10,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.jobs.payload.load_data_job import payload_file
+from tests.builders.raised_codes import raises_code
 
 LABEL = "ur10 v1.json"
 
@@ -19,7 +20,7 @@ def test_a_payload_is_found_by_such_a_label(tmp_path: Path) -> None:
     file = folder.write("payload.json", b"{}")
     assert payload_file(tmp_path, Path(LABEL)) == file
     assert payload_file(tmp_path, file) == file
-    with pytest.raises(ConfigError, match=r"there is no such file, and no run with payload\.json"):
+    with raises_code(ConfigError, "RID-RUN-UNKNOWN", "payload.json"):
         payload_file(tmp_path, Path("tool.json"))
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from config.errors import ConfigError
 from rid_daq.live.access import Access
+from tests.builders.raised_codes import raises_code
 
 TOKEN = "a" * 40
 
@@ -34,13 +35,13 @@ def test_a_loopback_address_needs_nothing_and_gets_a_new_token_each_time(listen:
 
 @pytest.mark.parametrize("listen", ["0.0.0.0:8642", "[::]:8642", "192.168.1.7:8642"])
 def test_another_address_needs_a_token_and_tls(listen: str, secret: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"needs --token FILE and --certificate FILE"):
+    with raises_code(ConfigError, "RID-LISTEN-UNPROTECTED", "--token", "--certificate"):
         Access.of_options(listen)
-    with pytest.raises(ConfigError, match=r"needs --certificate FILE too"):
+    with raises_code(ConfigError, "RID-LISTEN-UNPROTECTED", "--certificate"):
         Access.of_options(listen, token=secret)
     certificate = tmp_path / "live.pem"
     certificate.write_text("x")
-    with pytest.raises(ConfigError, match=r"needs --token FILE too"):
+    with raises_code(ConfigError, "RID-LISTEN-UNPROTECTED", "--token"):
         Access.of_options(listen, certificate=certificate)
     assert Access.of_options(listen, secret, certificate).url.startswith("https://")
 
@@ -49,7 +50,7 @@ def test_another_address_needs_a_token_and_tls(listen: str, secret: Path, tmp_pa
     "listen", ["8642", "example.com:80", "127.0.0.1", "127.0.0.1:99999", "", "[::1:80", "a b:1"]
 )
 def test_what_is_no_literal_address_with_a_port_is_refused(listen: str) -> None:
-    with pytest.raises(ConfigError, match="give a literal address and a port"):
+    with raises_code(ConfigError, "RID-LISTEN-ADDRESS"):
         Access.of_options(listen)
 
 
@@ -61,9 +62,9 @@ def test_a_weak_token_is_refused(secret: Path, text: str) -> None:
 
 
 def test_a_file_that_is_no_certificate_is_refused(secret: Path) -> None:
-    with pytest.raises(ConfigError, match="does not hold a certificate and its key"):
+    with raises_code(ConfigError, "RID-LISTEN-CREDENTIALS"):
         _ = Access.of_options(certificate=secret).tls()
-    with pytest.raises(ConfigError, match="no such file"):
+    with raises_code(ConfigError, "RID-FILE-UNKNOWN"):
         Access.of_options(certificate=secret.with_name("missing"))
 
 

@@ -15,6 +15,7 @@ from rid_daq.performers import check
 from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
 from rid_daq.preflight.preflight import CheckRequest
 from rid_daq.terminal.console import Console
+from tests.builders.raised_codes import raises_code
 
 FINE = CheckLine("drives", "seen to stop", "", "", "ok")
 WAITS = CheckLine("axis1", TRIAL_WAITS, "", "", "red", "clear the cell")
@@ -79,13 +80,13 @@ def test_where_the_cell_file_wants_power_it_is_asked_first(
 ) -> None:
     looked(typed="ir361", with_power=True)
     assert looks == [True]
-    with pytest.raises(PreflightError, match="nobody can be asked whether cell ir361 is clear"):
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY", "ir361"):
         looked(with_power=True)
     assert looks == [True]
 
 
 def test_where_nobody_can_be_asked_it_stays_red(looked: Looked, looks: list[bool]) -> None:
-    with pytest.raises(PreflightError, match="cell ir361: red lines in the preflight: 1"):
+    with raises_code(PreflightError, "RID-PREFLIGHT-RED", "ir361", "preflight"):
         looked()
     assert looks == [False]
 
@@ -93,7 +94,7 @@ def test_where_nobody_can_be_asked_it_stays_red(looked: Looked, looks: list[bool
 def test_who_does_not_type_the_name_of_the_cell_gets_no_power(
     looked: Looked, looks: list[bool], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(PreflightError, match="nothing was moved: 'yes' is not 'ir361'"):
+    with raises_code(PreflightError, "RID-ANSWER-NO", "moved", "'yes'", "'ir361'"):
         looked(typed="yes")
     assert looks == [False]
     assert "The drives will be switched on, at rest, and their brakes open." in (

@@ -19,6 +19,7 @@ from rid_daq.preflight.axis_test import (
     require_axis_test,
     sign_axis,
 )
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +45,7 @@ def sign_all(loaded: LoadedCell) -> None:
 
 def test_a_real_cell_is_moved_only_after_the_axis_test(tmp_path: Path) -> None:
     loaded = real(tmp_path)
-    with pytest.raises(PreflightError, match=r"axis1, axis2, axis3 .*run `rid-daq axes .*cell\.y"):
+    with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1", "axis2", "axis3", "cell.y"):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
     line = axis_test_line(loaded, AxisTestRule.REQUIRED)
     assert line.verdict == "red"
@@ -58,7 +59,7 @@ def test_an_axis_that_is_missing_is_named(tmp_path: Path) -> None:
     loaded = real(tmp_path)
     sign_axis(loaded, "axis1", "a run")
     sign_axis(loaded, "axis3", "a run")
-    with pytest.raises(PreflightError, match="the axis test of axis2 is missing"):
+    with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis2"):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
 
 
@@ -67,10 +68,10 @@ def test_it_counts_no_more_once_a_file_has_changed(file: str, tmp_path: Path) ->
     loaded = real(tmp_path)
     sign_all(loaded)
     changed = replace(loaded, files=loaded.files | {file: loaded.files[file] + b"\n# changed"})
-    with pytest.raises(PreflightError, match="older than cell or robot file"):
+    with raises_code(PreflightError, "RID-AXIS-TEST-MISSING"):
         require_axis_test(changed, AxisTestRule.REQUIRED)
     sign_axis(changed, "axis1", "a run")
-    with pytest.raises(PreflightError, match="axis2, axis3 is missing"):
+    with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis2", "axis3"):
         require_axis_test(changed, AxisTestRule.REQUIRED)
 
 

@@ -18,6 +18,7 @@ from drivers.amplifier.amplifier import open_amplifier
 from rid_daq.app import run
 from rid_daq.preflight.bus_check import CheckLine
 from rid_daq.preflight.plate_check import PlateCheck
+from tests.builders.raised_codes import raises_code
 
 Serve = Callable[..., Any]
 SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
@@ -120,7 +121,7 @@ def test_a_plate_that_is_not_there_is_an_error_of_the_line(
 ) -> None:
     served = serve_amplifier()
     gone = served.plate.amplifier.model_copy(update={"address": str(tmp_path / "none")})
-    with pytest.raises(TransportError, match=r"plate\.amplifier\.address"):
+    with raises_code(TransportError, "RID-SERIAL-OPEN", "plate.amplifier.address"):
         lines_of(served, amplifier=gone)
 
 

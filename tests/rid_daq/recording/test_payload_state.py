@@ -17,6 +17,7 @@ from identification.payload.known import Known
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import SessionState, is_measurement
 from rid_daq.recording.payload_steps import rehearsal_of
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def test_rehearsal_and_warm_up_are_not_weighed(step: str, weighed: bool) -> None
 
 
 def test_a_folder_without_a_session_is_named(folder: RunFolder) -> None:
-    with pytest.raises(ConfigError, match="is not the folder of a payload session"):
+    with raises_code(ConfigError, "RID-SESSION-STATE"):
         SessionState.read(folder)
 
 
@@ -53,7 +54,7 @@ def test_an_edited_state_says_which_key_is_wrong(folder: RunFolder) -> None:
     document = json.loads(folder.read("session.json"))
     document["done"] = 3
     folder.write("session.json", json.dumps(document).encode())
-    with pytest.raises(ConfigError, match=r"done: .* was it edited"):
+    with raises_code(ConfigError, "RID-SESSION-STATE", "done:"):
         SessionState.read(folder)
 
 
@@ -95,7 +96,7 @@ def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said
     kept = warm.as_begun(asked)
     assert (kept.warm_up_percent, kept.repeats) == (1.0, 2)
     assert kept.limits == PayloadLimits(mass_percent=2.0, centre_mm=1.0)
-    with pytest.raises(ConfigError, match="--resume latest: its file says repeats: "):
+    with raises_code(ConfigError, "RID-SESSION-STATE", "--resume", "latest", "repeats"):
         again.as_begun({"repeats": "many"})
 
 

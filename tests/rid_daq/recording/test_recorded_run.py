@@ -18,6 +18,7 @@ from rid_daq.recording.recorded_run import RecordedRun, ending_said, stop_docume
 from rid_daq.report.result import Result
 from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.exit_codes import ExitCode
+from tests.builders.raised_codes import raises_code
 
 LOST = StopReason(StopCode.MISSED_FRAMES, "axis2: 10 answers in sequence are missing")
 TROUBLE = "joint 'axis1': 12 of 100 rows of the motion are missing"
@@ -112,7 +113,7 @@ def test_programs_are_told_the_code_of_a_stop_and_the_notes() -> None:
 
 
 def test_nothing_recorded_is_named_where_it_is_asked_for(ended: RecordedRun) -> None:
-    with pytest.raises(DataQualityError, match="nothing was recorded in this run"):
+    with raises_code(DataQualityError, "RID-RECORDING-EMPTY"):
         _ = ended.measured
 
 

@@ -34,6 +34,7 @@ from tests.builders.certified import (
     with_unseen_inertia,
     without_checks,
 )
+from tests.builders.raised_codes import raises_code
 
 NAME = "Jörg Łukasz Ωmega Дарья 山田"
 
@@ -193,7 +194,7 @@ def test_overlong_texts_stay_on_the_page(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("by", ["", "  ", "x" * 201])
 def test_a_name_is_one_to_two_hundred_characters(by: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--by: give a name"):
+    with raises_code(ConfigError, "RID-OPTION-RANGE", "--by"):
         PayloadCertificateRequest("latest", tmp_path, by=by)
 
 
@@ -224,20 +225,20 @@ def test_a_session_that_is_not_finished_is_refused(
 
 def test_a_session_without_a_verdict_is_refused(session: Session) -> None:
     note_payload(session.folder, without_checks(session.payload))
-    with pytest.raises(DataQualityError, match="has no verdict"):
+    with raises_code(DataQualityError, "RID-CERTIFICATE-NOT-READY"):
         certificate_of(session.folder, None)
 
 
 def test_a_session_that_lacks_a_step_since_is_refused(session: Session) -> None:
     del session.state.done["loaded 1"]
     session.state.write()
-    with pytest.raises(DataQualityError, match="finish the session"):
+    with raises_code(DataQualityError, "RID-CERTIFICATE-NOT-READY"):
         certificate_of(session.folder, None)
 
 
 def test_a_run_without_a_payload_is_refused(session: Session) -> None:
     other = RunFolder.open(session.folder.path.parent / session.state.done["unloaded"])
-    with pytest.raises(DataQualityError, match="nothing to certify"):
+    with raises_code(DataQualityError, "RID-CERTIFICATE-NOT-READY"):
         certificate_of(other, None)
 
 
@@ -245,7 +246,7 @@ def test_a_run_that_was_never_finished_is_refused(session: Session) -> None:
     other = RunFolder.open(session.folder.path.parent / session.state.done["loaded 1"])
     begun = other.manifest().model_copy(update={"status": RunStatus.UNFINISHED})
     (other.path / MANIFEST).write_text(begun.model_dump_json(), encoding="utf-8")
-    with pytest.raises(DataQualityError, match="was never finished"):
+    with raises_code(DataQualityError, "RID-RUN-UNFINISHED"):
         certificate_of(session.folder, None)
 
 
@@ -253,7 +254,7 @@ def test_a_payload_that_is_not_that_of_the_result_is_refused(session: Session) -
     result = json.loads(session.folder.read("result.json"))
     result["payload"]["parameters"][0]["value"] *= 1.01
     session.folder.write("result.json", json.dumps(result).encode())
-    with pytest.raises(DataQualityError, match="not of the same payload"):
+    with raises_code(DataQualityError, "RID-CERTIFICATE-NOT-READY"):
         certificate_of(session.folder, None)
 
 
@@ -262,7 +263,7 @@ def test_a_changed_file_is_refused(session: Session, name: str) -> None:
     other = RunFolder.open(session.folder.path.parent / session.state.done["loaded 1"])
     with other.file(name).open("ab") as file:
         file.write(b"\n")
-    with pytest.raises(RecordingError, match="SHA-256 differs"):
+    with raises_code(RecordingError, "RID-RUN-CHANGED", "SHA-256"):
         certificate_of(session.folder, None)
 
 

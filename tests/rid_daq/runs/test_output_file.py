@@ -12,6 +12,7 @@ from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.runs.made_file import LOOPS, MODEL, MOTION
 from rid_daq.runs.output_file import refuse_output
+from tests.builders.raised_codes import raises_code
 
 PARTS = ("recording.mcap", "cell.yaml", "result.json", "report.html", "session.json", "drive.eds")
 
@@ -71,13 +72,13 @@ def test_a_renamed_run_and_a_link_to_its_part_are_seen_through(
 ) -> None:
     renamed = folder.path.rename(tmp_path / "mine")
     (tmp_path / "link").symlink_to(renamed / "recording.mcap")
-    with pytest.raises(ConfigError, match="link: is a part of run"):
+    with raises_code(ConfigError, "RID-OUTPUT-RUN", "link"):
         refuse_output(tmp_path / "link", overwrite=True, made=MOTION)
 
 
 def test_where_the_manifest_is_torn_the_names_still_tell(folder: RunFolder) -> None:
     (folder.path / "manifest.json").write_text("{")
-    with pytest.raises(ConfigError, match=r"recording\.mcap: is a part of run"):
+    with raises_code(ConfigError, "RID-OUTPUT-RUN", "recording.mcap"):
         refuse_output(folder.path / "recording.mcap", overwrite=True, made=MOTION)
 
 

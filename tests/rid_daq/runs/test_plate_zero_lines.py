@@ -6,12 +6,11 @@ import os
 from importlib.resources import files
 from pathlib import Path
 
-import pytest
-
 from config.cell.plate import PlateZero
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.runs.plate_zero_lines import with_zero, write_zero, zero_lines
+from tests.builders.raised_codes import raises_code
 
 ZERO = PlateZero(
     offset_n=(1.5, -2.0, 0.0, 1e-7, 4.0, 5.0, 6.0, -1250.25),
@@ -71,9 +70,9 @@ def test_a_zero_at_the_very_end_without_a_line_end(tmp_path: Path) -> None:
 
 def test_a_plate_that_stands_on_one_line_is_left_alone() -> None:
     text = "name: x\nplate: {a_m: 0.1}\n"
-    with pytest.raises(ConfigError, match="put the zero in by hand"):
+    with raises_code(ConfigError, "RID-PLATE-ZERO-WRITE"):
         with_zero(text, ZERO, "cell.yaml")
-    with pytest.raises(ConfigError, match="put the zero in by hand"):
+    with raises_code(ConfigError, "RID-PLATE-ZERO-WRITE"):
         with_zero("name: x\n", ZERO, "cell.yaml")
 
 

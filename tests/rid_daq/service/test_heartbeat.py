@@ -21,6 +21,7 @@ from rid_daq.service.service import CellService
 from rid_daq.service.workshop import outcome_of
 from rid_daq.terminal.job_events import Ended, MotionBegun
 from rid_daq.worker.job_console import EventFile
+from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, job
 
 ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
@@ -88,7 +89,7 @@ def test_nothing_moves_after_a_standstill_before_another_check(
     monkeypatch.setattr(
         "rid_daq.service.service.safety_now_s", lambda: safety_now_s() + SERVICE_LIMIT_S + 1.0
     )
-    with pytest.raises(PreflightError, match="the service stood still for") as refused:
+    with raises_code(PreflightError, "RID-CELL-NOT-READY") as refused:
         asyncio.run(begin())
     assert refused.value.refusal == "RID-CELL-NOT-READY"
 

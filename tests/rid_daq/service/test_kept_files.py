@@ -14,6 +14,7 @@ from rid_daq.service.records import Identity, Role
 from rid_daq.service.request_check import check_request, refuse_table_outside
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
+from tests.builders.raised_codes import raises_code
 
 ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 
@@ -24,13 +25,13 @@ def export_to(output: str) -> dict[str, object]:
 
 @pytest.mark.parametrize("path", ["~/secret.yaml", "./~/secret.yaml", "~root/m.yaml", "~"])
 def test_a_home_folder_is_outside(path: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="not inside the service's folder"):
+    with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
         check_request(JobKind.RECORD, {"motion": path}, tmp_path)
 
 
 @pytest.mark.parametrize("path", [".rid-daq-service/service.db", "a/../.rid-daq-service", ".env"])
 def test_what_is_hidden_is_not_named(path: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="is hidden: name another file"):
+    with raises_code(ConfigError, "RID-PATH-HIDDEN", "hidden"):
         check_request(JobKind.EXPORT, export_to(path), tmp_path)
 
 
@@ -38,7 +39,7 @@ def test_a_link_is_followed_also_where_its_name_is_no_path(tmp_path: Path) -> No
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "link.yaml").symlink_to(tmp_path / "secret.yaml")
-    with pytest.raises(ConfigError, match="not inside"):
+    with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
         check_request(JobKind.RECORD, {"motion": "link.yaml"}, folder)
 
 
@@ -56,7 +57,7 @@ def test_the_files_of_a_served_cell_are_not_written_over(tmp_path: Path) -> None
     (tmp_path / "cell.yaml").write_bytes(load_cell("ir361").files["cell.yaml"])
     cell = ServedCell(str(tmp_path / "cell.yaml"), 1.0)
     service = CellService(tmp_path, [cell])
-    with pytest.raises(ConfigError, match=r"cell\.yaml: belongs to a cell that is served"):
+    with raises_code(ConfigError, "RID-OUTPUT-CELL", "cell.yaml"):
         asyncio.run(service.begin(cell, JobKind.EXPORT, export_to("cell.yaml"), ANNA))
 
 
@@ -66,7 +67,7 @@ def test_the_files_of_a_served_cell_are_not_written_over(tmp_path: Path) -> None
 )
 def test_a_table_of_a_motion_lies_in_the_folder(form: str, file: str, tmp_path: Path) -> None:
     motion = tmp_path / "motions" / "a.yaml"
-    with pytest.raises(ConfigError, match="not inside the service's folder"):
+    with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
         refuse_table_outside(motion, form.format(file).encode(), tmp_path)
     refuse_table_outside(motion, form.format("../tables/a.csv").encode(), tmp_path)
 

@@ -12,6 +12,7 @@ from rid_daq.service.refusals import NotAllowedError
 from rid_daq.service.store.database import open_database
 from rid_daq.service.store.leases import LeaseStore
 from tests.builders.clock import Clock
+from tests.builders.raised_codes import raises_code
 
 ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 BEN = Identity(name="Ben", role=Role.OPERATOR, person=True, token="b")
@@ -30,7 +31,7 @@ def leases(tmp_path: Path, clock: Clock) -> Leases:
 
 def test_a_cell_has_one_owner_until_the_lease_runs_out(leases: Leases, clock: Clock) -> None:
     leases.take("ir361", ANNA, "payload day", 10.0)
-    with pytest.raises(LockedError, match=r"Anna has it \(payload day; 10 s left"):
+    with raises_code(LockedError, "RID-LEASE-OTHER", "10"):
         leases.take("ir361", BEN, "", 10.0)
     clock.now_s += 10.0
     assert leases.of("ir361") is None
@@ -50,13 +51,13 @@ def test_a_heartbeat_lets_it_hold_on(leases: Leases, clock: Clock) -> None:
 def test_a_lease_that_has_run_out_is_not_renewed(leases: Leases, clock: Clock) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
     clock.now_s += 10.1
-    with pytest.raises(LockedError, match="take it first"):
+    with raises_code(LockedError, "RID-LEASE-NONE"):
         leases.renew("ir361", lease.key, 10.0)
 
 
 def test_only_its_key_gives_it_back(leases: Leases) -> None:
     lease = leases.take("ir361", ANNA, "", 10.0)
-    with pytest.raises(LockedError, match="this lease is not theirs"):
+    with raises_code(LockedError, "RID-LEASE-OTHER"):
         leases.give_back("ir361", "another")
     leases.give_back("ir361", lease.key)
     assert leases.of("ir361") is None
@@ -65,22 +66,22 @@ def test_only_its_key_gives_it_back(leases: Leases) -> None:
 def test_a_person_takes_over_by_the_cells_name(leases: Leases) -> None:
     before = leases.take("ir361", ANNA, "", 10.0)
     assert leases.renew("ir361", before.key, 10.0).id == before.id
-    with pytest.raises(ConfigError, match="'ir36' is not the cell's name"):
+    with raises_code(ConfigError, "RID-ANSWER-NO", "'ir36'"):
         leases.take("ir361", BEN, "", 10.0, confirmed="ir36")
     assert leases.take("ir361", BEN, "", 10.0, confirmed="ir361").id != before.id
-    with pytest.raises(LockedError, match="Ben has it"):
+    with raises_code(LockedError, "RID-LEASE-OTHER"):
         leases.require("ir361", before.key)
 
 
 def test_a_program_takes_nothing_over(leases: Leases) -> None:
     leases.take("ir361", ANNA, "", 10.0)
-    with pytest.raises(NotAllowedError, match="only a person"):
+    with raises_code(NotAllowedError, "RID-ACCESS-ROLE"):
         leases.take("ir361", CI, "", 10.0, confirmed="ir361")
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1.9, 3601.0, float("nan")])
 def test_a_lease_is_neither_a_moment_nor_a_day(leases: Leases, seconds: float) -> None:
-    with pytest.raises(ConfigError, match="give 2 to 3600"):
+    with raises_code(ConfigError, "RID-OPTION-RANGE", "3600"):
         leases.take("ir361", ANNA, "", seconds)
 
 
@@ -165,7 +166,7 @@ def test_a_lease_ends_with_the_token_that_it_was_taken_with(leases: Leases) -> N
     assert leases.end_of(BEN.token) == []
     assert leases.end_of(ANNA.token) == ["ir361"]
     assert leases.of("ir361") is None
-    with pytest.raises(LockedError, match="take it first"):
+    with raises_code(LockedError, "RID-LEASE-NONE"):
         leases.require("ir361", lease.key)
 
 

@@ -12,6 +12,7 @@ from config.errors import ConfigError
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import check_request, request_schemas, require_inside
 from rid_daq.worker.job_requests import OWNED, request_of, request_schema, request_type
+from tests.builders.raised_codes import raises_code
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
@@ -118,10 +119,10 @@ def test_a_link_that_leads_out_is_outside(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "link").symlink_to(tmp_path)
-    with pytest.raises(ConfigError, match="not inside"):
+    with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
         check_request(JobKind.RECORD, {"motion": "link/secret.yaml"}, folder)
 
 
 def test_a_refusal_says_where(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"record: simulation.seed: 'a' is not of type"):
+    with raises_code(ConfigError, "RID-REQUEST-INVALID", "record", "simulation.seed", "'a'"):
         check_request(JobKind.RECORD, {"motion": "m.yaml", "simulation": {"seed": "a"}}, tmp_path)

@@ -8,6 +8,7 @@ import pytest
 from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.service.systemd_unit import SystemdUnit
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +44,7 @@ def test_the_command_writes_a_unit_that_serves_the_same(
 def test_a_unit_of_somebody_else_is_left_alone(tmp_path: Path, home: Path) -> None:
     home.mkdir(parents=True)
     (home / "rid-daq.service").write_text("[Service]\nExecStart=/bin/true\n")
-    with pytest.raises(ConfigError, match="was not written by rid-daq"):
+    with raises_code(ConfigError, "RID-FILE-EXISTS"):
         unit(tmp_path).install()
 
 

@@ -17,6 +17,7 @@ from config.load import load_cell
 from mock_hw.bus.served_bus import hold_served_bus, is_bus_served
 from rid_daq.session.running_sessions import running_sessions
 from rid_daq.session.session import hold_cell
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -105,5 +106,5 @@ def test_a_recorder_is_seen_while_it_records(tmp_path: Path) -> None:
     with JournalFile(tmp_path / "recording.mcap", {}):
         assert being_written(tmp_path / "recording.mcap")
     assert not being_written(tmp_path / "recording.mcap")
-    with pytest.raises(RecordingError, match="cannot be read"):
+    with raises_code(RecordingError, "RID-FILE-READ"):
         being_written(tmp_path / "missing.mcap")

@@ -13,6 +13,7 @@ from config.errors import LockedError, RecordingError
 from config.load import load_cell
 from config.process.file_locks import file_holder
 from rid_daq.session.session import as_label, hold_cell, unfinished
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture
@@ -66,7 +67,7 @@ def test_a_lock_folder_that_is_not_there_is_a_storage_error(
     cell: CellConfig, tmp_path: Path
 ) -> None:
     missing = tmp_path / "missing"
-    with pytest.raises(RecordingError, match="cannot open the lock"), hold_cell(cell, missing):
+    with raises_code(RecordingError, "RID-FILE-ACCESS"), hold_cell(cell, missing):
         pass
 
 

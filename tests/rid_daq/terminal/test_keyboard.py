@@ -11,6 +11,7 @@ import pytest
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 from config.errors import PreflightError
 from rid_daq.terminal.keyboard import Keyboard
+from tests.builders.raised_codes import raises_code
 
 
 class Desk:
@@ -73,7 +74,7 @@ def test_shift_makes_no_other_key_of_plus_and_minus(sent: str, meant: str) -> No
 
 def test_without_a_terminal_there_is_no_key_to_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
-    with pytest.raises(PreflightError, match="run the command in a terminal"), Keyboard():
+    with raises_code(PreflightError, "RID-KEY-NEEDED"), Keyboard():
         pass
 
 

@@ -8,6 +8,7 @@ from config.errors import ConfigError, PreflightError
 from config.load import load_cell
 from rid_daq.terminal.clearance import require_cleared
 from rid_daq.terminal.console import Console
+from tests.builders.raised_codes import raises_code
 
 
 def test_a_question_stands_beside_what_programs_read(
@@ -22,7 +23,7 @@ def test_a_question_stands_beside_what_programs_read(
 
 def test_no_answer_is_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    with pytest.raises(PreflightError, match="nobody answered: nothing more is moved"):
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY", "answered"):
         Console().ask("The cell's name", str)
 
 

@@ -17,6 +17,7 @@ from rid_daq.workbench.data_check import check_data
 from rid_daq.workbench.motion_facts import motion_facts, motion_picture
 from rid_daq.workbench.run_figures import run_drawings
 from tests.builders.invented import whole_result
+from tests.builders.raised_codes import raises_code
 
 MOTION = """kind: fourier
 robot: ir361
@@ -65,7 +66,7 @@ def test_a_motion_without_its_cell_is_not_drawn(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "bare")
     folder.write("motion.yaml", MOTION.encode())
     (drawing,) = run_drawings(folder)
-    with pytest.raises(RecordingError, match=r"has no robot\.yaml: its motion is not drawn"):
+    with raises_code(RecordingError, "RID-RUN-FILE", "robot.yaml"):
         drawing.make()
 
 
@@ -108,8 +109,8 @@ def test_a_motion_of_another_robot_or_beyond_a_limit_has_no_facts(
 ) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text(MOTION.replace("robot: ir361", "robot: kr15"))
-    with pytest.raises(ConfigError, match="kr15"):
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "kr15"):
         motion_facts(cell, path)
     path.write_text(MOTION.replace("sine: [0.2, 0.05]", "sine: [9.0, 0.05]"))
-    with pytest.raises(LimitError, match="axis1"):
+    with raises_code(LimitError, "RID-MOTION-LIMIT", "axis1"):
         motion_facts(cell, path)

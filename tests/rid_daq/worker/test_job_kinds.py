@@ -24,6 +24,7 @@ from rid_daq.terminal.job_events import AnyEvent, Documented, Judged
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.job_requests import performer, request_of
 from rid_daq.worker.orders import Orders
+from tests.builders.raised_codes import raises_code
 
 ROWS = 50
 
@@ -91,5 +92,5 @@ def test_nothing_is_recovered_from_outside_of_the_folder(tmp_path: Path) -> None
     folder.mkdir()
     run = left_by_a_crash(tmp_path)
     for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
-        with pytest.raises(ConfigError, match="not inside the service's folder"):
+        with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
             done(JobKind.RECOVER, told, folder)

@@ -1,0 +1,105 @@
+"""Where the packages construct errors, and which codes they name; read from the source alone."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+PACKAGES: Final = (
+    "config",
+    "dynamics",
+    "drivers",
+    "acquisition",
+    "identification",
+    "compensation",
+    "mock_hw",
+    "rid_daq",
+)
+CODE: Final = re.compile(r"RID(-[A-Z0-9]+){2,}")
+
+
+@cache
+def modules(package: str) -> tuple[tuple[Path, ast.Module], ...]:
+    """Return every file of a package, below the root, with its syntax tree."""
+    return tuple(
+        (path.relative_to(ROOT), ast.parse(path.read_text()))
+        for path in sorted((ROOT / package).rglob("*.py"))
+    )
+
+
+def codes_in(module: ast.Module) -> set[str]:
+    """Return the codes that stand in a file as literals."""
+    return {
+        node.value
+        for node in ast.walk(module)
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and CODE.fullmatch(node.value)
+    }
+
+
+def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[int]:
+    """Return the lines on which an error of ours is constructed without a code.
+
+    Parameters
+    ----------
+    module : ast.Module
+        The file.
+    classes : dict of str to bool
+        What `error_classes` returns.
+    """
+    return [
+        node.lineno
+        for node in ast.walk(module)
+        if isinstance(node, ast.Call)
+        and not classes.get(_name(node.func), True)
+        and not _has_code(node)
+    ]
+
+
+def error_classes() -> dict[str, bool]:
+    """Return the classes of the error tree, and whether each gives its errors a code itself.
+
+    `system_errors`, which constructs errors too, is one of them.
+    """
+    children: dict[str, list[ast.ClassDef]] = {}
+    for package in PACKAGES:
+        for _, module in modules(package):
+            for node in ast.walk(module):
+                for base in node.bases if isinstance(node, ast.ClassDef) else ():
+                    assert isinstance(node, ast.ClassDef)
+                    children.setdefault(_name(base), []).append(node)
+    found = {"system_errors": False, "RidDaqError": False}
+    waiting = ["RidDaqError"]
+    while waiting:
+        parent = waiting.pop()
+        for child in children.get(parent, ()):
+            found[child.name] = found[parent] or _gives_code(child)
+            waiting.append(child.name)
+    return found
+
+
+def _gives_code(node: ast.ClassDef) -> bool:
+    return any(
+        isinstance(call, ast.Call)
+        and ast.unparse(call.func) == "super().__init__"
+        and _has_code(call)
+        and not any(isinstance(k.value, ast.Name) for k in call.keywords if k.arg == "code")
+        for call in ast.walk(node)
+    )
+
+
+def _has_code(call: ast.Call) -> bool:
+    return any(
+        keyword.arg == "code"
+        and not (isinstance(keyword.value, ast.Constant) and keyword.value.value == "")
+        for keyword in call.keywords
+    )
+
+
+def _name(node: ast.expr) -> str:
+    return ast.unparse(node).rpartition(".")[2]
