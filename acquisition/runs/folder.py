@@ -223,7 +223,7 @@ class RunFolder:
             The folder cannot be read, or a link stands in it.
         """
         manifest = self.manifest()
-        ended = manifest.files and manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
+        ended = manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
         found = {}
         for name in names:
             path, entry = self.file(name), manifest.files.get(name)

@@ -96,7 +96,7 @@ class SavedDrive(ConfigModel):
 class DriveBackup(ConfigModel):
     """The file of `rid-daq drives backup`: all drives of a cell."""
 
-    format: Literal[1] = 1
+    format: Literal[1]
     cell: str
     created_utc: str
     drives: tuple[SavedDrive, ...]

@@ -282,11 +282,11 @@ def _whose(folder: RunFolder, name: str) -> str:
 
 
 def _require_run(folder: RunFolder, name: str, run_id: str) -> None:
-    """Refuse a recording whose header names another run; old ones name none."""
-    if run_id not in ("", folder.run_id):
+    """Refuse a recording whose header does not name the run."""
+    if run_id != folder.run_id:
         raise RecordingError(
-            f"{folder.file(name)}: belongs to run {run_id}, not to {folder.run_id}: put the"
-            " original back",
+            f"{folder.file(name)}: belongs to {f'run {run_id}' if run_id else 'no run'}, not to"
+            f" {folder.run_id}: put the original back",
             code="RID-RUN-MIXED",
         )
 

@@ -95,6 +95,7 @@ def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
     with _service(loaded) as service:
         drives = tuple(read_drive(port, eds_of[port.node_id]) for port in service.ports())
     backup = DriveBackup(
+        format=1,
         cell=loaded.config.name,
         created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         drives=drives,

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from config.errors import RecordingError
+from config.formats.json_file import OTHER_FORMAT
 from rid_daq.service.logs import LOG
 from rid_daq.service.refusals import StoreBusyError
 
-VERSION: Final = 1
+VERSION: Final = 2
 PATIENCE_S: Final = 3.0
 """How long an answer waits for what must be on the disk before it [s]."""
 
@@ -43,15 +44,10 @@ CREATE TABLE cells (cell TEXT PRIMARY KEY, preflight TEXT, files_hash TEXT, faul
 CREATE TABLE audit (
     number INTEGER PRIMARY KEY AUTOINCREMENT, at_s REAL NOT NULL, entry TEXT NOT NULL
 );
+CREATE TABLE lease_tokens (cell TEXT PRIMARY KEY, lease TEXT, token TEXT);
+CREATE TABLE issued (number INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE);
+CREATE TABLE lease_ends (cell TEXT PRIMARY KEY, lease TEXT, ends_s REAL, boot TEXT);
 """
-
-_LATER = (
-    "CREATE TABLE IF NOT EXISTS lease_tokens (cell TEXT PRIMARY KEY, lease TEXT, token TEXT)",
-    "CREATE TABLE IF NOT EXISTS issued (number INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE)",
-    "CREATE TABLE IF NOT EXISTS lease_ends (cell TEXT PRIMARY KEY, lease TEXT, ends_s REAL,"
-    " boot TEXT)",
-)
-"""Tables that were added after the first services; an older program ignores them."""
 
 _MISTAKES = (sqlite3.IntegrityError, sqlite3.ProgrammingError, sqlite3.DataError)
 """Errors of one statement: trying it again is of no use."""
@@ -230,7 +226,7 @@ def open_database(path: Path) -> Database:
     Raises
     ------
     RecordingError
-        It cannot be opened, is damaged, or was written by a newer program.
+        It cannot be opened, is damaged, or has another format.
     """
     try:
         flags = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
@@ -247,10 +243,8 @@ def open_database(path: Path) -> Database:
             raise RecordingError(
                 f"{path}: was written by another version of rid-daq (format {version}, this one"
                 f" knows {VERSION}): use that one, or move the file away to begin anew",
-                code="RID-STATE-DAMAGED",
+                code=OTHER_FORMAT,
             )
-        for table in _LATER:
-            connection.execute(table)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
             f"{path}: cannot be opened as the service's file: {error}. Move it away to begin anew",

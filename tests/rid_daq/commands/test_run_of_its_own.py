@@ -18,6 +18,7 @@ from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
+from config.errors import RecordingError
 from config.load import load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
@@ -25,6 +26,7 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
 from rid_daq.jobs.truth import true_parameters
+from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
 
 CYCLE_S = 0.008
@@ -241,20 +243,11 @@ def test_a_result_that_was_edited_is_no_report(
     assert run(["average", str(copy.path)]) == 0
 
 
-def test_a_run_of_an_older_program_is_read_and_what_is_there_is_compared(
-    copy: RunFolder, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_whose_manifest_names_no_files_is_refused(copy: RunFolder) -> None:
     path = copy.path / "manifest.json"
     manifest = json.loads(path.read_text())
-    manifest["format"] = 1
-    for entry in manifest["files"].values():
-        del entry["rows"]
-    path.write_text(json.dumps(manifest))
-    assert run(["average", str(copy.path)]) == 0
-    another_gear(copy, copy)
-    assert run(["average", str(copy.path)]) == 7
     path.write_text(json.dumps({**manifest, "files": {}}))
-    assert run(["average", str(copy.path)]) == 0  # nothing to compare with
+    assert run(["average", str(copy.path)]) == 7
 
 
 @pytest.mark.fault(47)
@@ -339,3 +332,22 @@ def test_where_a_file_was_left_out_only_the_original_is_taken(
     assert run(["average", str(new)]) == 7
     shutil.copy(good.path / "robot.yaml", new)
     assert run(["average", str(new)]) == 0
+
+
+@pytest.mark.parametrize("named", ["", "01ABCDEFGHJKMNPQRSTVWXYZ00"])
+def test_a_recording_that_does_not_name_its_run_is_refused(
+    named: str, killed: RunFolder, tmp_path: Path
+) -> None:
+    folder = RunFolder.open(shutil.copytree(killed.path, tmp_path / "copy"))
+    journal = folder.file(RECORDING)
+    journal.unlink()
+    header = JournalHeader(
+        joint_names=("axis1", "axis2", "axis3"), sample_period_s=CYCLE_S, run_id=named
+    )
+    rows = np.zeros(10, dtype=row_dtype(3))
+    rows["time_s"] = CYCLE_S * np.arange(10)
+    with JournalWriter(journal, header) as writer:
+        writer.append(rows.tobytes())
+    with pytest.raises(RecordingError) as refused:
+        RunData.load(folder, unfinished=True)
+    assert refused.value.refusal == "RID-RUN-MIXED", refused.value

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from config.errors import RecordingError
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
+from rid_daq.service.store.database import open_database
 from rid_daq.service.store.state_folder import NOT_PRIVATE, STATE_FOLDER, open_state_folder
 
 NOBODY = 65534
@@ -89,3 +92,12 @@ def test_a_shared_folder_is_served_in_if_it_is_sticky(tmp_path: Path) -> None:
     tmp_path.chmod(0o1777)
     assert open_state_folder(tmp_path).stat().st_mode & 0o777 == 0o700
     assert open_state_folder(tmp_path).name == STATE_FOLDER
+
+
+def test_a_database_of_another_format_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "service.db"
+    with contextlib.closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA user_version = 1")
+    with pytest.raises(RecordingError) as refused:
+        open_database(path)
+    assert refused.value.refusal == "RID-FILE-FORMAT"
