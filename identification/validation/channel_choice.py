@@ -9,6 +9,7 @@ distinct from zero. Rows that depend on friction at standstill are left out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -237,6 +238,7 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
         The values that are fitted, and their starting values [s].
     """
     values, free = dict(start), tuple(start)
+    bounds = _bounds_of(free)
     independent: IntArray = np.zeros(0, dtype=np.int64)
     steps = 0
     while True:
@@ -254,22 +256,65 @@ def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> Jo
             break
         slopes = equations.through([own[1:] for own in channels], independent, theta)
         slopes -= basis.Q @ (basis.Q.T @ slopes)
-        step = np.linalg.lstsq(slopes, rest, rcond=None)[0]
-        for key, by in zip(free, np.clip(step, -LARGEST_STEP_S, LARGEST_STEP_S), strict=True):
-            # Beside a lag a delay is not negative: together they would mimic a zero-phase filter.
-            lowest = 0.0 if "lag" in free else -LONGEST_DELAY_S
-            low, high = (
-                (lowest, LONGEST_DELAY_S) if key == "delay" else (SHORTEST_LAG_S, LONGEST_LAG_S)
-            )
-            values[key] = float(np.clip(values[key] + by, low, high))
+        before: FloatArray = np.array([values[key] for key in free])
+        found = _bounded(slopes, rest, before, bounds)
+        step = np.clip(found - before, -LARGEST_STEP_S, LARGEST_STEP_S)
+        values = dict(zip(free, (before + step).tolist(), strict=True))
         steps += 1
         if steps == MOST_STEPS or np.all(np.abs(step) < SETTLED_S):
             break
+    # A value that stays at its lower bound is no parameter of the fit.
+    inner = np.array([value > low for value, (low, _) in zip(values.values(), bounds, strict=True)])
+    slopes = slopes[:, np.flatnonzero(inner)]
     moved, errors = _left_out(np.column_stack([basis.Q, slopes]), rows.torque_nm, rows.block)
-    sigma = deviations(moved[:, moved.shape[1] - len(free) :])
+    sigma = np.full(len(free), math.inf)
+    sigma[np.flatnonzero(inner)] = deviations(moved[:, basis.Q.shape[1] :])
     last = [own[0] for own in channels]
     moving_error = equations.moving_error(last, independent, theta)
     return JointChannel(values, dict(zip(free, sigma.tolist(), strict=True)), errors, moving_error)
+
+
+def _bounds_of(free: Sequence[ChannelValue]) -> list[tuple[float, float]]:
+    """Return the least and the largest number of each of the values that are fitted [s]."""
+    # Beside a lag a delay is not negative: together they would mimic a zero-phase filter.
+    delay_s = (0.0 if "lag" in free else -LONGEST_DELAY_S, LONGEST_DELAY_S)
+    return [delay_s if key == "delay" else (SHORTEST_LAG_S, LONGEST_LAG_S) for key in free]
+
+
+def _bounded(
+    slopes: FloatArray,
+    rest: FloatArray,
+    before: FloatArray,
+    bounds: Sequence[tuple[float, float]],
+) -> FloatArray:
+    """Return the values of least squares within their bounds, shape (values,).
+
+    What would leave its bounds is held there, and the others are solved for again: they are not
+    those that belong to a value beyond the bound.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (rows, values)
+        How the torque changes with each value.
+    rest : ndarray, shape (rows,)
+        Torque that is not explained yet.
+    before : ndarray, shape (values,)
+        The values now.
+    bounds : sequence of (least, largest)
+        Of each value.
+    """
+    low, high = (np.array(each) for each in zip(*bounds, strict=True))
+    found, free = before.copy(), np.ones(len(before), dtype=np.bool_)
+    while free.any():
+        held = slopes[:, ~free] @ (found - before)[~free]
+        step = np.linalg.lstsq(slopes[:, free], rest - held, rcond=None)[0]
+        found[free] = before[free] + step
+        beyond = free & ((found < low) | (found > high))
+        if not beyond.any():
+            break
+        found = np.clip(found, low, high)
+        free &= ~beyond
+    return found
 
 
 def _responses(frequency_hz: FloatArray, values: dict[ChannelValue, float]) -> list[ComplexArray]:
