@@ -125,10 +125,6 @@ def choose_channel(
         ]
     chosen = _kind({kind: _all_errors(own) for kind, own in fits.items()})
     found = _kept(fits[chosen], fits["none"])
-    filtered = np.count_nonzero(found.lag_s + found.width_s)
-    # A filter is a setting of the drives or of the logger: a few joints alone show another effect.
-    few = found.filters and filtered < equations.joints / 2.0
-    found = TorqueChannel.none(equations.joints) if few else found
     if "zero-phase" not in kinds:
         return found
     with suppress(np.linalg.LinAlgError):  # too few rows of all joints to identify the links
@@ -154,13 +150,16 @@ def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
 def _kept(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
     """Return the values that are distinct from zero and inside their range.
 
-    A filter of the torque passes the jumps of friction, too. What fits better away from reversals
-    only, such as an elastic joint, is no filter of the torque: that joint has none.
+    A filter is a setting of the drives or of the logger: a few joints alone show another effect.
+    It passes the jumps of friction, too. What fits better away from reversals only is no filter: an
+    elastic joint looks like a zero-phase one. A joint that sticks long does not show the jumps; it
+    has the lag that it shows elsewhere if most joints have one.
     """
     found = np.zeros((6, len(fits)))
+    passes_jumps = np.zeros(len(fits), dtype=np.bool_)
     for j, fit in enumerate(fits):
-        filters = "delay" not in fit.values_s or "lag" in fit.values_s
-        if filters and fit.moving_error > FILTER_SHARE * none[j].moving_error:
+        passes_jumps[j] = fit.moving_error <= FILTER_SHARE * none[j].moving_error
+        if "width" in fit.values_s and not passes_jumps[j]:
             continue
         for place, key in enumerate(VALUES):
             value, sigma = fit.values_s.get(key, 0.0), fit.sigma_s.get(key, 0.0)
@@ -168,7 +167,10 @@ def _kept(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueC
             if inside and abs(value) > DISTINCT_SIGMAS * sigma:
                 found[2 * place : 2 * place + 2, j] = value, sigma
     delay, delay_sigma, lag, lag_sigma, width, width_sigma = found
-    return TorqueChannel(delay, delay_sigma, lag, lag_sigma, width, width_sigma)
+    channel = TorqueChannel(delay, delay_sigma, lag, lag_sigma, width, width_sigma)
+    shown = np.count_nonzero(passes_jumps & ((lag != 0.0) | (width != 0.0)))
+    few = channel.filters and shown < len(fits) / 2.0
+    return TorqueChannel.none(len(fits)) if few else channel
 
 
 @dataclass(frozen=True, eq=False)
