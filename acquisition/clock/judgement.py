@@ -26,7 +26,8 @@ from config.robot.robot import RobotDescription
 
 UNEVEN: Final = 0.2
 """Jitter beyond this part of the median step puts stamps in doubt that nothing confirms."""
-TORQUE_WORSE: Final = -0.02
+TORQUE_WORSE: Final = -0.05
+TORQUE_SIGMAS: Final = 3.5
 SAME: Final = 0.02
 """Rebuilt times that differ from the stamps by less of the median step, RMS, confirm these."""
 
@@ -177,7 +178,7 @@ def _rebuilt(
     if gain is None:
         if torque is None or torque[0] < max(2.0 * torque[1], LEAST_GAIN):
             return not_told("only one joint moves, and torques do not show other times")
-    elif torque is not None and torque[0] < min(-2.0 * torque[1], TORQUE_WORSE):
+    elif torque is not None and torque[0] < min(-TORQUE_SIGMAS * torque[1], TORQUE_WORSE):
         doubtful = True
         return not_told(
             "positions and velocities contradict the time stamps, but torques are predicted worse"

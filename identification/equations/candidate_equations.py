@@ -25,7 +25,7 @@ from acquisition.processing.unfiltered import UnfilteredSignals
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, regressor
-from dynamics.model.standstill import standstill
+from dynamics.model.standstill import moving, moving_on
 from dynamics.terms.conditions import Conditions
 from identification.equations.friction_columns import Column, friction_column
 from identification.model.base_parameters import BaseParameters
@@ -81,7 +81,8 @@ class Piece:
     length : int
         Rows of the padded segment; its period is `length` times `step_s`.
     slow : ndarray of bool, shape (rows, n)
-        True if the actuator is too slow for its friction to be known.
+        True if the actuator is too slow for its friction to be known, or turns round before the
+        next row or after the last one.
     held : ndarray of int64, shape (rows, n), or None
         Row at which each torque was new, if the source renews it seldom.
     """
@@ -195,7 +196,6 @@ class CandidateEquations:
         standstill_rad_s : float
             Speed from which on a joint moves [rad/s or m/s].
         """
-        slowest = standstill(model, standstill_rad_s)
         step_s = max(run.sample_period_s for run in signals)
         cutoff_hz = min(CUTOFF_HZ, 0.09 / step_s, *map(_highest_cutoff_hz, signals))
         total_s = sum(len(run) * run.sample_period_s for run in signals)
@@ -204,7 +204,7 @@ class CandidateEquations:
         for run in signals:
             source = run.unfiltered or run
             for rows in _segments(source, share):
-                pieces.append(_piece(model, base, source, rows, slowest, cutoff_hz))
+                pieces.append(_piece(model, base, source, rows, standstill_rad_s, cutoff_hz))
                 starts_s.append(start_s)
                 start_s += (rows.stop - rows.start) * source.sample_period_s
         if not pieces:
@@ -343,7 +343,7 @@ def _piece(
     base: BaseParameters,
     run: Source,
     rows: slice,
-    slowest: FloatArray,
+    standstill_rad_s: float,
     cutoff_hz: float,
 ) -> Piece:
     held = run.torque_row if isinstance(run, UnfilteredSignals) else None
@@ -363,6 +363,8 @@ def _piece(
     low_pass = _hann(frequency_hz * kernel_s)
     torque = np.fft.rfft(with_padding(run.torque_nm[rows], length * stride), axis=0)
     speed = model.actuator_speed(run.velocity[thin])
+    # A low-passed velocity crosses zero at a wrong time, but does not jump over it.
+    of_rows = moving_on if isinstance(run, UnfilteredSignals) else moving
     return Piece(
         rigid=rigid,
         speed=speed,
@@ -371,7 +373,7 @@ def _piece(
         torque=torque[: len(low_pass)] * low_pass[:, np.newaxis] / stride,
         low_pass=low_pass,
         length=length,
-        slow=np.abs(speed) < slowest,
+        slow=~of_rows(model, run.velocity[thin], standstill_rad_s),
         held=None if held is None else np.maximum(held[rows] - rows.start, 0),
     )
 
