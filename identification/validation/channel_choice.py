@@ -124,7 +124,7 @@ def choose_channel(
             for j in range(equations.joints)
         ]
     chosen = _kind({kind: _all_errors(own) for kind, own in fits.items()})
-    found = _kept(fits[chosen], fits["none"])
+    found = kept_channel(fits[chosen], fits["none"])
     if "zero-phase" not in kinds:
         return found
     with suppress(np.linalg.LinAlgError):  # too few rows of all joints to identify the links
@@ -147,7 +147,7 @@ def _kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
     return shown[simplest([errors[kind] for kind in shown], KIND_SIGMAS, LEAST_KIND_GAIN)]
 
 
-def _kept(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
+def kept_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
     """Return the values that are distinct from zero and inside their range.
 
     A filter is a setting of the drives or of the logger: a few joints alone show another effect.

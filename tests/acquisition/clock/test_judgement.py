@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from acquisition.clock.judgement import judge_clock
 from acquisition.clock.report import Clock
 from acquisition.clock.samples import Samples
+from benchmarks.honest_choice import DURATION_S, FRICTIONS, Case, recording
+from benchmarks.known_arms import ARMS, drive
 from config.arrays import FloatArray
 from tests.builders.logged_arm import PERIOD_S, LoggedArm, inserted, row_times, time_error
 
@@ -206,3 +208,11 @@ class TestPositionsThatAreHeld:
         assert np.quantile(left, 0.9) < 0.1 * np.quantile(
             np.abs(position[:, 1] - samples.position[:, 1]), 0.9
         )
+
+
+def test_torques_do_not_object_to_times_by_chance() -> None:
+    """Friction that the plain robot lacks leaves errors in which other times hardly count."""
+    case = Case("three", "both", "repeats", 203)
+    driven = drive("three", "points", 2032, FRICTIONS["both"], DURATION_S)
+    _, known = recording(case, driven, 2, ARMS["three"].description())
+    assert known

@@ -1,0 +1,104 @@
+"""The torque channel of single joints: its values keep their bounds, and most joints decide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.processing.torque_channel import TorqueChannel
+from benchmarks.honest_choice import BAND_HZ, DURATION_S, FRICTIONS, Case, recording
+from benchmarks.known_arms import ARMS, drive
+from identification.equations.block_grams import PLAIN, Grams
+from identification.equations.candidate_equations import CandidateEquations, Reach
+from identification.estimation.options import EstimationOptions
+from identification.model.base_parameters import base_parameters
+from identification.validation.channel_choice import (
+    AFTER_STANDSTILL_S,
+    FLEXIBLE,
+    JointChannel,
+    JointEquations,
+    fit_joint,
+    kept_channel,
+)
+
+TRUE_LAG_S = 1.0 / (16.0 * np.pi)  # a first-order filter at 8 Hz
+BLOCKS = 20
+
+
+@cache
+def equations(standstill_rad_s: float) -> CandidateEquations:
+    case, robot = Case("three", "load", "lag8", 201), ARMS["three"].description()
+    options = EstimationOptions()
+    runs = [
+        recording(case, drive("three", "points", 2010 + k, FRICTIONS["load"], DURATION_S), k, robot)
+        for k in range(2)
+    ]
+    signals = [smooth_nonperiodic(run, BAND_HZ) for run, _ in runs]
+    plain = replace(options.model, friction=False, friction_terms=None, nonlinear=None)
+    model = plain.build(robot)
+    return CandidateEquations.of(model, base_parameters(model), signals, standstill_rad_s)
+
+
+@pytest.fixture(scope="module")
+def sticking() -> JointEquations:
+    """A joint that carries much weight, behind a lag: a negative delay would fit best."""
+    plain = equations(EstimationOptions().standstill_rad_s)
+    grams = Grams.of(plain, TorqueChannel.none(3), 2.0)
+    load = np.zeros(len(plain.base))
+    load[grams.rigid] = grams.fit([PLAIN] * 3).values[: len(grams.rigid)]
+    load[[name.startswith("Im") for name in plain.base.names]] = 0.0
+    loaded = plain.with_load(load)
+    return JointEquations(loaded, 1, FLEXIBLE, Reach(0.0, AFTER_STANDSTILL_S), 2.0)
+
+
+def test_a_joint_that_turns_round_between_two_rows_stands_there() -> None:
+    piece = equations(1e-6).pieces[0]
+    turns = piece.speed[1:] * piece.speed[:-1] < 0.0
+    assert np.count_nonzero(turns) > 20
+    assert piece.slow[1:][turns].all()
+    assert piece.slow[:-1][turns].all()
+
+
+def test_a_lag_beside_a_delay_at_its_bound_is_the_lag_alone(sticking: JointEquations) -> None:
+    alone = fit_joint(sticking, {"lag": 0.02})
+    both = fit_joint(sticking, {"delay": 0.0, "lag": 0.02})
+    assert both.values_s["delay"] == 0.0
+    assert both.values_s["lag"] == pytest.approx(alone.values_s["lag"], abs=1e-5)
+    assert both.sigma_s["lag"] == pytest.approx(alone.sigma_s["lag"], rel=0.01)
+    np.testing.assert_allclose(both.errors, alone.errors, rtol=0.01)
+    assert abs(alone.values_s["lag"] - TRUE_LAG_S) < 3.0 * alone.sigma_s["lag"]
+
+
+def test_a_value_at_its_lower_bound_is_not_distinct_from_zero(sticking: JointEquations) -> None:
+    both = fit_joint(sticking, {"delay": 0.0, "lag": 0.02})
+    assert both.sigma_s["delay"] == np.inf
+
+
+def fitted(lag_s: float, moving_error: float) -> JointChannel:
+    return JointChannel({"lag": lag_s}, {"lag": 1e-4}, np.ones(BLOCKS), moving_error)
+
+
+def widened(width_s: float, moving_error: float) -> JointChannel:
+    return JointChannel({"width": width_s}, {"width": 1e-4}, np.ones(BLOCKS), moving_error)
+
+
+NONE = [JointChannel({}, {}, np.ones(BLOCKS), 1.0)] * 3
+
+
+def test_a_joint_that_sticks_has_the_lag_that_most_joints_show() -> None:
+    found = kept_channel([fitted(0.02, 0.1), fitted(0.021, 0.6), fitted(0.02, 1.2)], NONE)
+    assert found.lag_s.tolist() == [0.02, 0.021, 0.02]
+
+
+def test_a_lag_that_few_joints_show_past_jumps_of_friction_is_none() -> None:
+    found = kept_channel([fitted(0.02, 0.1), fitted(0.02, 1.1), fitted(0.02, 1.2)], NONE)
+    assert not found.changes
+
+
+def test_a_zero_phase_filter_shows_past_jumps_of_friction_on_each_joint() -> None:
+    found = kept_channel([widened(0.02, 0.1), widened(0.02, 0.1), widened(0.02, 1.2)], NONE)
+    assert found.width_s.tolist() == [0.02, 0.02, 0.0]
