@@ -24,6 +24,7 @@ from identification.wiring.mistakes import (
 )
 
 OFFSET_STEPS: Final = 12
+TURN: Final = 2.0 * math.pi
 FACTORS: Final = (2.0, 0.5, 10.0, 0.1)
 TORQUE_FACTORS: Final = (*FACTORS, 1000.0, 0.001)
 CLOCKS: Final = (0.9, 1.1, 2.0, 0.5, 10.0, 0.1, 1000.0, 0.001)
@@ -34,18 +35,21 @@ MOST_SIGN_SETS: Final = 7
 def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     """Yield the mistakes that people make, one after the other.
 
+    A wrong position of a coupled wrist is wrong at the motor, as on a bus, or at the joint, as in a
+    recording that holds joints' positions: both are tried.
+
     Parameters
     ----------
     robot : RobotDescription
         The robot as its file says it is.
     """
-    n = len(robot.joints)
-    for j in range(n):
-        yield from _of_joint(robot, j)
-    yield from _signs(n)
-    yield from _orders(n)
-    for factor in (DEGREES, 1.0 / DEGREES):
-        yield scaled(Kind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
+    n, coupling = len(robot.joints), _matrix(robot)
+    for mistake in _of_wiring(robot):
+        yield mistake
+        if robot.coupling is not None and mistake.kind is not Kind.POSITION_OFFSET:
+            at_joints = mistake.at_joints(coupling)
+            if not np.allclose(at_joints.position, mistake.position):
+                yield at_joints
     for factor in CLOCKS:
         yield replace(scaled(Kind.CLOCK, (), factor, n=n), clock=factor)
     for other in _conventions(robot):
@@ -55,6 +59,34 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         yield mistake  # the motors' positions are right, and the joints' follow from them
         yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
     yield from torque_units(robot)
+
+
+def _of_wiring(robot: RobotDescription) -> Iterator[Mistake]:
+    """Yield the mistakes in positions and torques, but those of all torques' unit."""
+    n = len(robot.joints)
+    for j in range(n):
+        yield from _of_joint(robot, j)
+    yield from _signs(n)
+    yield from _orders(n)
+    yield from _position_units(robot)
+
+
+def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
+    """Yield the units that all positions together may be in, other than that of the joint."""
+    n = len(robot.joints)
+    for factor in (DEGREES, 1.0 / DEGREES):
+        yield scaled(Kind.POSITION_FACTOR, (), factor, n=n, position=np.full(n, factor))
+    gears = np.array([abs(joint.gear_ratio) for joint in robot.joints])
+    units = (
+        ("in turns", np.full(n, TURN)),
+        ("in mrad", np.full(n, 1e-3)),
+        ("that of its motor, before the gear", 1.0 / gears),
+    )
+    for what, factors in units:
+        if np.any(factors != 1.0):
+            typical = float(np.exp(np.mean(np.log(factors))))
+            mistake = scaled(Kind.POSITION_FACTOR, (), typical, n=n, position=factors)
+            yield replace(mistake, what=what)
 
 
 def torque_units(robot: RobotDescription) -> Iterator[Mistake]:
@@ -155,7 +187,8 @@ def _couplings(
     n, stated = len(robot.joints), robot.coupling
     if stated is not None:
         matrix = np.array(stated)
-        joints = tuple(np.flatnonzero((matrix != np.eye(n)).any(axis=1)).tolist())
+        apart = matrix != np.eye(n)
+        joints = tuple(np.flatnonzero(apart.any(axis=0) | apart.any(axis=1)).tolist())
         yield joints, robot.model_copy(update={"coupling": None})
         reversed_ = np.where(np.eye(n, dtype=bool), matrix, -matrix)
         for other in (reversed_, np.linalg.inv(matrix), matrix.T):

@@ -15,6 +15,7 @@ from config.robot.robot import RobotDescription
 from identification.wiring.signals import WiredSignals
 
 DEGREES: Final = math.pi / 180.0
+ROUNDING: Final = 1e-12
 
 
 class Kind(StrEnum):
@@ -64,7 +65,7 @@ class Mistake:
     robot : RobotDescription or None
         The right robot, if the mistake is in its file.
     what : str
-        The unit or the quantity that the torques are in, in words; empty for other kinds.
+        The unit or the quantity that torques or positions are in, in words; empty if it is none.
     """
 
     kind: Kind
@@ -96,6 +97,18 @@ class Mistake:
         if self.kind in ORDERS and len(self.joints) == len(everyone):
             return tuple(i for i, other in enumerate(self.joints) if i != other)
         return self.joints or everyone
+
+    def at_joints(self, coupling: FloatArray) -> Mistake:
+        """Return this mistake made in the joints' positions in place of the motors'.
+
+        Parameters
+        ----------
+        coupling : ndarray, shape (n, n)
+            C of q = C alpha.
+        """
+        position = np.linalg.solve(coupling, self.position @ coupling)
+        position[np.abs(position) < ROUNDING * np.abs(position).max()] = 0.0
+        return replace(self, position=position)
 
     def undone(self, signals: WiredSignals) -> WiredSignals:
         """Return signals and robot as they are if this mistake was made."""

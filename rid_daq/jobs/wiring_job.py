@@ -352,6 +352,8 @@ def _factor(what: str, mistake: Mistake, robot: RobotDescription) -> str:
         return f"{what} is in degrees"
     if mistake.kind is Kind.POSITION_FACTOR and mistake.factor == 1.0 / DEGREES:
         return f"{what} is in radians"
+    if mistake.what:
+        return f"{what} is {mistake.what}"
     gear = abs(robot.joints[mistake.joints[0]].gear_ratio) if mistake.joints else 1.0
     if gear != 1.0 and mistake.factor in (gear, 1.0 / gear):
         return f"{what} is on the other side of the gear ({gear:g})"
