@@ -139,3 +139,28 @@ def test_a_coupling_that_is_too_much_is_found_whichever_side_was_recorded(
         stated = replace(arm.moved(position, np.zeros(3), 1.0), robot=coupled)
         (found,) = find_mistakes(stated)
         assert found.mistake.kind is Kind.COUPLING
+        assert found.mistake.joints == (1, 2)
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0 / 54.0])
+def test_a_position_of_a_coupled_joint_is_found_though_its_motor_moves_another(
+    factor: float,
+) -> None:
+    sound = wired(sound_run(load_robot("kr15"), np.random.default_rng([0, 1])))
+    assert sound.robot.coupling is not None
+    scale = np.diag([1.0] * 5 + [factor])
+    coupling = np.array(sound.robot.coupling)
+    stated = sound.moved(np.linalg.solve(coupling, scale @ coupling), np.zeros(6), 1.0)
+    (found,) = find_mistakes(stated)
+    assert (found.mistake.kind, found.mistake.joints) == (Kind.POSITION_FACTOR, (5,))
+    assert found.mistake.factor == pytest.approx(1.0 / factor)
+
+
+@pytest.mark.parametrize(
+    ("in_units", "what"), [(1.0 / (2.0 * math.pi), "in turns"), (1000.0, "in mrad")]
+)
+def test_positions_in_another_unit_are_found(arm: WiredSignals, in_units: float, what: str) -> None:
+    (found,) = find_mistakes(arm.moved(in_units * np.eye(3), np.zeros(3), 1.0))
+    assert (found.mistake.kind, found.mistake.joints) == (Kind.POSITION_FACTOR, ())
+    assert found.mistake.what == what
+    assert found.mistake.factor == pytest.approx(1.0 / in_units)
