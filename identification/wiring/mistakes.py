@@ -106,7 +106,8 @@ class Mistake:
         coupling : ndarray, shape (n, n)
             C of q = C alpha.
         """
-        position = np.linalg.solve(coupling, self.position @ coupling)
+        moved = np.linalg.solve(coupling, self.position @ coupling)
+        position: FloatArray = np.asarray(moved, dtype=np.float64)
         position[np.abs(position) < ROUNDING * np.abs(position).max()] = 0.0
         return replace(self, position=position)
 
