@@ -187,8 +187,8 @@ def _couplings(
     n, stated = len(robot.joints), robot.coupling
     if stated is not None:
         matrix = np.array(stated)
-        apart = matrix != np.eye(n)
-        joints = tuple(np.flatnonzero(apart.any(axis=0) | apart.any(axis=1)).tolist())
+        coupled = matrix != np.eye(n)
+        joints = tuple(np.flatnonzero(coupled.any(axis=0) | coupled.any(axis=1)).tolist())
         yield joints, robot.model_copy(update={"coupling": None})
         reversed_ = np.where(np.eye(n, dtype=bool), matrix, -matrix)
         for other in (reversed_, np.linalg.inv(matrix), matrix.T):
