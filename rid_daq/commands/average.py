@@ -24,8 +24,10 @@ def average(
     """
     from acquisition.runs.catalogue import find_run
     from rid_daq.report.sections.average import AverageSection
+    from rid_daq.report.shown.average import average_blocks
     from rid_daq.report_page.write import write_result
     from rid_daq.runs.run_data import RunData, report_lacks, result_of
+    from rid_daq.terminal.shown_blocks import show
 
     console = Console(as_json)
     data = RunData.load(find_run(runs, run), unfinished=unfinished)
@@ -40,5 +42,5 @@ def average(
             "report": str(path),
         }
     )
-    section.print(console)
+    show(average_blocks(section), console)
     console.say(f"Report: {path}")

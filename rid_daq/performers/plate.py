@@ -7,8 +7,10 @@ import typer
 from config.cell.plate import PlateZero
 from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
 from rid_daq.recording.recorded_run import stop_document
+from rid_daq.report.shown.plate import plate_zero_blocks
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.shown_blocks import show
 
 
 def perform(request: PlateZeroRequest, console: Console) -> None:
@@ -46,7 +48,7 @@ def _print(console: Console, zeroed: PlateZeroed, zero: PlateZero) -> None:
             "written": None if written is None else str(written),
         }
     )
-    section.print(console)
+    show(plate_zero_blocks(section), console)
     console.verdict(judged.passed, f"{judged.headline}. {judged.sentence}")
     console.say(f"Report: {run.report}")
     if written is not None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import typer
 
 from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
+from rid_daq.report.shown.plate import base_load_blocks, reaction_blocks
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.shown_blocks import show
 
 
 def perform(request: ValidateRequest, console: Console) -> None:
@@ -37,10 +39,10 @@ def _print(console: Console, validated: Validated) -> None:
     console.document({name: part for name, part in told.items() if part is not None})
     if validated.validation is not None:
         validated.validation.print(console)
-    for part in (validated.reaction, validated.base_load):
-        if part is not None:
-            part.print(console)
-            console.say(part.sentence)
+    if validated.reaction is not None:
+        show(reaction_blocks(validated.reaction), console)
+    if validated.base_load is not None:
+        show(base_load_blocks(validated.base_load), console)
     console.verdict(validated.verdict.passed, validated.verdict.headline)
     if report is not None:
         console.say(f"Report: {report}")

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
-from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Section, units
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from acquisition.processing.periods import PeriodAverage
@@ -87,23 +85,6 @@ class AverageSection(Section):
                 torque_noise=np.sqrt(average.torque_variance),
                 position_noise=np.sqrt(average.position_variance),
             ),
-        )
-
-    def print(self, console: Console) -> None:
-        """Print the periods and the noise."""
-        console.say(self.sentence)
-        for period in self.rejected:
-            console.say(f"  period {period.index + 1} rejected: {period.reason}")
-        console.table(
-            ("axis", "torque noise", "position noise"),
-            [
-                (
-                    axis.joint,
-                    f"{number(axis.torque_noise)} {axis.torque_unit}",
-                    f"{number(axis.position_noise, 3)} {axis.unit}",
-                )
-                for axis in self.axes
-            ],
         )
 
 

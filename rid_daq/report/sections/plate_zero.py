@@ -12,7 +12,6 @@ from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
 from rid_daq.blocks.formats import measured
 from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.report.sections.verdict import Check, Verdict
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from acquisition.plate_zero.plate_zero import PlateOffset, ZeroTurn
@@ -93,22 +92,6 @@ class PlateZeroSection(Section):
                 name=WRENCH_NAMES, unit=WRENCH_UNITS, value=found.gravity, std=found.gravity_sigma
             ),
         )
-
-    def print(self, console: Console) -> None:
-        """Print the channels' offsets and drifts."""
-        console.table(
-            ("channel", "offset [N]", "± 2σ", "drift [mN/s]", "± 2σ"),
-            [
-                (
-                    each.name,
-                    *measured(each.offset_n, 2.0 * each.offset_std_n),
-                    *measured(1e3 * each.drift_n_s, 2e3 * each.drift_std_n_s),
-                )
-                for each in self.channels
-            ],
-        )
-        for sentence in self.sentences:
-            console.say(sentence)
 
 
 def as_zero(found: PlateOffset, turn: ZeroTurn) -> PlateZero:

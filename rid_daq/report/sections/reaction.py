@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
-from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, rounded, thinned
 from rid_daq.report.sections.verdict import Check
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from identification.calibration.base_reaction import BaseLoad
@@ -77,21 +75,6 @@ class ReactionSection(Section):
                 predicted=map(rounded, validation.predicted[rows].T),
             ),
             time_s=rounded(validation.time_s[rows] - validation.time_s[0], 7),
-        )
-
-    def print(self, console: Console) -> None:
-        """Print how well the base wrench was predicted."""
-        console.table(
-            ("reaction", "rms error", "relative", "noise"),
-            [
-                (
-                    each.name,
-                    f"{number(each.rms_error)} {each.unit}",
-                    f"{number(each.relative_error_percent, 3)} %",
-                    "–" if each.noise is None else f"{number(each.noise, 3)} {each.unit}",
-                )
-                for each in self.components
-            ],
         )
 
 
@@ -166,20 +149,3 @@ class BaseLoadSection(Section):
             )
             for each in self.components
         ]
-
-    def print(self, console: Console) -> None:
-        """Print what the motion does to the floor."""
-        console.table(
-            ("reaction", "largest", "± 2σ", "unit", "limit", "holds"),
-            [
-                (
-                    each.name,
-                    *measured(each.peak, 2.0 * each.std),
-                    each.unit,
-                    f"{each.limit:g}",
-                    "yes" if each.held else "NO",
-                )
-                for each in self.components
-            ],
-            red=[not each.held for each in self.components],
-        )

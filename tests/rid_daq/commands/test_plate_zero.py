@@ -190,7 +190,7 @@ def test_the_zero_stands_in_the_cell_file_and_beside_the_run(
     assert zeroed["written"] == str(cell)
     beside = find_run(cell.parent / "runs", "plate zero")
     assert beside.read("zero.yaml").decode() in cell.read_text()
-    assert "The force plate's zero" in beside.file("report.html").read_text()
+    assert "Zero of the force plate" in beside.file("report.html").read_text()
     assert "# a Kistler 9281B under the robot" in cell.read_text()
 
 
