@@ -233,7 +233,7 @@ def test_residuals_of_a_model_that_is_right_are_about_the_measured_noise(
         assert over == [pytest.approx(1.0, abs=0.6)] * len(over), (procedure, over)
 
 
-def test_payloads_of_files_that_do_not_tell_the_noise_stay_readable(
+def test_a_payload_file_keeps_the_noise_and_is_refused_without_it(
     robot: RobotDescription, both: PeriodicRuns, tmp_path: Path
 ) -> None:
     found = identify_payload(robot, both, PayloadOptions("together", OPTIONS))
@@ -243,8 +243,10 @@ def test_payloads_of_files_that_do_not_tell_the_noise_stay_readable(
     assert found.noise_nm is not None
     assert kept.noise_nm is not None
     assert kept.noise_nm.tolist() == found.noise_nm.tolist() == document.pop("noise_nm")
-    (tmp_path / "old.json").write_text(json.dumps(document), encoding="utf-8")
-    assert read_payload(tmp_path / "old.json").estimate.noise_nm is None
+    (tmp_path / "without.json").write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        read_payload(tmp_path / "without.json")
+    assert "noise_nm" in str(caught.value)
 
 
 def test_what_contradicts_itself_is_not_a_payload(
