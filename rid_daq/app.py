@@ -58,7 +58,6 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
         "identify": "estimate the robot's parameters from one or more runs",
         "validate": "predict another run's torques and judge the error",
         "friction": "friction alone, out of the runs that were made to measure it",
-        "compare": "two estimates, or the runs behind them, side by side",
         "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV,"
         " Parquet, MAT, MDF4",
         "report": "write a run's report again from its results",
@@ -72,7 +71,6 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
     },
     "Runs": {
         "runs": "list the runs, and check that their files are unchanged",
-        "recover": "what is readable of an unfinished, torn or damaged recording",
     },
     "Service": {
         "serve": "cells as a service: jobs, runs and a workbench in the browser",

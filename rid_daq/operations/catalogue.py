@@ -18,11 +18,13 @@ class Entry(NamedTuple):
 
 
 CATALOGUE: Final = {
+    "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
     "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),
     "refine": Entry("path", "Path", "correct a feedforward by the error that remained with it"),
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
+    "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
 }
 """Every operation by its name; its module is `rid_daq.operations.ROOM.NAME`."""
 

@@ -1,4 +1,4 @@
-"""`rid-daq compare`: two estimates of one robot, and how well both predict some runs."""
+"""`compare_models`: the differences of two estimates, and their torque errors on runs."""
 
 from __future__ import annotations
 
@@ -8,38 +8,14 @@ from pathlib import Path
 from acquisition.runs.catalogue import file_or_run, find_run
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.ranges import Ranged
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import relative_of_both, validate
+from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.run_data import RunData, report_lacks
+from rid_daq.runs.run_data import RunData, every_lack
 from rid_daq.terminal.choices import MODEL
-from rid_daq.terminal.console import Console
-
-
-@dataclass(frozen=True)
-class CompareRequest(Ranged):
-    """What `rid-daq compare` was asked for.
-
-    Attributes
-    ----------
-    first, second : str
-        Runs that were identified, or model files.
-    runs : Path
-        The folder of the run folders.
-    on : str or None
-        The run whose torques are predicted; those named if None.
-    unfinished : bool
-        Whether a run that was never finished will do.
-    """
-
-    first: str
-    second: str
-    runs: Path
-    on: str | None = None
-    unfinished: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +60,7 @@ class Compared:
     notes: list[str]
 
 
-def compare_models(request: CompareRequest, console: Console) -> Compared:
+def compare_models(request: CompareRequest) -> Compared:
     """Compare two estimates, and predict runs with both.
 
     Raises
@@ -101,7 +77,7 @@ def compare_models(request: CompareRequest, console: Console) -> Compared:
     if request.on is not None:
         folder = find_run(request.runs, request.on)
         judged = [RunData.load(folder, unfinished=request.unfinished)]
-    notes = report_lacks(console, judged)
+    notes = every_lack(judged)
     require_torques(judged)
     predictions = [_prediction(one, other, data) for data in judged]
     return Compared((first, second), difference, predictions, notes)

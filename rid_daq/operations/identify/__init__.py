@@ -1,0 +1,1 @@
+"""Operations on estimates of a robot."""

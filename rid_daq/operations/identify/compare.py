@@ -1,0 +1,223 @@
+"""`compare`: the differences of two estimates of one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Column, Interval, Table, Text
+from rid_daq.blocks.block import Verdict as VerdictBlock
+from rid_daq.blocks.formats import number
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.identify.compared_models import Compared, RunPrediction
+    from rid_daq.report.sections.verdict import Verdict
+
+
+class CompareRequest(Request):
+    """Compare two estimates of one robot: parameters with intervals, and predicted torques.
+
+    Differences are given in standard deviations. The exit code is 1 if one is larger than the noise
+    explains: the robot, its load or its surroundings have changed, or a model lacks an effect.
+    """
+
+    first: Annotated[
+        str,
+        Field(description="A run that was identified, or a model file."),
+        Option(positional=True, metavar="FIRST", file="input"),
+    ]
+    second: Annotated[
+        str,
+        Field(description="The run or the model to compare with."),
+        Option(positional=True, metavar="SECOND", file="input"),
+    ]
+    runs: RunsFolder = DEFAULT_RUNS
+    on: Annotated[
+        str | None,
+        Field(description="Run whose torques both predict; the runs named if not set."),
+        Option(metavar="RUN"),
+    ] = None
+    unfinished: Unfinished = False
+
+
+@dataclass(frozen=True)
+class CompareResult:
+    """The differences of two estimates.
+
+    Attributes
+    ----------
+    compared : Compared
+        The differences, and the torque errors of both.
+    """
+
+    compared: Compared
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the estimates differ by more than noise."""
+        return 0 if self.compared.difference.agree else 1
+
+    @property
+    def verdict(self) -> Verdict:
+        """The largest difference against its limit."""
+        from rid_daq.report.sections.verdict import Check, Verdict
+
+        difference = self.compared.difference
+        worst = difference.worst
+        line = Check.of(
+            f"largest difference ({difference.names[worst]})",
+            float(abs(difference.sigmas[worst])),
+            "≤",
+            difference.limit_sigmas,
+            "sigmas",
+        )
+        headline = (
+            "The two agree: noise explains every difference"
+            if difference.agree
+            else f"They differ: {difference.names[worst]} by {number(line.value, 3)} sigmas, noise"
+            f" explains {number(difference.limit_sigmas, 3)}"
+        )
+        sentence = (
+            f"{len(difference.names)} parameters compared; among so many, noise alone exceeds"
+            f" {number(difference.limit_sigmas, 3)} sigmas once in a hundred comparisons."
+        )
+        if difference.shared_runs:
+            sentence += (
+                " Both were identified from some of the same runs, so their errors are alike and"
+                " equal parameters prove nothing."
+            )
+        return Verdict.of([line], headline, sentence)
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        compared, difference = self.compared, self.compared.difference
+        return {
+            "first": compared.names[0],
+            "second": compared.names[1],
+            "verdict": self.verdict,
+            "parameters": [
+                {
+                    "name": name,
+                    "unit": difference.units[i],
+                    "first": float(difference.first[i]),
+                    "first_std": float(difference.first_sigma[i]),
+                    "second": float(difference.second[i]),
+                    "second_std": float(difference.second_sigma[i]),
+                    "sigmas": float(difference.sigmas[i]),
+                }
+                for i, name in enumerate(difference.names)
+            ],
+            "only_first": list(difference.only_first),
+            "only_second": list(difference.only_second),
+            "shared_runs": list(difference.shared_runs),
+            "predictions": [_prediction(each) for each in compared.predictions],
+            "notes": compared.notes,
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, parameters side by side, torque errors on each run, and the verdict."""
+        compared, verdict = self.compared, self.verdict
+        for note in compared.notes:
+            yield Text(text=f"note: {note}")
+        yield self._parameters()
+        difference, (first, second) = compared.difference, compared.names
+        for names, side in ((difference.only_first, first), (difference.only_second, second)):
+            if names:
+                yield Text(text=f"Only in {side}: {', '.join(names)}")
+        for prediction in compared.predictions:
+            yield Text(text=f"Torque errors on run {prediction.data.folder.manifest().label!r}:")
+            yield _errors(prediction, compared.names)
+        yield Text(text=verdict.sentence)
+        yield VerdictBlock(passed=difference.agree, text=verdict.headline)
+
+    def _parameters(self) -> Table:
+        difference, (first, second) = self.compared.difference, self.compared.names
+        return Table(
+            columns=(
+                Column(title="parameter", is_text=True),
+                Column(title=f"{first} ± 2σ"),
+                Column(title=f"{second} ± 2σ"),
+                Column(title="unit", is_text=True),
+                Column(title="difference [σ]"),
+            ),
+            rows=tuple(
+                (
+                    name,
+                    Interval(
+                        value=float(difference.first[i]),
+                        reach=2.0 * float(difference.first_sigma[i]),
+                    ),
+                    Interval(
+                        value=float(difference.second[i]),
+                        reach=2.0 * float(difference.second_sigma[i]),
+                    ),
+                    difference.units[i],
+                    f"{round(float(difference.sigmas[i]), 1) + 0.0:+.1f}",
+                )
+                for i, name in enumerate(difference.names)
+            ),
+            failed=tuple(
+                abs(sigmas) > difference.limit_sigmas for sigmas in difference.sigmas.tolist()
+            ),
+        )
+
+
+def _errors(prediction: RunPrediction, names: tuple[str, str]) -> Table:
+    from rid_daq.report.sections.section import finite
+
+    heads = [
+        f"by {name}" + (" (identified from it)" if seen else "")
+        for name, seen in zip(names, prediction.seen, strict=True)
+    ]
+    joints = prediction.data.recording.joint_names
+    values = [[finite(value) for value in row] for row in prediction.percent.T.tolist()]
+    return Table(
+        columns=(
+            Column(title="joint", is_text=True),
+            *(Column(title=head, unit="%", digits=3) for head in heads),
+        ),
+        rows=tuple(
+            (joint, *("did not move" if value is None else value for value in row))
+            for joint, row in zip(joints, values, strict=True)
+        ),
+    )
+
+
+def _prediction(prediction: RunPrediction) -> dict[str, object]:
+    from rid_daq.report.sections.section import finite
+
+    data, (first, second) = prediction.data, prediction.seen
+    return {
+        "run": data.folder.run_id,
+        "label": data.folder.manifest().label,
+        "first_has_seen_it": first,
+        "second_has_seen_it": second,
+        "axes": [
+            {"joint": joint, "first_percent": finite(one), "second_percent": finite(other)}
+            for joint, (one, other) in zip(
+                data.recording.joint_names, prediction.percent.T, strict=True
+            )
+        ],
+    }
+
+
+def run(request: CompareRequest, _context: Context) -> CompareResult:
+    """Compare two estimates."""
+    from rid_daq.operations.identify.compared_models import compare_models
+
+    return CompareResult(compare_models(request))
+
+
+OPERATION: Final = Operation(
+    name="compare",
+    label="Compare two estimates",
+    request=CompareRequest,
+    run=run,
+    examples=("compare monday friday", "compare model.json latest --on validation --json"),
+)

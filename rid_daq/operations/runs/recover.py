@@ -1,0 +1,149 @@
+"""`recover`: write the readable part of a damaged recording as a new one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.errors import ConfigError, RecordingError
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, RunsFolder
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from acquisition.session.repair import Repair
+    from rid_daq.operations.runs.recovery import Recovery
+
+RECORDING: Final = "recording.mcap"
+
+
+class RecoverRequest(Request):
+    """Write the readable part of a damaged recording as a new one; the old one is not changed.
+
+    Only blocks with a correct checksum are copied, so no number in the new recording is wrong.
+    Every row that is known to be lost is reported. A run becomes a new run folder that all commands
+    read. The exit code is 0 if no row is known to be lost, 1 if some are, and 7 if nothing is
+    readable.
+    """
+
+    what: Annotated[
+        str,
+        Field(description="A recording (.mcap), or a run folder, its id or its label."),
+        Option(positional=True, metavar="FILE|RUN", file="input"),
+    ]
+    runs: RunsFolder = DEFAULT_RUNS
+    output: Annotated[
+        Path | None,
+        Field(
+            description="Of a file: the file to write. Of a run: the folder for the new run folder."
+            " Beside the old one if not set."
+        ),
+        Option(short="o", metavar="PATH", group=FILES, file="output"),
+    ] = None
+
+
+@dataclass(frozen=True)
+class RecoverResult:
+    """A recording or a run that was recovered.
+
+    Attributes
+    ----------
+    recovery : Recovery
+        What was kept and what is lost.
+    is_run : bool
+        True for a run folder, False for a file.
+    """
+
+    recovery: Recovery
+    is_run: bool
+
+    @property
+    def exit_code(self) -> int:
+        """1 if rows are known to be lost."""
+        return 1 if self.recovery.lost_rows else 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        recovery = self.recovery
+        return {
+            "source": str(recovery.source),
+            "recovered": None if recovery.target is None else str(recovery.target),
+            "rows_lost": recovery.lost_rows,
+            "seconds_lost": recovery.lost_s,
+            "recordings": {name: _entry(each) for name, each in recovery.repairs.items()},
+            "notes": list(recovery.notes),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield what was kept of each recording, notes, the verdict and the next command."""
+        recovery = self.recovery
+        for name, repair in recovery.repairs.items():
+            for number, sentence in enumerate(repair.sentences):
+                yield Text(text=f"{name}: {sentence}" if number == 0 else f"  {sentence}")
+        for note in recovery.notes:
+            yield Text(text=f"note: {note}")
+        if recovery.target is None:
+            text = f"{recovery.source}: is whole; there is nothing to recover"
+            yield Verdict(passed=True, text=text)
+            return
+        yield Verdict(passed=not recovery.lost_rows, text=f"Recovered: {recovery.target}")
+        if self.is_run and RECORDING in recovery.repairs:
+            yield Next(words=("average", str(recovery.target)))
+
+
+def run(request: RecoverRequest, _context: Context) -> RecoverResult:
+    """Recover a file or a run."""
+    from rid_daq.operations.runs.recovery import recover_file, recover_run
+
+    path = Path(request.what)
+    if path.is_file():
+        target = request.output or path.with_name(f"{path.stem}-recovered.mcap")
+        return RecoverResult(recover_file(path, target), is_run=False)
+    source = _run_folder(request.runs, request.what)
+    return RecoverResult(
+        recover_run(source, request.output or source.resolve().parent), is_run=True
+    )
+
+
+def _run_folder(runs: Path, what: str) -> Path:
+    """Return a run's folder, even if its manifest cannot be read."""
+    from acquisition.runs.catalogue import find_run
+
+    for path in (Path(what), runs / what):
+        if what not in ("", ".", "..") and path.is_dir():
+            return path
+    if Path(what).suffix == ".mcap":
+        raise RecordingError(f"{what}: no such file", code="RID-FILE-UNKNOWN")
+    try:
+        return find_run(runs, what).path
+    except ConfigError as error:
+        raise ConfigError(
+            f"{error}; give the path of a run folder or of an .mcap file", code=error.refusal
+        ) from error
+
+
+def _entry(repair: Repair) -> dict[str, object]:
+    return {
+        "rows": repair.kept_rows,
+        "seconds": repair.kept_s,
+        "rows_lost": repair.lost_rows,
+        "seconds_lost": repair.lost_s,
+        "closed": repair.damage.finished,
+        "torn_bytes": repair.damage.torn_bytes,
+        "bad_blocks": repair.damage.bad_chunks,
+        "gaps": [{"first_row": first, "rows": count} for first, count in repair.damage.gaps],
+    }
+
+
+OPERATION: Final = Operation(
+    name="recover",
+    label="Recover a recording",
+    request=RecoverRequest,
+    run=run,
+    examples=("recover latest --json", "recover recording.mcap --output readable.mcap"),
+)
