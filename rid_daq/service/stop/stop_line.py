@@ -45,6 +45,7 @@ class StopLine(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._beat: asyncio.TimerHandle | None = None
         self._refused = False
+        self._closed = False
         self._second, self._messages = 0, 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -82,8 +83,7 @@ class StopLine(asyncio.Protocol):
         if self._is_open:
             self._speaker.send_close(1012)
             self._flush()
-        if self._transport is not None:
-            self._transport.close()
+        self._close()
 
     def _take(self, frame: Frame) -> None:
         if frame.opcode not in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT) or self._refused:
@@ -120,8 +120,14 @@ class StopLine(asyncio.Protocol):
             if data:
                 self._transport.write(data)
             else:
-                self._transport.close()
+                self._close()
         if self._refused or self._speaker.close_expected():
+            self._close()
+
+    def _close(self) -> None:
+        """Close the transport once: a TLS transport that is closed twice cannot be asked any more."""
+        if self._transport is not None and not self._closed:
+            self._closed = True
             self._transport.close()
 
 

@@ -54,6 +54,7 @@ def test_by_tls_too_everything_is_handed_on(
         with closing(socket.create_connection(("127.0.0.1", port), timeout=60.0)) as plain:
             plain.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
             assert b"200" not in plain.recv(4096)
+    assert "Traceback" not in (tmp_path / "serve.log").read_text()
 
 
 def test_it_ends_with_the_service(tmp_path: Path) -> None:
