@@ -110,7 +110,7 @@ def test_a_change_is_an_exit_code_and_a_sentence(
     said = capsys.readouterr().out
     assert "They differ: fc_axis2 by" in said
     assert said.count("Torque errors on run") == 1
-    assert "by dry [%] (identified from it)" in said
+    assert "by dry (identified from it) [%]" in said
 
 
 @pytest.mark.usefixtures("monday")
