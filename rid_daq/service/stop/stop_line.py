@@ -125,7 +125,7 @@ class StopLine(asyncio.Protocol):
             self._close()
 
     def _close(self) -> None:
-        """Close the transport once: a TLS transport that is closed twice cannot be asked any more."""
+        """Close the transport once; a TLS transport cannot be used after a second time."""
         if self._transport is not None and not self._closed:
             self._closed = True
             self._transport.close()
