@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 LARGEST_FILE_BYTES = 50_000_000
 
 _ELSEWHERE = (
-    "options", "base", "values", "nonlinear_covariance", "cell_name", "run_ids",
+    "options", "base", "values", "covariance_jackknife", "nonlinear_covariance", "cell_name",
+    "run_ids",
 )  # fmt: skip
 """Fields of an estimate that the document has by another name."""
 
@@ -133,7 +134,7 @@ class EstimateDocument(ConfigModel):
     combination: Matrix
     covariance_noise: Matrix | None
     covariance_residual: Matrix
-    covariance_jackknife: Matrix
+    covariance_honest: Matrix
     shape_covariance: Matrix
     plate: _Plate | None
     channel: _Channel | None
@@ -225,6 +226,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         unseen=base.unseen,
         standard_parameters=base.standard_names,
         combination=base.combination,
+        covariance_honest=estimate.covariance_jackknife,
         shape_covariance=estimate.nonlinear_covariance,
         plate=None if plate is None else _Plate.taken(plate),
         channel=None if estimate.channel is None else _Channel.taken(estimate.channel),
@@ -273,6 +275,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         options=options,
         base=base,
         values=[parameter.value for parameter in document.parameters],
+        covariance_jackknife=np.array(document.covariance_honest),
         nonlinear_covariance=np.array(document.shape_covariance).reshape(
             len(nonlinear), len(nonlinear)
         ),

@@ -54,7 +54,7 @@ def _problems(estimate: Estimate, deviations: Mapping[str, Sequence[float]]) -> 
     for name, matrix in (
         ("covariance_noise", estimate.covariance_noise),
         ("covariance_residual", estimate.covariance_residual),
-        ("covariance_jackknife", estimate.covariance_jackknife),
+        ("covariance_honest", estimate.covariance_jackknife),
         ("shape_covariance", estimate.nonlinear_covariance),
     ):
         if matrix is not None and matrix.size:

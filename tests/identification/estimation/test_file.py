@@ -145,11 +145,11 @@ def test_a_changed_file_is_refused_with_its_place(
 @pytest.mark.parametrize(
     "change",
     [
-        lambda d: d["covariance_jackknife"][3].__setitem__(3, -1.0),
+        lambda d: d["covariance_honest"][3].__setitem__(3, -1.0),
         lambda d: d["covariance_residual"][3].__setitem__(3, -1.0),
         lambda d: d["covariance_noise"][3].__setitem__(3, -1.0),
-        lambda d: d["covariance_jackknife"][3].__setitem__(4, 1e3),
-        lambda d: _both(d["covariance_jackknife"], 3, 4, 1e3),
+        lambda d: d["covariance_honest"][3].__setitem__(4, 1e3),
+        lambda d: _both(d["covariance_honest"], 3, 4, 1e3),
         lambda d: d["parameters"].__setitem__(slice(0, 2), d["parameters"][1::-1]),
         lambda d: d["parameters"].__setitem__(1, d["parameters"][0]),
         lambda d: d["parameters"][0].update(sigma=2.0 * d["parameters"][0]["sigma"]),
