@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
@@ -108,6 +108,18 @@ class Next(ConfigModel):
 
 
 AnyBlock = Annotated[Heading | Text | Verdict | Table | Plot | Next, Field(discriminator="kind")]
+
+
+def note_blocks(notes: Iterable[str]) -> Iterator[Text]:
+    """Yield the notes of a result, such as what its runs lack.
+
+    Parameters
+    ----------
+    notes : iterable of str
+        One sentence each.
+    """
+    for note in notes:
+        yield Text(text=f"note: {note}")
 
 
 def _shown(cell: Cell, column: Column) -> str:

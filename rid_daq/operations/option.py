@@ -10,6 +10,8 @@ from pydantic import Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from rid_daq.terminal.choices import DEFAULT_RUNS as DEFAULT_RUNS
+
 OPTIONS: Final = "Options"
 FILES: Final = "Files and services"
 
@@ -98,7 +100,6 @@ RunsFolder = Annotated[
     Field(description="Folder that holds the run folders."),
     Option(group=FILES, metavar="FOLDER", owned=True),
 ]
-DEFAULT_RUNS: Final = Path("runs")
 
 Unfinished = Annotated[
     bool,

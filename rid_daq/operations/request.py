@@ -26,6 +26,7 @@ _BOUNDS: Final = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
+_NO_EFFECT: Final = "has no effect without {needs}; leave it out"
 _PROBLEMS: Final = {"missing": "is missing", "extra_forbidden": "is not a field of this request"}
 
 
@@ -93,8 +94,7 @@ class Request(BaseModel):
         for name in self.model_fields_set:
             needs = option_of(type(self).model_fields[name]).needs
             if needs and not getattr(self, needs):
-                text = "has no effect without {needs}; leave it out"
-                raise PydanticCustomError("needs", text, {"needs": needs, "where": name})
+                raise PydanticCustomError("needs", _NO_EFFECT, {"needs": needs, "where": name})
         return self
 
 
@@ -206,7 +206,7 @@ def _problem(error: ErrorDetails, needs: str | None) -> str:
     if kind == "finite_number":
         return f"{value} is not a finite number: give a number"
     if kind == "needs":
-        return f"has no effect without {needs}; leave it out"
+        return _NO_EFFECT.format(needs=needs)
     if kind in _PROBLEMS:
         return _PROBLEMS[kind]
     message = error["msg"].partition(", unable to parse")[0]

@@ -7,12 +7,16 @@ stands where they are used.
 from __future__ import annotations
 
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 MODEL: Final = "model.json"
 PAYLOAD: Final = "payload.json"
 CERTIFICATE: Final = "certificate.pdf"
 """The files of a run that `identify`, `payload identify` and `payload certificate` write."""
+
+DEFAULT_RUNS: Final = Path("runs")
+"""The folder of the run folders."""
 
 JOG_PERCENT: Final = 5.0
 """Of the speed limit: how fast `jog` moves."""

@@ -78,7 +78,6 @@ OWN: dict[str, dict[str, tuple[str, ...]]] = {
         "Multisines": ("--band", "--grid", "--phases", "--realisations", "--slow"),
     },
     "payload identify": {"Payload": ("--known", "--torque-constant-sigma")},
-    "retime": {"Limits": ("--torque-rate", "--jerk", "--rms-torque", "--base-limits", "--mass")},
     "sensitivity": {
         "Doubts": ("--bias", "--doubt-torque-constants", "--doubt-links", "--doubt-rotors"),
         "Monte Carlo": ("--draws", "--seed", "--scheduler"),

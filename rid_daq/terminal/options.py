@@ -12,6 +12,7 @@ import typer
 
 from config import ranges
 from config.ranges import least, most
+from rid_daq.terminal.choices import DEFAULT_RUNS as DEFAULT_RUNS
 
 DEFAULT_LISTEN = "127.0.0.1:8642"
 
@@ -58,8 +59,6 @@ RunNames = Annotated[
     list[str], typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`.")
 ]
 """The argument of every command that takes several runs."""
-
-DEFAULT_RUNS = Path("runs")
 
 
 Unfinished = Annotated[

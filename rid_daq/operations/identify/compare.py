@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Column, Interval, Table, Text
+from rid_daq.blocks.block import AnyBlock, Column, Interval, Table, Text, note_blocks
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
@@ -61,7 +61,9 @@ class CompareResult:
     @property
     def exit_code(self) -> int:
         """1 if the estimates differ by more than noise."""
-        return 0 if self.compared.difference.agree else 1
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.DONE if self.compared.difference.agree else ExitCode.VERDICT_FAILED
 
     @property
     def verdict(self) -> Verdict:
@@ -123,8 +125,7 @@ class CompareResult:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, parameters side by side, torque errors on each run, and the verdict."""
         compared, verdict = self.compared, self.verdict
-        for note in compared.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(compared.notes)
         yield self._parameters()
         difference, (first, second) = compared.difference, compared.names
         for names, side in ((difference.only_first, first), (difference.only_second, second)):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Column, Interval, Next, Table, Text
+from rid_daq.blocks.block import AnyBlock, Column, Interval, Next, Table, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import (
     DEFAULT_RUNS,
@@ -85,8 +85,7 @@ class CompensateResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, the tuning, the largest corrections, the next command."""
-        for note in self.made.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(self.made.notes)
         if self.made.tuning is not None:
             yield from _tuning_blocks(self.made.tuning, tuple(self.made.largest))
         changes = ", ".join(f"{name} {value:.3g}" for name, value in self.made.largest.items())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.blocks.block import AnyBlock, Next, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import (
     DEFAULT_RUNS,
@@ -24,8 +24,6 @@ from rid_daq.operations.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.path.loop_measurement import LoopsMeasured
-
-DATA_QUALITY: Final = 6
 
 
 class LoopRequest(Request):
@@ -63,7 +61,9 @@ class LoopResult:
     @property
     def exit_code(self) -> int:
         """6 if the fit of a joint is bad."""
-        return DATA_QUALITY if self.found.section.bad_joints else 0
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.DATA_QUALITY if self.found.section.bad_joints else 0
 
     def document(self) -> dict[str, object]:
         """Return the numbers."""
@@ -76,8 +76,7 @@ class LoopResult:
         from rid_daq.report.shown.velocity_loops import loop_blocks
 
         found = self.found
-        for note in found.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(found.notes)
         yield from loop_blocks(found.section)
         yield Text(text=f"Report: {found.report}")
         yield Text(text=f"Loops: {found.output}")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text
+from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
@@ -81,8 +81,7 @@ class RefineResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, the remaining error, and what comes next."""
-        for note in self.refined.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(self.refined.notes)
         yield Table(
             columns=(
                 Column(title="joint", is_text=True),

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from config.ranges import Confidence, FreeShare, Rate
 from identification.choices import BaseMassKg
-from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.blocks.block import AnyBlock, Next, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import FILES, CellName, Option, Overwrite
 from rid_daq.operations.path.shared import ModelFile, Temperature
@@ -137,8 +137,7 @@ class RetimeResult:
         """Yield notes, what each joint reaches of its limits, the duration, the next command."""
         from rid_daq.report.shown.retiming import retiming_blocks
 
-        for note in self.made.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(self.made.notes)
         yield from retiming_blocks(self.made.section)
         yield Next(words=("record", self.request.cell, str(self.request.output)))
 

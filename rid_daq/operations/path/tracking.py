@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cell, Column, Table, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
 from rid_daq.operations.request import Request
@@ -69,8 +69,7 @@ class TrackingResult:
         from rid_daq.report.sections.tracking import ENCODERS_AT_MOTORS
 
         section = self.tracked.section
-        for note in self.tracked.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(self.tracked.notes)
         yield Table(
             columns=(
                 Column(title="motion", is_text=True),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from config.errors import ConfigError, RecordingError
-from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, RunsFolder
 from rid_daq.operations.request import Request
@@ -18,8 +18,6 @@ from rid_daq.operations.request import Request
 if TYPE_CHECKING:
     from acquisition.session.repair import Repair
     from rid_daq.operations.runs.recovery import Recovery
-
-RECORDING: Final = "recording.mcap"
 
 
 class RecoverRequest(Request):
@@ -65,7 +63,9 @@ class RecoverResult:
     @property
     def exit_code(self) -> int:
         """1 if rows are known to be lost."""
-        return 1 if self.recovery.lost_rows else 0
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.VERDICT_FAILED if self.recovery.lost_rows else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
         """Return the numbers."""
@@ -81,12 +81,13 @@ class RecoverResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield what was kept of each recording, notes, the verdict and the next command."""
+        from acquisition.runs.manifest import RECORDING
+
         recovery = self.recovery
         for name, repair in recovery.repairs.items():
             for number, sentence in enumerate(repair.sentences):
                 yield Text(text=f"{name}: {sentence}" if number == 0 else f"  {sentence}")
-        for note in recovery.notes:
-            yield Text(text=f"note: {note}")
+        yield from note_blocks(recovery.notes)
         if recovery.target is None:
             text = f"{recovery.source}: is whole; there is nothing to recover"
             yield Verdict(passed=True, text=text)
