@@ -43,8 +43,7 @@ def test_a_mass_that_is_typed_with_a_comma_is_asked_for_as_that(
     take_cell(page)
     page.get_by_role("link", name="Payload", exact=True).click()
     ready(page, served_pages)
-    page.locator("#mass").press_sequentially(typed)
-    expect(page.locator("#mass")).to_have_value(typed)
+    _type_mass(page, typed)
     assert _asked(page)["known"][0]["value"] == mass
     problems.clear()  # the console tells that the request was refused
     give_back(page)
@@ -57,11 +56,17 @@ def test_a_mass_that_is_no_number_is_refused_by_its_field(
     take_cell(page)
     page.get_by_role("link", name="Payload", exact=True).click()
     ready(page, served_pages)
-    page.locator("#mass").press_sequentially("1,234")
-    expect(page.locator("#mass")).to_have_value("1,234")
+    _type_mass(page, "1,234")
     page.locator("#begin").click()
     expect(page.locator("#job")).to_contain_text("Known mass [kg]")
     give_back(page)
+
+
+def _type_mass(page: Page, text: str) -> None:
+    """Type into the field of the mass; the click waits until the page takes input."""
+    page.locator("#mass").click()
+    page.locator("#mass").press_sequentially(text)
+    expect(page.locator("#mass")).to_have_value(text)
 
 
 def _asked(page: Page) -> dict[str, Any]:
