@@ -40,7 +40,6 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
     },
     "Cell": {
         "check": "preflight: every device, every safety setting; any red means no motion",
-        "reset": "reset the faults of a cell's drives, once their causes are gone",
         "axes": "test direction, encoder and gear of every axis, before the first motion",
         "jog": "move one joint at a time, or go to the home pose, while a key is held",
         "drives": "keep what the drives hold, put it back, undo what a run wrote",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -18,6 +19,9 @@ class Entry(NamedTuple):
 
 
 CATALOGUE: Final = {
+    "reset": Entry(
+        "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
+    ),
     "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
@@ -29,6 +33,7 @@ CATALOGUE: Final = {
 """Every operation by its name; its module is `rid_daq.operations.ROOM.NAME`."""
 
 
+@functools.cache
 def operation(name: str) -> Operation:
     """Import and return an operation.
 

@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from config.errors import RidDaqError
 from rid_daq.operations.request import Request, option_of
+from rid_daq.terminal.context import Context as Context
 
 if TYPE_CHECKING:
     from rid_daq.blocks.block import AnyBlock
-    from rid_daq.terminal.console import Progress
-
-
-class Context(Protocol):
-    """What an operation uses while it runs."""
-
-    def progress(
-        self, title: str, total: float | None, unit: str
-    ) -> AbstractContextManager[Progress]:
-        """Show the progress of a long step; `total` is None if it is unknown."""
-        ...
 
 
 class OperationResult(Protocol):
@@ -38,6 +28,16 @@ class OperationResult(Protocol):
 
     def blocks(self) -> Iterable[AnyBlock]:
         """Return what people see, in its order."""
+        ...
+
+
+@runtime_checkable
+class FailedResult(Protocol):
+    """A result that can end its operation with an error, after it was shown."""
+
+    @property
+    def failure(self) -> RidDaqError | None:
+        """The error; None if the result is good."""
         ...
 
 
@@ -59,6 +59,8 @@ class Operation:
         At least two command lines without the program's name.
     opens_cell, moves : bool
         True if it opens the bus of a cell; if the robot moves.
+    is_held : bool
+        True if the robot moves only while a key is held: that needs no axis test before.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Operation:
     examples: tuple[str, ...]
     opens_cell: bool = False
     moves: bool = False
+    is_held: bool = False
 
     @property
     def owned(self) -> frozenset[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rid_daq.operations.operation import Operation
+from rid_daq.operations.operation import FailedResult, Operation
 from rid_daq.operations.request import Request
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.shown_blocks import show
@@ -22,11 +22,15 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
 
     Raises
     ------
+    RidDaqError
+        The failure of the result, if it has one.
     SystemExit
         With the exit code of the result, if that is not 0.
     """
     result = operation.run(request, console)
     console.document(result.document())
     show(result.blocks(), console)
+    if isinstance(result, FailedResult) and result.failure is not None:
+        raise result.failure
     if result.exit_code:
         raise SystemExit(result.exit_code)

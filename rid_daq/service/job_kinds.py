@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.operation import Operation
+
 
 class JobKind(StrEnum):
     """The kinds of jobs."""
@@ -35,24 +38,32 @@ class JobKind(StrEnum):
 
     @property
     def opens_cell(self) -> bool:
-        """Whether it opens the cell's bus; the others only compute."""
-        return self in _ON_CELL
+        """True if it opens the cell's bus; the others only compute."""
+        declared = self._declared
+        return self in _ON_CELL if declared is None else declared.opens_cell
 
     @property
     def moves(self) -> bool:
-        """Whether the robot moves in it."""
-        return self in _ON_CELL - {JobKind.CHECK, JobKind.RESET}
+        """True if the robot moves in it."""
+        declared = self._declared
+        return self in _ON_CELL - {JobKind.CHECK} if declared is None else declared.moves
 
     @property
     def needs_axis_test(self) -> bool:
-        """Whether a real cell's axes must have been tested before; else a key is held."""
-        return self.moves and self not in {JobKind.AXES, JobKind.JOG}
+        """True if the axes of a real cell must have been tested before."""
+        declared = self._declared
+        held = self in (JobKind.AXES, JobKind.JOG) if declared is None else declared.is_held
+        return self.moves and not held
+
+    @property
+    def _declared(self) -> Operation | None:
+        """Its declaration; None if it is not an operation yet."""
+        return operation(self.value) if self.value in CATALOGUE else None
 
 
 _ON_CELL = frozenset(
     {
         JobKind.CHECK,
-        JobKind.RESET,
         JobKind.AXES,
         JobKind.JOG,
         JobKind.PLATE_ZERO,

@@ -10,11 +10,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
 import typer
 
 from config.errors import ConfigError, PreflightError
+from rid_daq.terminal.context import Progress as Progress
 from rid_daq.terminal.fitted import fitted
 from rid_daq.terminal.progress_bar import MovingBar, counted
 
@@ -111,13 +112,6 @@ def _as_json(value: object) -> object:
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json", by_alias=True)
     raise TypeError(f"{type(value).__name__} is nothing that JSON has")
-
-
-class Progress(Protocol):
-    """A progress display: how far, and one line about how it goes."""
-
-    def update(self, done: float, line: str) -> None:
-        """Show that `done` of the total is done; `line` says how it goes."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Operations on a cell: check, reset, motions by hand. A declaration imports no numerics."""
