@@ -56,7 +56,6 @@ COMMAND_GROUPS: dict[str, dict[str, str]] = {
     "Identify": {
         "identify": "estimate the robot's parameters from one or more runs",
         "validate": "predict another run's torques and judge the error",
-        "friction": "friction alone, out of the runs that were made to measure it",
         "export": "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV,"
         " Parquet, MAT, MDF4",
         "report": "write a run's report again from its results",

@@ -12,6 +12,7 @@ Colour = Literal["ink", "soft", "faint", "blue", "sky", "orange", "green", "red"
 """A colour of the palette, light and dark."""
 
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
+Marker = Literal["circle", "square", "diamond", "triangle", "inverted_triangle"]
 Numbers = Annotated[tuple[float, ...], Strict(False)]
 
 
@@ -57,6 +58,8 @@ class Line(ConfigModel):
         Its width [px].
     points : bool
         True for points that are not connected.
+    marker : str
+        Shape of the points.
     reach : tuple of float, or None
         Half width of an interval: a band around a line, error bars of points.
     is_named : bool
@@ -70,6 +73,7 @@ class Line(ConfigModel):
     dash: Dash | None = None
     width: float = 1.8
     points: bool = False
+    marker: Marker = "circle"
     reach: Numbers | None = None
     is_named: bool = True
 
@@ -106,7 +110,9 @@ class Panel(ConfigModel):
     height_px : int
         Height [px]; a panel of spans is as high as its rows.
     zooms_with_previous : bool
-        True if it shares the x axis of the panel above it.
+        True if it shares the x axis of the panel before it.
+    title : str
+        What it shows, such as a joint; empty if there is nothing to tell apart.
     """
 
     x: Axis
@@ -116,6 +122,7 @@ class Panel(ConfigModel):
     spans: tuple[Span, ...] = ()
     height_px: int = 240
     zooms_with_previous: bool = False
+    title: str = ""
 
     @property
     def rows(self) -> tuple[str, ...]:
@@ -131,12 +138,15 @@ class Plot(ConfigModel):
     name : str
         What its files are called.
     panels : tuple of Panel
-        From top to bottom.
+        From top to bottom, or row by row.
     caption : str
         What a reader must know to read it.
+    columns : int
+        Most panels beside each other; a narrow screen has fewer.
     """
 
     kind: Literal["plot"] = "plot"
     name: str
     panels: tuple[Panel, ...]
     caption: str = ""
+    columns: int = 1

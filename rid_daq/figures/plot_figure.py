@@ -17,6 +17,7 @@ from rid_daq.figures.panel import (
     Ranges,
     add_hover,
     add_legend,
+    beside,
     layout,
     limit_line,
     panel,
@@ -40,7 +41,7 @@ def plot_figure(plot: Plot) -> GridPlot:
         shared = drawn[-1].x_range if each.zooms_with_previous and drawn else None
         draw = _spans if each.spans else _lines
         drawn.append(draw(each, shared))
-    return layout(plot.name, drawn, drawn)
+    return layout(plot.name, [beside(drawn)] if plot.columns > 1 else drawn, drawn)
 
 
 def stroke_of(line: Line) -> tuple[str, Dash]:
@@ -59,7 +60,7 @@ def stroke_of(line: Line) -> tuple[str, Dash]:
 
 def _lines(of: Panel, shared: Ranges) -> figure:
     drawing = panel(
-        "",
+        of.title,
         of.x.text,
         of.y.text,
         height=of.height_px,
@@ -87,7 +88,9 @@ def _lines(of: Panel, shared: Ranges) -> figure:
                     )
                 )
         if line.points:
-            own: Drawn = drawing.scatter(of.x.text, name, source=rows, color=color, size=6)
+            own: Drawn = drawing.scatter(
+                of.x.text, name, source=rows, marker=line.marker, color=color, size=6
+            )
         else:
             own = drawing.line(
                 of.x.text,
@@ -120,7 +123,8 @@ def _sources(of: Panel) -> Iterator[tuple[Line, ColumnDataSource]]:
                 y, reach = np.asarray(line.y), np.asarray(line.reach)
                 least, most = _bounds(line, of.y.unit)
                 columns |= {least: y - reach, most: y + reach}
-        made[x] = source(lines[0].label if len(tables) > 1 else of.y.label, columns)
+        own = lines[0].label if len(tables) > 1 else of.y.label
+        made[x] = source(f"{of.title} {own}".lstrip(), columns)
     for line in of.lines:
         yield line, made[line.x]
 

@@ -22,6 +22,7 @@ CATALOGUE: Final = {
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
     ),
+    "friction": Entry("identify", "Identify", "measure friction alone, from runs made for it"),
     "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),

@@ -11,7 +11,6 @@ from rid_daq.figures.bode_figure import controller_bode, loops_bode
 from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.embedding import as_item
 from rid_daq.figures.fit_figure import fit_figure
-from rid_daq.figures.friction_figure import friction_figure
 from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
@@ -30,7 +29,6 @@ FIGURES: Final[dict[str, Callable[..., GridPlot]]] = {
     "centre": _centre,
     "controller": controller_bode,
     "fit": fit_figure,
-    "friction": friction_figure,
     "lateness": lateness_figure,
     "loops": loops_bode,
     "path": path_figure,

@@ -23,7 +23,6 @@ from rid_daq.terminal.console import printable
 DRAWN: Final = (
     "cascade_figure",
     "controller_figure",
-    "friction_figure",
     "histogram_figure",
     "spectrum_figure",
     "torque_figure",

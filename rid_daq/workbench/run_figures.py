@@ -19,11 +19,11 @@ from identification.payload.warm_up import period_powers
 from rid_daq.figures.bode_figure import bode_figure
 from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.fit_figure import fit_figure
-from rid_daq.figures.friction_figure import friction_figure
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
+from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.residual_spectrum import residual_spectrum
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
@@ -31,6 +31,7 @@ from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.recording.payload_steps import WARM_UP
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.report.shown.friction import friction_plot
 from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData
 from rid_daq.terminal.choices import PAYLOAD
 
@@ -109,7 +110,7 @@ def _of_result(result: Result) -> list[Drawing]:
             for i, motion in enumerate(result.tracking.motions, start=1)
         ]
     if result.friction is not None:
-        make = partial(friction_figure, result.friction)
+        make = partial(plot_figure, friction_plot(result.friction))
         found.append(Drawing("friction", "Friction over speed", make))
     return found
 

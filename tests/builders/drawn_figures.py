@@ -19,7 +19,6 @@ from identification.payload.known import Known
 from rid_daq.figures.bode_figure import bode_figure
 from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.fit_figure import fit_figure
-from rid_daq.figures.friction_figure import friction_figure
 from rid_daq.figures.history_figure import PastValue, history_figure
 from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.motion_figure import motion_figure
@@ -32,6 +31,7 @@ from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.truth_figure import truth_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
+from rid_daq.report.shown.friction import friction_plot
 from rid_daq.report.shown.retiming import way_plot
 from tests.builders.invented import whole_result
 
@@ -126,7 +126,7 @@ def all_figures() -> dict[str, UIElement]:
         "parameters": parameters_figure(demo.estimate),
         "bode": bode_figure(loops.axes[0]),
         "path": path_figure(tracking.motions[0], tracking.joints),
-        "friction": friction_figure(friction),
+        "friction": plot_figure(friction_plot(friction)),
         "warm-up": warm_up_figure(JOINTS, power, 1.0),
         "history": history_figure("Coulomb friction of axis2", "N m", past),
         "payload": payload_figure(CentreOfGravity.of(payload())),

@@ -10,9 +10,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import FitGrade, Grade, grade_fit
-from rid_daq.blocks.formats import measured, number
 from rid_daq.report.sections.section import Numbers, Section, Texts, units
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from identification.friction.curve import FrictionCurve
@@ -139,50 +137,6 @@ class JointFriction(Section):
     grade: Grade | None = None
     reason: str | None = None
 
-    def print(self, console: Console) -> None:
-        """Print the measured friction and the models."""
-        curve, torque = self.curve, self.torque_unit
-        ways = () if curve.forward is None else ("forwards", "backwards", "± 2σ")
-        console.say()
-        console.table(
-            (self.joint, "friction", "± 2σ", *ways),
-            [
-                (
-                    f"{number(speed, 3)} {self.unit}/s",
-                    *_friction(curve, i, torque),
-                    *_directions(curve, i),
-                )
-                for i, speed in enumerate(curve.speed)
-            ],
-        )
-        console.table(
-            ("model", "rms error", "criterion", "coefficients ± 2σ"),
-            [
-                (
-                    fit.name,
-                    f"{number(fit.rms, 3)} {torque}",
-                    number(fit.criterion, 3),
-                    ", ".join(
-                        f"{p.name} {' ± '.join(measured(p.value, 2.0 * p.std))} {p.unit}"
-                        for p in fit.parameters
-                    )
-                    + (" (at its bound)" if fit.at_bound else ""),
-                )
-                for fit in self.fits
-            ],
-        )
-        if self.grade is not None:
-            console.verdict(
-                None if self.grade is Grade.GOOD else False,
-                f"{self.joint}: the fit is {self.grade}, {self.reason}"
-                + (
-                    ""
-                    if self.over_noise is None
-                    else f"; its error is {number(self.over_noise, 2)} times the noise"
-                ),
-            )
-        console.verdict(None, self.sentence)
-
 
 class FrictionSection(Section):
     """Curves, models and what follows from them, joint by joint."""
@@ -225,12 +179,6 @@ class FrictionSection(Section):
     def bad_joints(self) -> tuple[str, ...]:
         """The joints whose friction no model explains."""
         return tuple(joint.joint for joint in self.joints if joint.grade is Grade.BAD)
-
-    def print(self, console: Console) -> None:
-        """Print all joints."""
-        console.say(self.sentence)
-        for joint in self.joints:
-            joint.print(console)
 
 
 def _joint(
@@ -314,18 +262,3 @@ def _sentence(
 
 def _odd(torque: Callable[[FloatArray], FloatArray], speed: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (torque(speed) - torque(-speed)))
-
-
-def _friction(curve: MeasuredFriction, i: int, unit: str) -> tuple[str, str]:
-    value, reach = measured(curve.odd[i], 2.0 * curve.odd_std[i])
-    return f"{value} {unit}", reach
-
-
-def _directions(curve: MeasuredFriction, i: int) -> tuple[str, ...]:
-    if curve.forward is None or curve.backward is None or curve.direction_std is None:
-        return ()
-    return (
-        number(curve.forward[i]),
-        number(curve.backward[i]),
-        number(2.0 * curve.direction_std[i], 2),
-    )

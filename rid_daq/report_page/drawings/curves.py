@@ -1,4 +1,4 @@
-"""Curves: torque over time and frequency, deviations from the truth, lateness, friction."""
+"""Curves: torque over time and frequency, deviations from the truth, lateness."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from rid_daq.figures.palette import (
     GRID,
     INK,
     ORANGE,
-    PURPLE,
     RED,
     SOFT,
 )
 from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
-from rid_daq.report.sections.friction import JointFriction
 from rid_daq.report.sections.timing import bin_names
 from rid_daq.report.sections.validation import TruthCase
 from rid_daq.report_page.drawings.page_colours import NAMES
@@ -189,57 +187,6 @@ def histogram_figure(edges_us: Sequence[float], counts: Sequence[int], name: str
         panel.set_xlabel("lateness of the cycle [µs]")
         panel.set_ylabel("cycles")
         return as_svg(figure, name)
-
-
-def friction_figure(joints: Sequence[JointFriction]) -> Markup:
-    """Draw every joint's measured friction over its speed, with the models through it.
-
-    Parameters
-    ----------
-    joints : sequence of JointFriction
-        One a joint.
-    """
-    columns = min(3, len(joints))
-    rows = -(-len(joints) // 3)
-    styles: tuple[Any, ...] = (
-        {"color": ORANGE, "linewidth": 2.0},
-        {"color": BLUE, "linewidth": 1.4, "linestyle": "dashed"},
-        {"color": PURPLE, "linewidth": 1.4, "linestyle": "dashdot"},
-    )
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 0.6 + 2.6 * rows), layout="constrained")
-        panels = figure.subplots(rows, columns, squeeze=False).ravel()
-        for panel, joint in zip(panels, joints, strict=False):
-            curve, lines = joint.curve, joint.lines
-            for (name, torque), style in zip(lines.torque.items(), styles, strict=False):
-                panel.plot(lines.speed, torque, label=as_label(name), **style)
-            if curve.forward is not None:
-                ways = (
-                    ("forward", curve.forward, ">", 1.0),
-                    ("backward", curve.backward, "<", -1.0),
-                )
-                for way, friction, marker, sign in ways:
-                    values = sign * np.asarray(friction, dtype=float)
-                    faint: Any = {"color": SOFT, "markersize": 3.5, "markerfacecolor": "none"}
-                    panel.plot(curve.speed, values, marker, label=way, **faint)
-            panel.errorbar(
-                curve.speed,
-                curve.odd,
-                2.0 * np.asarray(curve.odd_std, dtype=float),
-                fmt="o",
-                color=MEASURED,
-                markersize=3.5,
-                capsize=2.0,
-                label="measured ± 2σ",
-            )
-            panel.set_title(as_label(joint.joint), fontsize=9.0)
-            panel.set_xlabel(f"speed [{as_label(joint.unit)}/s]")
-            panel.set_ylabel(f"friction [{as_label(joint.torque_unit)}]")
-            panel.set_xlim(left=0.0)
-            panel.legend(loc="lower right", fontsize=7.5)
-        for panel in panels[len(joints) :]:
-            panel.set_visible(False)
-        return as_svg(figure, "friction")
 
 
 def as_label(text: str) -> str:

@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
 from rid_daq.report_page.drawings.curves import (
-    friction_figure,
     histogram_figure,
     spectrum_figure,
     torque_figure,
@@ -25,7 +24,6 @@ DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
     for draw in (
         cascade_figure,
         controller_figure,
-        friction_figure,
         histogram_figure,
         spectrum_figure,
         torque_figure,

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.blocks.plot import Axis, Line, Panel, Plot
+from rid_daq.blocks.plot import Axis, Line, Marker, Panel, Plot
 from rid_daq.figures.palette import NAMED
 from rid_daq.figures.plot_figure import stroke_of
 from rid_daq.report_page.drawings.curves import STYLE, WRONG, as_label, as_svg
@@ -20,7 +20,16 @@ WIDTH_IN: Final = 9.6
 MARGIN_IN: Final = 1.3
 ROW_IN: Final = 0.2
 MOST_NAMES: Final = 4
+MOST_NAMES_IN_GRID: Final = 2
+SMALL: Final = 7.5
 _DASHES: Any = {"dotdash": "dashdot"}
+_MARKERS: Final[dict[Marker, str]] = {
+    "circle": "o",
+    "square": "s",
+    "diamond": "D",
+    "triangle": "^",
+    "inverted_triangle": "v",
+}
 _SCALE: Final = 0.75  # of the widths in px that a screen has
 
 
@@ -34,22 +43,28 @@ def plot_svg(plot: Plot, name: str) -> Markup:
     name : str
         Prefix of the ids in the drawing, different for every figure of a page.
     """
-    heights = [
-        0.3 + ROW_IN * len(each.rows) if each.spans else each.height_px / PX_PER_INCH
-        for each in plot.panels
-    ]
+    columns = min(plot.columns, len(plot.panels))
+    rows = [plot.panels[i : i + columns] for i in range(0, len(plot.panels), columns)]
+    heights = [max(map(_height_in, row)) for row in rows]
     with mpl.rc_context(STYLE):
-        size = (WIDTH_IN, MARGIN_IN + sum(heights))
+        size = (WIDTH_IN, MARGIN_IN * (len(rows) if columns > 1 else 1) + sum(heights))
         figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False).ravel()
-        for number, (each, drawing) in enumerate(zip(plot.panels, axes, strict=True)):
-            (_draw_spans if each.spans else _draw_lines)(drawing, each)
+        grid = figure.subplots(len(rows), columns, height_ratios=heights, squeeze=False)
+        axes = grid.ravel()
+        for number, (each, drawing) in enumerate(zip(plot.panels, axes, strict=False)):
+            (_draw_spans if each.spans else _draw_lines)(drawing, each, columns)
             if each.zooms_with_previous and number:
                 drawing.set_xlim(*axes[number - 1].get_xlim())
+        for unused in axes[len(plot.panels) :]:
+            unused.set_visible(False)
         return as_svg(figure, name)
 
 
-def _draw_lines(drawing: Axes, of: Panel) -> None:
+def _height_in(of: Panel) -> float:
+    return 0.3 + ROW_IN * len(of.rows) if of.spans else of.height_px / PX_PER_INCH
+
+
+def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
     for line in of.lines:
         _draw_line(drawing, line)
     for at in of.limits:
@@ -59,9 +74,15 @@ def _draw_lines(drawing: Axes, of: Panel) -> None:
         drawing.legend(
             loc="lower left",
             bbox_to_anchor=(0.0, 1.0),
-            ncols=min(named, MOST_NAMES),
+            ncols=min(named, MOST_NAMES if columns == 1 else MOST_NAMES_IN_GRID),
             borderaxespad=0.0,
+            columnspacing=1.0,
+            fontsize=None if columns == 1 else SMALL,
+            title=as_label(of.title) or None,
+            alignment="left",
         )
+    elif of.title:
+        drawing.set_title(as_label(of.title), loc="left", fontsize=9.0)
     _draw_axes(drawing, of)
 
 
@@ -71,7 +92,14 @@ def _draw_line(drawing: Axes, line: Line) -> None:
     label = as_label(line.label) if line.is_named else None
     if line.points:
         drawing.errorbar(
-            x, y, line.reach, fmt="o", color=color, markersize=3.5, capsize=2.0, label=label
+            x,
+            y,
+            line.reach,
+            fmt=_MARKERS[line.marker],
+            color=color,
+            markersize=3.5,
+            capsize=2.0,
+            label=label,
         )
         return
     if line.reach is not None and np.any(line.reach):
@@ -81,7 +109,7 @@ def _draw_line(drawing: Axes, line: Line) -> None:
     drawing.plot(x, y, color=color, linestyle=style, linewidth=_SCALE * line.width, label=label)
 
 
-def _draw_spans(drawing: Axes, of: Panel) -> None:
+def _draw_spans(drawing: Axes, of: Panel, _columns: int) -> None:
     for span in of.spans:
         row = of.rows.index(span.name)
         place = [(span.begin, span.end - span.begin)]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
+from bokeh.models import Row
 from bokeh.models.annotations import Span
 from bokeh.models.renderers import GlyphRenderer
 from pydantic import TypeAdapter, ValidationError
@@ -37,6 +39,7 @@ PLOT = Plot(
         Panel(
             x=Axis(label="frequency", unit="Hz", log=True),
             y=Axis(label="residual", unit="N m", log=True),
+            title="axis1",
             lines=(
                 Line(
                     label="residual",
@@ -44,6 +47,7 @@ PLOT = Plot(
                     y=(1, 2, 3),
                     stroke="red",
                     points=True,
+                    marker="triangle",
                     reach=(0.1, 0.1, 0.1),
                 ),
             ),
@@ -131,6 +135,16 @@ def test_a_plot_on_paper_has_the_same_words() -> None:
     assert ">other times<" not in text, "it is not in the legend"
     assert ">speed<" in text
     assert "var(--red)" in text
+
+
+def test_panels_stand_beside_each_other_as_far_as_columns_allow() -> None:
+    panels = tuple(PLOT.panels[1].model_copy(update={"title": f"axis{j}"}) for j in range(5))
+    grid = Plot(name="grid", panels=panels, columns=3)
+    text = str(plot_svg(grid, "a"))
+    assert len(set(re.findall(r'id="(a-axes_\d+)"', text))) == 5
+    for panel in panels:
+        assert f">{panel.title}<" in text
+    assert len([each for each in plot_figure(grid).references() if isinstance(each, Row)]) == 1
 
 
 def test_the_page_has_every_colour_that_a_plot_can_name() -> None:

@@ -12,10 +12,10 @@ from identification.friction.curve import FrictionCurve
 from identification.friction.fits import fit_friction
 from identification.regression.fit_grade import Grade
 from rid_daq.app import run
-from rid_daq.jobs.friction_job import FrictionMeasured
+from rid_daq.operations.identify import friction_measurement
+from rid_daq.operations.identify.friction_measurement import FrictionMeasured
 from rid_daq.operations.path import loop_measurement
 from rid_daq.operations.path.loop_measurement import LoopsMeasured
-from rid_daq.performers import friction
 from rid_daq.report.result import Result
 from rid_daq.report.sections.friction import FrictionSection
 
@@ -45,7 +45,7 @@ def test_friction_that_no_model_explains(
     curve = FrictionCurve("axis1", SPEED, torque, np.full(len(SPEED), 0.1))
     section = FrictionSection.of([curve], [fit_friction(curve, robot)], robot)
     found = FrictionMeasured("a-run", section, Path("report.html"), [])
-    monkeypatch.setattr(friction, "measure_friction", lambda request: found)
+    monkeypatch.setattr(friction_measurement, "measure_friction", lambda request: found)
     assert run(["friction", "a-run"]) == code
     assert said in " ".join(capsys.readouterr().out.split())
 

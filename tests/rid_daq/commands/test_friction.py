@@ -125,7 +125,7 @@ def test_runs_are_taken_together_and_reported(
     assert "axis2: " in said
     assert "in the robot file: friction: [coulomb, viscous, stribeck], stribeck_velocity:" in said
     report = Path(said.rsplit("Report: ", 1)[1].strip()).read_text()
-    assert "Friction apart" in report
+    assert "Measured friction" in report
     assert 'id="friction-' in report
 
 

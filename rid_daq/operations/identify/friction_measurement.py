@@ -1,8 +1,7 @@
-"""Friction alone: out of the runs that were made to measure it, put into the first one's report."""
+"""`measure_friction`: friction curves and models of runs that measure friction alone."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,42 +10,32 @@ from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError
-from config.ranges import Ranged
 from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
 from identification.validation.estimated_friction import EstimatedFriction
 from rid_daq.jobs.cell_files import estimate_for
+from rid_daq.operations.identify.friction import FrictionRequest
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData, lacks, result_of
 
 
 @dataclass(frozen=True)
-class FrictionRequest(Ranged):
-    """What `rid-daq friction` was asked for.
+class FrictionMeasured:
+    """Friction that was measured.
 
     Attributes
     ----------
-    run : sequence of str
-        Run folders, ids or labels.
-    runs : Path
-        The folder of the run folders.
-    model : Path or None
-        A model to compare with.
-    unfinished : bool
-        Whether a run that was never finished will do.
+    run_id : str
+        The first run.
+    section : FrictionSection
+        Its section of a report.
+    report : Path
+        The report of the first run.
+    notes : list of str
+        What the runs lack.
     """
-
-    run: Sequence[str]
-    runs: Path
-    model: Path | None = None
-    unfinished: bool = False
-
-
-@dataclass(frozen=True)
-class FrictionMeasured:
-    """What was found: the first run, its new section and report, and what the runs lack."""
 
     run_id: str
     section: FrictionSection

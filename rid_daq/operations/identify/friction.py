@@ -1,0 +1,91 @@
+"""`friction`: measure friction alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Text, note_blocks
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.identify.friction_measurement import FrictionMeasured
+
+
+class FrictionRequest(Request):
+    """Measure friction alone: torque over speed, joint by joint, and the models that fit it.
+
+    RUN is a recording at constant speeds, or of a path that is driven forwards and backwards;
+    `rid-daq design --kind constant-velocity` or `--kind reversed` writes the motion. Several runs
+    of one robot are evaluated together. If no model fits the friction of a joint, the exit code is
+    6.
+    """
+
+    run: RunNames
+    runs: RunsFolder = DEFAULT_RUNS
+    model: Annotated[
+        Path | None,
+        Field(description="Model file whose friction is compared with the measured one."),
+        Option(metavar="MODEL", file="input"),
+    ] = None
+    unfinished: Unfinished = False
+
+
+@dataclass(frozen=True)
+class FrictionResult:
+    """Friction that was measured, and its report.
+
+    Attributes
+    ----------
+    found : FrictionMeasured
+        The friction, and the files with it.
+    """
+
+    found: FrictionMeasured
+
+    @property
+    def exit_code(self) -> int:
+        """6 if no model fits the friction of a joint."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.DATA_QUALITY if self.found.section.bad_joints else ExitCode.DONE
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        found = self.found
+        return {
+            "run": found.run_id,
+            "friction": found.section,
+            "notes": found.notes,
+            "report": str(found.report),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, curves and models of each joint, and the report's path."""
+        from rid_daq.report.shown.friction import friction_blocks
+
+        yield from note_blocks(self.found.notes)
+        yield from friction_blocks(self.found.section)
+        yield Text(text=f"Report: {self.found.report}")
+
+
+def run(request: FrictionRequest, _context: Context) -> FrictionResult:
+    """Measure the friction and write the report."""
+    from rid_daq.operations.identify.friction_measurement import measure_friction
+
+    return FrictionResult(measure_friction(request))
+
+
+OPERATION: Final = Operation(
+    name="friction",
+    label="Measure friction",
+    request=FrictionRequest,
+    run=run,
+    examples=("friction latest", "friction slow fast --model model.json --json"),
+)

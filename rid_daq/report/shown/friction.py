@@ -1,0 +1,141 @@
+"""`friction_blocks`: friction that was measured alone, and the models that fit it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from identification.regression.fit_grade import Grade
+from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text, Verdict
+from rid_daq.blocks.formats import measured, number, unit
+from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Marker, Panel, Plot
+from rid_daq.report.sections.friction import FrictionModel, FrictionSection, JointFriction
+
+STROKES: Final[tuple[tuple[Colour, Dash], ...]] = (
+    ("orange", "solid"),
+    ("blue", "dashed"),
+    ("purple", "dotdash"),
+)
+
+
+def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
+    """Yield the curves, and for each joint its values, its models and their fit.
+
+    Parameters
+    ----------
+    section : FrictionSection
+        The measured friction.
+    """
+    yield Heading(text="Measured friction")
+    yield Text(text=section.sentence)
+    yield friction_plot(section)
+    for joint in section.joints:
+        yield Heading(text=joint.joint, level=3)
+        yield _curve(joint)
+        yield _models(joint)
+        if joint.grade is not None:
+            yield _fit(joint)
+        yield Text(text=joint.sentence)
+
+
+def friction_plot(section: FrictionSection) -> Plot:
+    """Return measured friction ± 2σ over speed and the models, one panel a joint.
+
+    Parameters
+    ----------
+    section : FrictionSection
+        The measured friction.
+    """
+    return Plot(name="friction", panels=tuple(_panel(joint) for joint in section.joints), columns=3)
+
+
+def _panel(joint: JointFriction) -> Panel:
+    curve, drawn = joint.curve, joint.lines
+    reach = tuple(2.0 * std for std in curve.odd_std)
+    lines = [
+        Line(
+            label="measured ± 2σ",
+            x=curve.speed,
+            y=curve.odd,
+            reach=reach,
+            stroke="ink",
+            points=True,
+        )
+    ]
+    for (name, torque), (colour, dash) in zip(drawn.torque.items(), STROKES, strict=False):
+        lines.append(Line(label=name, x=drawn.speed, y=torque, stroke=colour, dash=dash))
+    if curve.forward is not None and curve.backward is not None:
+        opposite = tuple(-value for value in curve.backward)
+        ways: tuple[tuple[str, tuple[float, ...], Marker], ...] = (
+            ("forwards", curve.forward, "triangle"),
+            ("backwards", opposite, "inverted_triangle"),
+        )
+        for way, values, marker in ways:
+            lines.append(
+                Line(label=way, x=curve.speed, y=values, stroke="soft", points=True, marker=marker)
+            )
+    return Panel(
+        title=joint.joint,
+        x=Axis(label="speed", unit=f"{joint.unit}/s"),
+        y=Axis(label="friction", unit=joint.torque_unit),
+        lines=tuple(lines),
+        height_px=280,
+    )
+
+
+def _curve(joint: JointFriction) -> Table:
+    curve, torque = joint.curve, joint.torque_unit
+    columns = [
+        Column(title="speed", unit=f"{joint.unit}/s", digits=3),
+        Column(title="friction ± 2σ", unit=torque),
+    ]
+    rows: list[tuple[float | Interval, ...]] = [
+        (speed, Interval(value=odd, reach=2.0 * std))
+        for speed, odd, std in zip(curve.speed, curve.odd, curve.odd_std, strict=True)
+    ]
+    if curve.direction_std is not None:
+        for way, values in (("forwards", curve.forward), ("backwards", curve.backward)):
+            columns.append(Column(title=f"{way} ± 2σ", unit=torque))
+            added = zip(values or (), curve.direction_std, strict=True)
+            rows = [
+                (*row, Interval(value=value, reach=2.0 * std))
+                for row, (value, std) in zip(rows, added, strict=True)
+            ]
+    return Table(columns=tuple(columns), rows=tuple(rows))
+
+
+def _models(joint: JointFriction) -> Table:
+    return Table(
+        columns=(
+            Column(title="model", is_text=True),
+            Column(title="RMS error", unit=joint.torque_unit, digits=3),
+            Column(title="misfit", unit="σ²", digits=3),
+            Column(title="criterion", digits=3),
+            Column(title="coefficients ± 2σ", is_text=True),
+        ),
+        rows=tuple(
+            (
+                f"{fit.name} (best)" if fit is joint.fits[0] else fit.name,
+                fit.rms,
+                fit.misfit,
+                fit.criterion,
+                _coefficients(fit),
+            )
+            for fit in joint.fits
+        ),
+    )
+
+
+def _coefficients(fit: FrictionModel) -> str:
+    shown = ", ".join(
+        f"{each.name} {' ± '.join(measured(each.value, 2.0 * each.std))} {unit(each.unit)}"
+        for each in fit.parameters
+    )
+    return f"{shown} (at its bound)" if fit.at_bound else shown
+
+
+def _fit(joint: JointFriction) -> Verdict:
+    text = f"{joint.joint}: the fit is {joint.grade}, {joint.reason}"
+    if joint.over_noise is not None:
+        text += f"; its error is {number(joint.over_noise, 2)} times the noise"
+    return Verdict(passed=None if joint.grade is Grade.GOOD else False, text=text)
