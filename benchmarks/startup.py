@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from acquisition.runs.folder import RunFolder
-from rid_daq.app import COMMANDS
+from rid_daq.command_line.root import COMMANDS
 
 PEER: Final = (sys.executable, "-c", "import numpy, scipy")
 PROGRAM: Final = (sys.executable, "-m", "rid_daq")

@@ -243,7 +243,8 @@ def test_the_help_of_no_command_waits_for_numerics() -> None:
     """A command's module has its options; what it does is imported when it is called."""
     program = (
         "import io, sys, contextlib\n"
-        "from rid_daq.app import COMMANDS, run\n"
+        "from rid_daq.app import run\n"
+        "from rid_daq.command_line.root import COMMANDS\n"
         "groups = [('payload', 'session'), ('payload', 'identify'), ('plate', 'zero'),\n"
         "          ('drives', 'restore')]\n"
         "for words in [*((name,) for name in COMMANDS), *groups]:\n"

@@ -12,7 +12,8 @@ import pytest
 from playwright.sync_api import Browser
 
 from config.errors import ConfigError
-from rid_daq.app import COMMANDS, run
+from rid_daq.app import run
+from rid_daq.command_line.root import COMMANDS
 from rid_daq.commands import docs
 from tests.rid_daq.conftest import browser
 

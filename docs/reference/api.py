@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rid_daq.operations.catalogue import CATALOGUE
+from rid_daq.operations.catalogue import OF_KINDS
 from rid_daq.service.api.app import make_api, openapi_of
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.job_kinds import JobKind
@@ -28,7 +28,7 @@ REQUESTS = HERE.parent.parent / "rid_daq" / "service" / "requests.json"
 
 def requests() -> str:
     """Return the schemas of the requests, as the code has them."""
-    kinds = [kind for kind in JobKind if kind.value not in CATALOGUE]
+    kinds = [kind for kind in JobKind if kind.value not in OF_KINDS]
     schemas = {kind.value: request_schema(kind) for kind in kinds}
     return json.dumps(schemas, indent=1, sort_keys=True) + "\n"
 

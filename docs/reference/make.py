@@ -57,7 +57,7 @@ def command_line() -> str:
     """Return the page of the command line: every command's own help."""
     os.environ.update(COLUMNS="80", TERMINAL_WIDTH="80", NO_COLOR="1")
 
-    from rid_daq.app import COMMANDS
+    from rid_daq.command_line.root import COMMANDS
 
     parts = ["# Command line\n\nGenerated from the program's own help.\n", _help([])]
     for name in COMMANDS:
@@ -164,12 +164,9 @@ def result_schema() -> str:
 
 def _own_commands(name: str) -> list[str]:
     """Return the commands of a command that has its own."""
-    import typer
+    from rid_daq.command_line.root import command_words
 
-    from rid_daq.app import root
-
-    group: Any = typer.main.get_command(root)
-    return list(getattr(group.get_command(None, name), "commands", {}))
+    return [words[1] for words in command_words() if len(words) > 1 and words[0] == name]
 
 
 def _help(arguments: list[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import textwrap
 import typing
@@ -12,13 +13,14 @@ import click
 from click.shell_completion import CompletionItem
 
 from config.errors import ConfigError
-from rid_daq.operations.operation import Operation
+from config.process.shortage import require_memory
+from rid_daq.operations.operation import NUMERICS_BYTES, Operation
 from rid_daq.operations.option import FILES, OPTIONS
 from rid_daq.operations.perform import perform
 from rid_daq.operations.request import INVALID, ShownField, plain_type, shown_fields
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import SERVICE_HELP, here_or_there
-from rid_daq.terminal.console import JSON_HELP, Console
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import JSON_HELP, SERVICE_HELP, Console
 
 PLACEHOLDERS: Final = {float: "NUMBER", int: "N", Path: "PATH"}
 _PARTS: Final = "__"
@@ -37,12 +39,13 @@ class OperationCommand(click.Command):
     def __init__(self, operation: Operation) -> None:
         self._operation = operation
         self._fields = {_PARTS.join(each.path): each for each in shown_fields(operation.request)}
+        service = click.Option(["--service"], metavar="ADDRESS", help=SERVICE_HELP)
         common: list[click.Parameter] = [
-            click.Option(["--service"], metavar="ADDRESS", help=SERVICE_HELP),
+            *([service] if operation.is_job else []),
             click.Option(["--json", "as_json"], is_flag=True, help=JSON_HELP),
         ]
         super().__init__(
-            operation.name,
+            operation.name.split()[-1],
             params=[_parameter(key, each) for key, each in self._fields.items()] + common,
             callback=self._call,
             help=operation.request.__doc__,
@@ -75,8 +78,10 @@ class OperationCommand(click.Command):
                     formatter.write(f"{'':{formatter.current_indent}}{line}{_GOES_ON}\n")
                 formatter.write(f"{'':{formatter.current_indent}}{last}\n")
 
-    def _call(self, *, service: str | None, as_json: bool, **given: Any) -> None:
+    def _call(self, *, as_json: bool, service: str | None = None, **given: Any) -> None:
         operation = self._operation
+        if operation.numerics:
+            require_memory(NUMERICS_BYTES)
         values: dict[str, object] = {}
         for key, each in self._fields.items():
             value = given[key]
@@ -88,13 +93,12 @@ class OperationCommand(click.Command):
             for part in each.path[:-1]:
                 inner = inner.setdefault(part, {})
             inner[each.path[-1]] = value
-        here_or_there(
-            service,
-            JobKind(operation.name),
-            operation.request.of(values, flags=True),
-            Console(as_json),
-            lambda request, console: perform(operation, request, console),
-        )
+        request, console = operation.request.of(values, flags=True), Console(as_json)
+        if operation.is_job:
+            do = functools.partial(perform, operation)
+            here_or_there(service, JobKind(operation.kind), request, console, do)
+        else:
+            perform(operation, request, console)
 
 
 class Value(click.ParamType[str]):
@@ -111,13 +115,12 @@ class Value(click.ParamType[str]):
     def __init__(self, type_: Any) -> None:
         literal = typing.get_origin(type_) is typing.Literal
         self.choices = tuple(map(str, typing.get_args(type_))) if literal else ()
-        self._is_path = type_ is Path
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete a choice or the path of a file."""
-        if self._is_path:
+        """Complete a choice; all else may be the path of a file, as a cell or a run can be."""
+        if not self.choices:
             return [CompletionItem(incomplete, type="file")]
         return [CompletionItem(each) for each in self.choices if each.startswith(incomplete)]
 

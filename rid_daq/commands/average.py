@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, RunsFolder, Unfinished
 
 
 def average(

@@ -8,9 +8,9 @@ import typer
 
 from config.ranges import CheckS, least, most
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Cleared, RunsFolder
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, CellName, Cleared, RunsFolder, Service
 
 
 def check(

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rid_daq.terminal.choices import DEMO_PERIOD_S
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, RunsFolder
 
 if TYPE_CHECKING:
     from rid_daq.report.result import Result

@@ -22,11 +22,11 @@ from config.ranges import (
     most,
 )
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.choices import CriterionName, Grid, Kind, Method, Phases
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.inapplicable_options import is_given, refuse_inapplicable
-from rid_daq.terminal.options import CellName, Overwrite, Scheduler
+from rid_daq.terminal.options import AsJson, CellName, Overwrite, Scheduler, Service
 
 DEFAULT_PERIOD_S = 10.0
 DEFAULT_PERIODS = 16

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from config.errors import PreflightError
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.option_sections import SectionedCommand
-from rid_daq.terminal.options import DEFAULT_RUNS, CellName, Overwrite, RunsFolder
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, CellName, Overwrite, RunsFolder
 
 if TYPE_CHECKING:
     from drivers.servo.drive_settings import RestoredSetting

@@ -8,11 +8,18 @@ from typing import Annotated
 import typer
 
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.choices import Format
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunsFolder, Unfinished
+from rid_daq.terminal.options import (
+    DEFAULT_RUNS,
+    AsJson,
+    Overwrite,
+    RunsFolder,
+    Service,
+    Unfinished,
+)
 
 
 def export(

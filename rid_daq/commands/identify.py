@@ -16,11 +16,19 @@ from identification.choices import (
     LoadMassSigmaKg,
 )
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.choices import MODEL, Estimator, Model
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.estimate_options import Band, FrictionTerms, Rotors, Standstill
-from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
+from rid_daq.terminal.options import (
+    DEFAULT_RUNS,
+    AsJson,
+    Overwrite,
+    RunNames,
+    RunsFolder,
+    Service,
+    Unfinished,
+)
 from rid_daq.terminal.plausible_option import plausible_as
 
 

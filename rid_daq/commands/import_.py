@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from config.errors import ConfigError
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, RunsFolder
 
 if TYPE_CHECKING:
     from acquisition.imports.import_map import RowRange

@@ -13,8 +13,9 @@ import typer
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.number import parse_numbers
 from config.formats.whole_file import write_whole
-from rid_daq.terminal.console import AsJson, Console, as_command
+from rid_daq.terminal.console import Console, as_command
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.options import AsJson
 
 URDF_FILES = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml")
 

@@ -8,17 +8,19 @@ import typer
 
 from config.ranges import JogPercent, least, most
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.choices import JOG_PERCENT
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
+    AsJson,
     CellName,
     Cleared,
     Practise,
     Realtime,
     RunsFolder,
     Seed,
+    Service,
 )
 
 

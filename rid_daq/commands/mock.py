@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import PACE_HELP
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import PACE_HELP, AsJson
 
 if TYPE_CHECKING:
     from rid_daq.jobs.mock_job import MockRequest, ServedCell

@@ -15,9 +15,9 @@ from identification.choices import (
     TorqueConstantSigma,
 )
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
+from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.choices import PAYLOAD, How
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.estimate_options import (
     Band,
     CentreLimit,
@@ -28,7 +28,14 @@ from rid_daq.terminal.estimate_options import (
     Rotors,
     Standstill,
 )
-from rid_daq.terminal.options import DEFAULT_RUNS, Overwrite, RunsFolder, Unfinished
+from rid_daq.terminal.options import (
+    DEFAULT_RUNS,
+    AsJson,
+    Overwrite,
+    RunsFolder,
+    Service,
+    Unfinished,
+)
 from rid_daq.terminal.plausible_option import plausible_as
 
 

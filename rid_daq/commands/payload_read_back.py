@@ -10,9 +10,9 @@ import typer
 from config.ranges import TolerancePercent, least, most
 from identification.choices import LoadFormat
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, RunsFolder, Service
 
 
 def read_back(

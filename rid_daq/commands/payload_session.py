@@ -15,13 +15,14 @@ from identification.choices import (
     WarmUpPercent,
 )
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.estimate_options import CentreLimit, InertiaLimit, MassLimit, ResidualLimit
 from rid_daq.terminal.inapplicable_options import is_given
 from rid_daq.terminal.options import (
     DEFAULT_LISTEN,
     DEFAULT_RUNS,
+    AsJson,
     CellName,
     Certificate,
     Listen,
@@ -29,6 +30,7 @@ from rid_daq.terminal.options import (
     Pace,
     Practise,
     RunsFolder,
+    Service,
     Token,
     WithoutAxisTest,
 )

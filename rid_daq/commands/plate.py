@@ -10,11 +10,12 @@ from config.errors import ConfigError
 from config.formats.number import parse_numbers
 from config.ranges import ReadingS, SettleS, least, most
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.option_sections import SectionedCommand
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
+    AsJson,
     CellName,
     Cleared,
     Pace,
@@ -22,6 +23,7 @@ from rid_daq.terminal.options import (
     Realtime,
     RunsFolder,
     Seed,
+    Service,
     WithoutAxisTest,
 )
 

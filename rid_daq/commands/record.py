@@ -8,11 +8,12 @@ from typing import Annotated
 import typer
 
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.options import (
     DEFAULT_LISTEN,
     DEFAULT_RUNS,
+    AsJson,
     CellName,
     Certificate,
     Cleared,
@@ -23,6 +24,7 @@ from rid_daq.terminal.options import (
     Realtime,
     RunsFolder,
     Seed,
+    Service,
     Token,
     WithoutAxisTest,
 )

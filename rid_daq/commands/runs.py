@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError, RecordingError
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, RunsFolder
 
 _ROOMY = 120  # columns
 

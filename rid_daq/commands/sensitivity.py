@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from rid_daq.terminal.choices import Against
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.options import Overwrite, Scheduler
+from rid_daq.terminal.options import AsJson, Overwrite, Scheduler
 from rid_daq.terminal.plausible_option import SHARE, plausible
 
 PAYLOAD = "medium"

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from rid_daq.terminal.console import AsJson, Console
-from rid_daq.terminal.options import DEFAULT_LISTEN
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import DEFAULT_LISTEN, AsJson
 
 
 def serve(

@@ -10,8 +10,9 @@ import typer
 
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
+from rid_daq.terminal.options import AsJson
 
 if TYPE_CHECKING:
     from rid_daq.session.running_sessions import RunningSession

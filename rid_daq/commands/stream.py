@@ -10,12 +10,13 @@ import typer
 from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
 from config.ranges import BufferS, PatienceS, least, most
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.estimate_options import LoopsFile, ModelFile, Temperature
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
 from rid_daq.terminal.options import (
     DEFAULT_RUNS,
+    AsJson,
     CellName,
     Cleared,
     Pace,
@@ -23,6 +24,7 @@ from rid_daq.terminal.options import (
     Realtime,
     RunsFolder,
     Seed,
+    Service,
     WithoutAxisTest,
 )
 

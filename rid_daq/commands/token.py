@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from config.errors import ConfigError
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.terminal.console import Console
+from rid_daq.terminal.options import AsJson
 
 
 class RoleChoice(StrEnum):

@@ -10,11 +10,11 @@ import typer
 from config.ranges import least
 from identification.choices import STANDSTILL_RAD_S, BandHz, StandstillRadS
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import Service, here_or_there
-from rid_daq.terminal.console import AsJson, Console
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.terminal.console import Console
 from rid_daq.terminal.estimate_options import BaseMass
 from rid_daq.terminal.inapplicable_options import refuse_inapplicable
-from rid_daq.terminal.options import DEFAULT_RUNS, RunsFolder, Unfinished
+from rid_daq.terminal.options import DEFAULT_RUNS, AsJson, RunsFolder, Service, Unfinished
 from rid_daq.terminal.plausible_option import plausible_as
 
 

@@ -9,8 +9,6 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import Final, Literal
 
-import typer
-
 from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -168,7 +166,7 @@ def search(
     if best is None:
         if interrupted_by is not None:
             console.say("Interrupted before any motion was found; nothing was written.")
-            raise typer.Exit(exit_code_of_stop(StopCode.INTERRUPTED, interrupted_by))
+            raise SystemExit(exit_code_of_stop(StopCode.INTERRUPTED, interrupted_by))
         raise ConfigError(
             f"none of {len(trials)} starts gave a motion that holds every limit. {work.complaint()}"
             " Take more --starts, a longer --period, or look at the limits, bodies and workspace",

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
-from rid_daq.terminal.options import DEFAULT_LISTEN
+from rid_daq.terminal.choices import DEFAULT_LISTEN
 
 LEAST_TOKEN_CHARACTERS = 32
 MOST_TOKEN_BYTES = 1000

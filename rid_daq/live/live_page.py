@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import typer
+import click
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.session.helper_process import HelperProcess, Observer
@@ -21,8 +21,8 @@ from config.ranges import Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.live.access import Access
 from rid_daq.live.picture import ShownMotion
+from rid_daq.terminal.choices import DEFAULT_LISTEN
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.options import DEFAULT_LISTEN
 
 PATIENCE_S = 2.0
 BACKLOG = 128
@@ -99,7 +99,7 @@ def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | Non
     access.tls()
     with listen_on(access) as listener:
         access = replace(access, port=listener.getsockname()[1])
-        typer.echo(
+        click.echo(
             f"Live page: {access.url}\nIts stop button is software, not an emergency stop.",
             err=console.as_json,
         )

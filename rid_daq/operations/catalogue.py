@@ -10,13 +10,60 @@ if TYPE_CHECKING:
     from rid_daq.operations.operation import Operation
 
 
+SECTIONS: Final = (
+    "Begin",
+    "Cell",
+    "Experiment",
+    "Identify",
+    "Payload",
+    "Path",
+    "Runs",
+    "Service",
+)
+"""The sections of the program's help, in their order."""
+
+
 class Entry(NamedTuple):
-    """An operation in the program's help: its room, its section, its summary."""
+    """An operation in the program's help: its room, its section (none in a group), its summary."""
 
     room: str
     section: str
     summary: str
 
+
+class Group(NamedTuple):
+    """Operations with the same first word: section, summary, help of the word alone.
+
+    `default` is the second word that is meant if there is none, `metavar` what follows then.
+    """
+
+    section: str
+    summary: str
+    help: str
+    default: str = ""
+    metavar: str = ""
+
+
+GROUPS: Final = {
+    "drives": Group(
+        "Cell",
+        "keep what the drives hold, put it back, undo what a run wrote",
+        "What the drives hold: keep it, put it back, or undo what a run wrote.",
+    ),
+    "plate": Group(
+        "Cell", "zero the force plate under the robot", "The force plate under the robot."
+    ),
+    "payload": Group(
+        "Payload",
+        "identify what the robot carries (`payload CELL`); load data for its controller",
+        "Identify what a robot carries: mass, centre of gravity and inertia, from recordings with"
+        " and without it; and write them as its controller wants them. `rid-daq payload CELL` leads"
+        " through all of it: it is `rid-daq payload session CELL`.",
+        default="session",
+        metavar="CELL",
+    ),
+}
+"""The first words of operations whose names have two."""
 
 CATALOGUE: Final = {
     "reset": Entry(
@@ -31,7 +78,16 @@ CATALOGUE: Final = {
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
     "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
 }
-"""Every operation by its name; its module is `rid_daq.operations.ROOM.NAME`."""
+"""Every operation by its name: the words of its command. Its module is `identifier` of it."""
+
+
+def identifier(name: str) -> str:
+    """Return a name as a module and the service have it, such as `plate_zero` for `plate zero`."""
+    return name.replace(" ", "_").replace("-", "_")
+
+
+OF_KINDS: Final = {identifier(name): name for name in CATALOGUE}
+"""The names of operations by the kinds of jobs."""
 
 
 @functools.cache
@@ -48,6 +104,8 @@ def operation(name: str) -> Operation:
     KeyError
         There is none of this name.
     """
-    module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].room}.{name}")
+    module = importlib.import_module(
+        f"rid_daq.operations.{CATALOGUE[name].room}.{identifier(name)}"
+    )
     found: Operation = module.OPERATION
     return found

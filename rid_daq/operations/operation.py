@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 from config.errors import RidDaqError
+from rid_daq.operations.catalogue import identifier
 from rid_daq.operations.request import Request, option_of
 from rid_daq.terminal.context import Context as Context
 
 if TYPE_CHECKING:
     from rid_daq.blocks.block import AnyBlock
+
+NUMERICS_BYTES: Final = 750 << 20
+"""Address space that numerical libraries take; about half of it is used."""
 
 
 class OperationResult(Protocol):
@@ -48,7 +52,7 @@ class Operation:
     Attributes
     ----------
     name : str
-        Its name: the command, the kind of job, the name of its schema.
+        Its name in the catalogue: the words of its command.
     label : str
         Title of its form.
     request : type
@@ -61,6 +65,10 @@ class Operation:
         True if it opens the bus of a cell; if the robot moves.
     is_held : bool
         True if the robot moves only while a key is held: that needs no axis test before.
+    is_job : bool
+        True if a service does it too, as a job.
+    numerics : bool
+        True if it loads numerical libraries, which need much memory.
     """
 
     name: str
@@ -71,6 +79,13 @@ class Operation:
     opens_cell: bool = False
     moves: bool = False
     is_held: bool = False
+    is_job: bool = True
+    numerics: bool = True
+
+    @property
+    def kind(self) -> str:
+        """The kind of its job, and the name of its schema."""
+        return identifier(self.name)
 
     @property
     def owned(self) -> frozenset[str]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-import typer
-
 from rid_daq.commissioning.axis_test_job import AxesTested, AxisTestRequest, check_axes
 from rid_daq.recording.recorded_run import stop_document
 from rid_daq.terminal.console import Console
@@ -19,11 +17,11 @@ def perform(request: AxisTestRequest, console: Console) -> None:
     if tested.stopped is not None:
         words = tested.stopped.stop_sentence or "The test was ended."
         console.verdict(False, f"{words} The axis test is not complete.")
-        raise typer.Exit(tested.stopped.exit_code or ExitCode.VERDICT_FAILED)
+        raise SystemExit(tested.stopped.exit_code or ExitCode.VERDICT_FAILED)
     if not tested.passed:
         console.verdict(False, "Not every axis does what the files say: change the lines above.")
         console.next_step("axes", request.cell)
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
+        raise SystemExit(ExitCode.VERDICT_FAILED)
     signed = "" if tested.signed is None else f" Signed in {tested.signed}."
     console.verdict(True, f"Every axis that was tested does what the files say.{signed}")
     console.next_step("check", request.cell)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import typer
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.multisine import MultisineMotion
@@ -67,7 +66,7 @@ def perform(request: DesignRequest, console: Console, scheduler: str | None = No
     if request.kind is Kind.MULTISINE:
         console.next_step("loop", "latest", lead="Then")
     if designed.found is not None and designed.found.exit_code:
-        raise typer.Exit(designed.found.exit_code)
+        raise SystemExit(designed.found.exit_code)
 
 
 def _print(console: Console, designed: Designed, request: DesignRequest) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from rid_daq.jobs.identify_job import IdentifiedRuns, IdentifyRequest, identify_runs
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -17,7 +15,7 @@ def perform(request: IdentifyRequest, console: Console) -> None:
     identified = identify_runs(request, console)
     _print(console, identified)
     if identified.bad_joints or identified.has_mistakes:
-        raise typer.Exit(ExitCode.DATA_QUALITY)
+        raise SystemExit(ExitCode.DATA_QUALITY)
 
 
 def _print(console: Console, identified: IdentifiedRuns) -> None:

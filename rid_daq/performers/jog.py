@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from rid_daq.commissioning.jog_job import JogRequest
 from rid_daq.commissioning.jog_job import jog as jog_by_hand
 from rid_daq.terminal.console import Console
@@ -15,4 +13,4 @@ def perform(request: JogRequest, console: Console) -> None:
     console.document(run.document())
     run.print_verdict(console)
     if run.exit_code:
-        raise typer.Exit(run.exit_code)
+        raise SystemExit(run.exit_code)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from config.cell.plate import PlateZero
 from rid_daq.recording.plate_zero_job import PlateZeroed, PlateZeroRequest, zero_plate
 from rid_daq.recording.recorded_run import stop_document
@@ -18,10 +16,10 @@ def perform(request: PlateZeroRequest, console: Console) -> None:
     zeroed = zero_plate(request, console)
     if zeroed.zero is None:
         _print_stop(console, zeroed)
-        raise typer.Exit(zeroed.run.exit_code)
+        raise SystemExit(zeroed.run.exit_code)
     _print(console, zeroed, zeroed.zero)
     if not zeroed.run.result.verdict.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
+        raise SystemExit(ExitCode.VERDICT_FAILED)
 
 
 def _print_stop(console: Console, zeroed: PlateZeroed) -> None:

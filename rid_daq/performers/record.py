@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import typer
-
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.record_job import (
     REHEARSAL_ALONE,
@@ -27,7 +25,7 @@ def perform(request: RecordRequest, console: Console) -> None:
     recorded = record_motion_file(request, console)
     _print(console, recorded)
     if recorded.exit_code:
-        raise typer.Exit(recorded.exit_code)
+        raise SystemExit(recorded.exit_code)
 
 
 def _print(console: Console, recorded: MotionRecorded) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from rid_daq.jobs.validate_job import Validated, ValidateRequest, predict_motion, validate_run
 from rid_daq.report.shown.plate import base_load_blocks, reaction_blocks
 from rid_daq.terminal.console import Console
@@ -20,7 +18,7 @@ def perform(request: ValidateRequest, console: Console) -> None:
     _print(console, validated)
     if validated.verdict.passed is False:
         console.next_step("docs", "find-a-mistake")
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
+        raise SystemExit(ExitCode.VERDICT_FAILED)
     if not request.is_motion_file:
         console.next_step("export", request.model, "--to", "FORMAT", "-o", "FILE")
 

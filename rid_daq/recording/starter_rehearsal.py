@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import typer
-
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
@@ -62,7 +60,7 @@ def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
     ------
     RecordingError
         There is no room for it.
-    typer.Exit
+    SystemExit
         It was interrupted.
     """
     left = TRIES
@@ -82,7 +80,7 @@ def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
         if outcome.stop is None:
             return Rehearsed(made, files, "")
         if outcome.interrupted_by is not None:
-            raise typer.Exit(exit_code_of_stop(outcome.stop.code, outcome.interrupted_by))
+            raise SystemExit(exit_code_of_stop(outcome.stop.code, outcome.interrupted_by))
         if left == 0:
             return Rehearsed(made, files, outcome.stop.text)
         made = slower_robot(made, SPEED, f"in the rehearsal {outcome.stop.text}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.catalogue import OF_KINDS, operation
 from rid_daq.operations.operation import Operation
 
 
@@ -58,7 +58,7 @@ class JobKind(StrEnum):
     @property
     def _declared(self) -> Operation | None:
         """Its declaration; None if it is not an operation yet."""
-        return operation(self.value) if self.value in CATALOGUE else None
+        return operation(OF_KINDS[self.value]) if self.value in OF_KINDS else None
 
 
 _ON_CELL = frozenset(

@@ -6,26 +6,13 @@ import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
-
-import typer
+from typing import Any, TypeVar
 
 from config import errors
 from config.errors import ConfigError, RidDaqError, ServiceError
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.clearance import clear
 from rid_daq.terminal.console import Console, Progress
-
-SERVICE_HELP: Final = (
-    "Run this on a service: `local` for the one on this computer, or https://HOST:PORT with a token"
-    " in RID_DAQ_TOKEN. Paths are relative to the service's folder."
-)
-
-Service = Annotated[
-    str | None,
-    typer.Option("--service", metavar="ADDRESS", help=SERVICE_HELP),
-]
-"""The option of every command that a service can do."""
 
 R = TypeVar("R")
 
@@ -57,7 +44,7 @@ def here_or_there(
 
     Raises
     ------
-    typer.Exit
+    SystemExit
         With the exit code of the command, where that is not 0.
     RidDaqError
         As the command does; or the service refused, or cannot be reached.
@@ -106,7 +93,7 @@ def _end(reason: str, ended: Any) -> None:
     ------
     RidDaqError
         What has ended it.
-    typer.Exit
+    SystemExit
         With its exit code.
     """
     if ended is None:
@@ -115,7 +102,7 @@ def _end(reason: str, ended: Any) -> None:
     if isinstance(kind, type) and issubclass(kind, RidDaqError):
         raise kind(ended.message, code=ended.code or "")
     if ended.exit_code:
-        raise typer.Exit(ended.exit_code)
+        raise SystemExit(ended.exit_code)
 
 
 def _cell_name(asked: str | None, names: list[str]) -> str:

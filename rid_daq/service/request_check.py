@@ -26,7 +26,7 @@ from config.formats.bounded_file import read_file
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from config.ranges import CODE
-from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.catalogue import OF_KINDS, operation
 from rid_daq.operations.request import INVALID
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import MOST_CHARACTERS
@@ -69,7 +69,7 @@ def request_schemas() -> dict[str, Any]:
     """Return the JSON schema of the request of every kind of job."""
     text = files("rid_daq.service").joinpath("requests.json").read_text(encoding="utf-8")
     found: dict[str, Any] = json.loads(text)
-    found.update((name, operation(name).schema()) for name in CATALOGUE)
+    found.update((kind, operation(name).schema()) for kind, name in OF_KINDS.items())
     return {kind.value: found[kind.value] for kind in JobKind}
 
 
@@ -95,7 +95,7 @@ def check_request(
         It says what, and where.
     """
     _refuse_unreadable(kind, request, ())
-    if kind.value in CATALOGUE:
+    if kind.value in OF_KINDS:
         _check_operation(kind, request)
     else:
         _check_schema(kind, request)
@@ -156,8 +156,8 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
 
 def _output_endings(kind: JobKind) -> dict[str, tuple[str, ...]]:
     """Return the fields that name output files, and what their names end in; empty if any."""
-    if kind.value in CATALOGUE:
-        return operation(kind.value).outputs
+    if kind.value in OF_KINDS:
+        return operation(OF_KINDS[kind.value]).outputs
     return {"output": OUTPUT_ENDINGS.get(kind, ()), "report": (".html",)}
 
 
@@ -165,7 +165,7 @@ def _check_operation(kind: JobKind, request: object) -> None:
     """Refuse what is no request of an operation, or sets a field that the service sets."""
     if not isinstance(request, dict):
         raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
-    found = operation(kind.value)
+    found = operation(OF_KINDS[kind.value])
     for name in sorted(found.owned & request.keys()):
         raise ConfigError(
             f"{kind.value}: {name}: is set by the service: leave it out", code=INVALID

@@ -18,6 +18,9 @@ CERTIFICATE: Final = "certificate.pdf"
 DEFAULT_RUNS: Final = Path("runs")
 """The folder of the run folders."""
 
+DEFAULT_LISTEN: Final = "127.0.0.1:8642"
+"""Where pages are served."""
+
 JOG_PERCENT: Final = 5.0
 """Of the speed limit: how fast `jog` moves."""
 

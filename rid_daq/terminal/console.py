@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
-import typer
+import click
 
 from config.errors import ConfigError, PreflightError
 from rid_daq.terminal.context import Progress as Progress
@@ -46,8 +46,10 @@ _output = _Output()
 
 JSON_HELP: Final = "Write one JSON document to stdout instead of text."
 
-AsJson = Annotated[bool, typer.Option("--json", help=JSON_HELP)]
-"""The `--json` option that every command has."""
+SERVICE_HELP: Final = (
+    "Run this on a service: `local` for the one on this computer, or https://HOST:PORT with a token"
+    " in RID_DAQ_TOKEN. Paths are relative to the service's folder."
+)
 
 
 def printable(text: str) -> str:
@@ -74,7 +76,7 @@ def _write(text: str) -> None:
     """Write a line; a motion does not end because nobody takes what is said of it."""
     try:
         if _output.bar is None:
-            typer.echo(text)
+            click.echo(text)
         else:
             _output.bar.say(text)
     except OSError as error:
@@ -240,9 +242,9 @@ class Console:
             try:
                 return understood(text)
             except ConfigError as error:
-                raise typer.BadParameter(str(error)) from None
+                raise click.BadParameter(str(error)) from None
 
-        answer: T = _answered(lambda: typer.prompt(question, value_proc=meaning, err=True))
+        answer: T = _answered(lambda: click.prompt(question, value_proc=meaning, err=True))
         return answer
 
     def confirm(self, question: str) -> bool:
@@ -253,7 +255,7 @@ class Console:
         PreflightError
             There is no answer: the input has ended.
         """
-        return _answered(lambda: typer.confirm(question, err=True))
+        return _answered(lambda: click.confirm(question, err=True))
 
     def require_keys(self, *, simulated: bool) -> None:
         """Refuse to begin if no key can be held, or not safely.
@@ -345,8 +347,8 @@ class Console:
 def _answered(ask: Callable[[], T]) -> T:
     try:
         return ask()
-    except typer.Abort:
-        typer.echo(err=True)  # the question's line has no end
+    except click.Abort:
+        click.echo(err=True)  # the question's line has no end
         raise PreflightError(
             "nobody answered: nothing more is moved", code="RID-ANSWER-NOBODY"
         ) from None

@@ -12,10 +12,15 @@ import typer
 
 from config import ranges
 from config.ranges import least, most
+from rid_daq.terminal.choices import DEFAULT_LISTEN as DEFAULT_LISTEN
 from rid_daq.terminal.choices import DEFAULT_RUNS as DEFAULT_RUNS
+from rid_daq.terminal.console import JSON_HELP, SERVICE_HELP
 
-DEFAULT_LISTEN = "127.0.0.1:8642"
+AsJson = Annotated[bool, typer.Option("--json", help=JSON_HELP)]
+"""The option of every command."""
 
+Service = Annotated[str | None, typer.Option("--service", metavar="ADDRESS", help=SERVICE_HELP)]
+"""The option of every command that a service can do."""
 
 CellName = Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")]
 """The argument of every command that works on a cell."""

@@ -14,7 +14,7 @@ from pydantic_core import PydanticOmit
 
 from config.errors import ConfigError
 from config.ranges import CODE
-from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.operations.catalogue import OF_KINDS, operation
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import require_bounded, require_ending
@@ -41,8 +41,8 @@ _OUT_OF_RANGE: Final = frozenset(
 
 def performer(kind: JobKind) -> Callable[[Any, Console], None]:
     """Return what does a kind of job: an operation, or the `perform` of its performer."""
-    if kind.value in CATALOGUE:
-        return functools.partial(perform, operation(kind.value))
+    if kind.value in OF_KINDS:
+        return functools.partial(perform, operation(OF_KINDS[kind.value]))
     module = importlib.import_module(f"rid_daq.performers.{_MODULES.get(kind, kind.value)}")
     found: Callable[[Any, Console], None] = module.perform
     return found
@@ -50,8 +50,8 @@ def performer(kind: JobKind) -> Callable[[Any, Console], None]:
 
 def request_type(kind: JobKind) -> type[Any]:
     """Return the request of a kind of job."""
-    if kind.value in CATALOGUE:
-        return operation(kind.value).request
+    if kind.value in OF_KINDS:
+        return operation(OF_KINDS[kind.value]).request
     found: type[Any] = get_type_hints(performer(kind))["request"]
     return found
 
@@ -89,8 +89,8 @@ def request_of(
     """
     require_bounded(kind, told)
     owned = {"cell": cell, "runs": str(runs), "cleared": cleared, "tester": owner}
-    if kind.value in CATALOGUE:
-        declared = operation(kind.value)
+    if kind.value in OF_KINDS:
+        declared = operation(OF_KINDS[kind.value])
         own = {name: value for name, value in owned.items() if name in declared.owned}
         checked = declared.request.of_json({**told, **own}, shown=kind.value)
         require_ending(kind, told)
@@ -114,8 +114,8 @@ def request_of(
 
 def request_schema(kind: JobKind) -> dict[str, object]:
     """Return the JSON schema of what a client may say of a job; nothing else is taken."""
-    if kind.value in CATALOGUE:
-        return operation(kind.value).schema()
+    if kind.value in OF_KINDS:
+        return operation(OF_KINDS[kind.value]).schema()
     schema = TypeAdapter(request_type(kind)).json_schema(schema_generator=_Schema)
     properties = {k: v for k, v in schema["properties"].items() if k not in OWNED}
     required = [name for name in schema.get("required", []) if name not in OWNED]

@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Any, Final
 from unittest.mock import patch
 
-import typer
 from rich.cells import cell_len
 from rich.console import Console as RichConsole
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME, MONOKAI, TerminalTheme
 from rich.text import Text
 
-from rid_daq.app import COMMANDS, LazyCommands, root, run
+from rid_daq.app import run
+from rid_daq.command_line.root import COMMANDS, command_words
 from rid_daq.terminal.console import Console
 from tests.builders.identified_run import friction_run
 from tests.builders.motion_texts import PICK
@@ -119,16 +119,7 @@ def terminal(columns: int) -> Iterator[io.StringIO]:
 
 def command_lines() -> list[tuple[str, ...]]:
     """Return every command, and every command of a group."""
-    group = typer.main.get_command(root)
-    assert isinstance(group, LazyCommands)
-    context = typer.Context(group)
-    found: list[tuple[str, ...]] = [()]
-    for name in COMMANDS:
-        found.append((name,))
-        found += [
-            (name, inner) for inner in getattr(group.get_command(context, name), "commands", ())
-        ]
-    return found
+    return list(dict.fromkeys([(), *((name,) for name in COMMANDS), *command_words()]))
 
 
 def helps(columns: int) -> list[Screen]:

@@ -6,15 +6,18 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
 
 from config import errors
 from rid_daq import app
-from rid_daq.app import COMMANDS, run
+from rid_daq.app import run
+from rid_daq.command_line.root import COMMANDS
+from rid_daq.operations.catalogue import operation
+from rid_daq.operations.operation import Operation, OperationResult
+from rid_daq.operations.request import Request
 from rid_daq.terminal.console import as_command, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
@@ -94,19 +97,34 @@ def test_a_mistyped_command_line_is_usage(
     assert json.loads(capsys.readouterr().out)["error"]["kind"] == "UsageError"
 
 
-def _command_that_raises(error: BaseException) -> Any:
-    def runs(as_json: bool = typer.Option(False, "--json")) -> None:
+class Nothing(Request):
+    """Do what a test wants."""
+
+
+def command_that(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `rid-daq recover` do something else."""
+
+    def run_it(_request: Nothing, _context: object) -> OperationResult:
+        does()
+        raise AssertionError
+
+    found = Operation("recover", "Recover", Nothing, run_it, (), is_job=False, numerics=False)
+    monkeypatch.setattr("rid_daq.command_line.root.operation", lambda _name: found)
+
+
+def command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
         raise error
 
-    return type("Module", (), {"runs": staticmethod(runs)})
+    command_that(fail, monkeypatch)
 
 
 def test_an_error_is_one_message_and_its_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     error = errors.PreflightError("node 3: 6007h is 0")
-    monkeypatch.setitem(sys.modules, "rid_daq.commands.runs", _command_that_raises(error))
-    assert run(["runs"]) == ExitCode.PREFLIGHT
+    command_that_raises(error, monkeypatch)
+    assert run(["recover"]) == ExitCode.PREFLIGHT
     captured = capsys.readouterr()
     assert captured.err == "rid-daq: node 3: 6007h is 0\n"
     assert captured.out == ""
@@ -128,31 +146,28 @@ def test_with_json_an_error_is_a_document_too(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     error = errors.LockedError("held by process 7")
-    monkeypatch.setitem(sys.modules, "rid_daq.commands.runs", _command_that_raises(error))
-    assert run(["runs", "--json"]) == ExitCode.LOCKED
+    command_that_raises(error, monkeypatch)
+    assert run(["recover", "--json"]) == ExitCode.LOCKED
     problem = json.loads(capsys.readouterr().out)["error"]
     assert problem == {"kind": "LockedError", "message": "held by process 7", "exit_code": 8}
 
 
 def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(
-        sys.modules, "rid_daq.commands.runs", _command_that_raises(KeyboardInterrupt())
-    )
-    assert run(["runs"]) == ExitCode.INTERRUPTED
+    command_that_raises(KeyboardInterrupt(), monkeypatch)
+    assert run(["recover"]) == ExitCode.INTERRUPTED
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_is_told_with_json_too(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def runs(as_json: bool = typer.Option(False, "--json")) -> None:
+    def be_told() -> None:
         signal.signal(number, app._end_once)
         signal.raise_signal(number)
 
-    module = type("Module", (), {"runs": staticmethod(runs)})
-    monkeypatch.setitem(sys.modules, "rid_daq.commands.runs", module)
+    command_that(be_told, monkeypatch)
     code, word = (130, "interrupted") if number is signal.SIGINT else (143, "terminated")
-    assert run(["runs", "--json"]) == code
+    assert run(["recover", "--json"]) == code
     captured = capsys.readouterr()
     assert captured.err == f"rid-daq: {word}\n"
     assert json.loads(captured.out)["error"] == {
@@ -166,13 +181,13 @@ def test_ctrl_c_while_a_command_is_imported_waits(monkeypatch: pytest.MonkeyPatc
     heard: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number))
 
-    def imported(_name: str) -> Any:
+    def imported(name: str) -> Operation:
         signal.raise_signal(signal.SIGINT)
         assert not heard
-        return _command_that_raises(SystemExit(0))
+        return operation(name)
 
-    monkeypatch.setattr("rid_daq.app.importlib.import_module", imported)
-    run(["runs"])
+    monkeypatch.setattr("rid_daq.command_line.root.operation", imported)
+    run(["recover", "--help"])
     assert heard == [signal.SIGINT]
 
 
@@ -191,11 +206,30 @@ def test_ctrl_c_while_the_program_is_imported_leaves_no_traceback() -> None:
 
 
 def test_a_bug_is_not_dressed_up_as_a_users_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(
-        sys.modules, "rid_daq.commands.runs", _command_that_raises(ZeroDivisionError())
-    )
+    command_that_raises(ZeroDivisionError(), monkeypatch)
     with pytest.raises(ZeroDivisionError):
-        run(["runs"])
+        run(["recover"])
+
+
+def test_a_reader_of_the_help_may_close_the_pipe() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    ended = subprocess.run(
+        [sys.executable, "-m", "rid_daq", "--help"],
+        check=False,
+        stdout=writing,
+        stderr=subprocess.PIPE,
+    )
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+
+
+def test_a_pipe_that_breaks_elsewhere_is_no_closed_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Path(os.devnull).open("w") as output:
+        monkeypatch.setattr(sys, "stdout", output)
+        command_that_raises(BrokenPipeError(errno.EPIPE, "Broken pipe"), monkeypatch)
+        with pytest.raises(BrokenPipeError):
+            run(["recover"])
 
 
 def test_control_characters_of_devices_never_reach_the_terminal() -> None:

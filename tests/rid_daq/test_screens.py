@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.cells import cell_len
 
-from rid_daq.app import COMMANDS
+from rid_daq.command_line.root import COMMANDS
 from tests.builders.screens import THEMES, WIDTHS, helps, keep, require_fitting, story, too_wide
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from rid_daq.recording.stream_job import StreamRequest, stream_path
 from rid_daq.terminal.console import Console
 
@@ -16,4 +14,4 @@ def perform(request: StreamRequest, console: Console) -> None:
     if run.print_verdict(console) and request.motion is not None:
         console.next_step("tracking", run.folder.path)
     if run.exit_code:
-        raise typer.Exit(run.exit_code)
+        raise SystemExit(run.exit_code)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from rid_daq.jobs.payload.identify_job import PayloadIdentifyRequest, identify_payload_runs
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -31,5 +29,5 @@ def perform(request: PayloadIdentifyRequest, console: Console) -> None:
     console.say(f"Payload: {file}")
     console.say(f"Report: {identified.report}")
     if not verdict.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED if identified.fits else ExitCode.DATA_QUALITY)
+        raise SystemExit(ExitCode.VERDICT_FAILED if identified.fits else ExitCode.DATA_QUALITY)
     console.next_step("payload", "export", file, "--to", "FORMAT", "-o", "FILE")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from identification.choices import REPORTED
 from identification.payload.body import REPORTED_UNITS
 from rid_daq.blocks.formats import number
@@ -35,4 +33,4 @@ def perform(request: ReadBackRequest, console: Console) -> None:
     )
     console.verdict(verdict.passed, verdict.headline)
     if not verdict.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED)
+        raise SystemExit(ExitCode.VERDICT_FAILED)

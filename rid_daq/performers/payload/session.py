@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payload_session
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_steps import StepFailed
@@ -18,10 +16,10 @@ def perform(request: PayloadSessionRequest, console: Console) -> None:
     ended = run_payload_session(request, console)
     if isinstance(ended, StepFailed):
         _print_failed(console, ended, request)
-        raise typer.Exit(ended.run.exit_code)
+        raise SystemExit(ended.run.exit_code)
     _print(console, ended)
     if not ended.judged.passed:
-        raise typer.Exit(ExitCode.VERDICT_FAILED if ended.judged.fits else ExitCode.DATA_QUALITY)
+        raise SystemExit(ExitCode.VERDICT_FAILED if ended.judged.fits else ExitCode.DATA_QUALITY)
 
 
 def _print_failed(console: Console, failed: StepFailed, request: PayloadSessionRequest) -> None:

@@ -19,7 +19,7 @@ from acquisition.motion.motion_file import AnyMotion, load_motion
 from config.errors import ConfigError
 from config.formats.yaml_tree import dump_yaml, parse_yaml
 from config.load import load_robot, to_yaml, validate
-from rid_daq.app import COMMANDS
+from rid_daq.command_line.root import COMMANDS
 from tests.builders.raised_codes import raises_code
 
 ROBOT = load_robot("ir361")

@@ -111,7 +111,7 @@ def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plate_zero_job, "discharge_plate", discharge)
         said: list[str] = []
-        patch.setattr("typer.echo", lambda text="", **_: said.append(str(text)))
+        patch.setattr("click.echo", lambda text="", **_: said.append(str(text)))
         words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
         with noted() as calls:
             assert run([*words, *runs]) == 0

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import typer
 
 from acquisition.runs.folder import RunFolder
 from acquisition.supervision.stop_reason import StopCode, StopReason
@@ -50,7 +49,7 @@ def test_a_fault_that_stops_the_axis_test_is_one_of_its_cell(
     stopped = RecordedRun(folder, ended, None, None, Result.new("Recording", "arm"), held=True)
     tested = AxesTested("ir361", (), stopped, None)
     monkeypatch.setattr(axes, "check_axes", lambda _request, _console: tested)
-    with pytest.raises(typer.Exit):
+    with pytest.raises(SystemExit):
         axes.perform(AxisTestRequest("ir361", tmp_path), Console(as_json=True))
     told = json.loads(capsys.readouterr().out)
     assert told["stop"] == {"code": "FOLLOWING_ERROR", "text": RUNAWAY.text}

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rid_daq.app import COMMAND_GROUPS, run
+from rid_daq.app import run
+from rid_daq.command_line.root import COMMAND_GROUPS
 from rid_daq.terminal.option_sections import OWN, SHARED, sections
 
 REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "command-line.md"

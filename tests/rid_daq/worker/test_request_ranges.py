@@ -10,17 +10,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import click
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
-from typer.main import get_command
 
 from config.errors import ConfigError, RidDaqError
 from config.ranges import Ranged
-from rid_daq.app import root
-from rid_daq.operations.catalogue import CATALOGUE
+from rid_daq.command_line.typer_bridge import TyperBridge
+from rid_daq.command_line.typer_commands import TYPER
+from rid_daq.operations.catalogue import OF_KINDS
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import OUTPUT_ENDINGS, check_request, require_inside
 from rid_daq.worker.job_requests import OWNED, request_of, request_schema, request_type
@@ -179,7 +178,7 @@ def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drive
             assert caught.value.refusal == "RID-REQ-RANGE", (value, str(caught.value))
 
 
-@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.value not in CATALOGUE])
+@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.value not in OF_KINDS])
 def test_a_request_that_is_made_in_python_refuses_what_is_outside(
     kind: JobKind, tmp_path: Path
 ) -> None:
@@ -236,23 +235,19 @@ OPTIONS = {
 own message, by the same type (`plausible_as`)."""
 
 
-def ranged_options(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+def ranged_options() -> Iterator[tuple[str, Any]]:
     """Yield the numeric options of the commands that a service can do, by command and name."""
-    if hasattr(command, "get_command"):
-        context = click.Context(command)
-        for name in command.list_commands(context):
-            yield from ranged_options(command.get_command(context, name), (*words, name))
-    options = getattr(command, "params", ())
-    if any(each.name == "service" for each in options):
-        for option in options:
-            kind = getattr(option, "type_descriptor", None)
-            if kind is not None and kind.annotation in (int, float, list[int], list[float]):
-                yield f"{' '.join(words)}.{option.name}", option
+    for words in TYPER:
+        options = TyperBridge(words).command.params
+        for option in options if any(each.name == "service" for each in options) else ():
+            kind = option.type_descriptor
+            if kind.annotation in (int, float, list[int], list[float]):
+                yield f"{words}.{option.name}", option
 
 
 def test_the_ranges_of_options_are_those_of_the_requests() -> None:
     seen = set()
-    for name, kind in ranged_options(get_command(root)):
+    for name, kind in ranged_options():
         if kind.callback is not None:
             continue
         assert name in OPTIONS, f"{name}: say here which field of a request it becomes"

@@ -1,0 +1,170 @@
+"""`Root`: the program's command line; it imports a command when it is called."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import click
+from click.shell_completion import CompletionItem
+
+from config.process.termination import signals_deferred
+from rid_daq.command_line.completion import PROGRAM, completion_options
+from rid_daq.command_line.typer_commands import TYPER
+from rid_daq.operations.catalogue import CATALOGUE, GROUPS, SECTIONS, operation
+
+WIDEST_HELP: Final = 120
+"""Most columns of a help page; a narrower terminal has less."""
+
+_HELP: Final = (
+    "Measure a robot's dynamics: drives, recordings, identification, validation, reports."
+    " CELL is a bundled name (ir361, kr15) or a path to a cell file. This program is not a safety"
+    " function: the cell's own emergency stop is required."
+)
+
+
+def _listed() -> dict[str, dict[str, str]]:
+    """Return the commands of every section with their summaries, in the order of the help."""
+    found: dict[str, dict[str, str]] = {section: {} for section in SECTIONS}
+    for words, entry in {**TYPER, **CATALOGUE}.items():
+        first, *inner = words.split()
+        shown = GROUPS[first] if inner else entry
+        found[shown.section][first] = shown.summary
+    return found
+
+
+COMMAND_GROUPS: Final = _listed()
+"""Commands and their summaries by the sections of the help."""
+
+COMMANDS: Final = {name: line for each in COMMAND_GROUPS.values() for name, line in each.items()}
+
+
+class LazyGroup(click.Group):
+    """Commands in sections; one is imported when it is called.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    sections : mapping
+        Title of a section to commands and their summaries.
+    parameters : sequence of click.Parameter
+        Its own options.
+    help_text : str
+        Its help.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sections: Mapping[str, Mapping[str, str]],
+        help_text: str,
+        params: list[click.Parameter] | None = None,
+    ) -> None:
+        listed = {
+            each: click.Command(each, short_help=line)
+            for lines in sections.values()
+            for each, line in lines.items()
+        }
+        super().__init__(name, commands=listed, help=help_text, params=params)
+        self._sections = sections
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the sections."""
+        width = max(map(len, self.commands))
+        for title, lines in self._sections.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(width), line) for name, line in lines.items()])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return the commands and options that a word can become."""
+        found = [
+            CompletionItem(name, help=each.short_help)
+            for name, each in self.commands.items()
+            if name.startswith(incomplete)
+        ]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
+
+
+class Root(LazyGroup):
+    """The program."""
+
+    def __init__(self) -> None:
+        super().__init__(PROGRAM, COMMAND_GROUPS, _HELP, [_version_option(), *completion_options()])
+        self.context_settings["max_content_width"] = WIDEST_HELP
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command; None if there is none of this name."""
+        if cmd_name in GROUPS:
+            return InnerGroup(cmd_name)
+        return _command(cmd_name) if cmd_name in self.commands else None
+
+
+class InnerGroup(LazyGroup):
+    """The commands whose first word is the same.
+
+    Parameters
+    ----------
+    name : str
+        Their first word.
+    """
+
+    def __init__(self, name: str) -> None:
+        words = {**TYPER, **CATALOGUE}
+        lines = {
+            each.removeprefix(f"{name} "): entry.summary
+            for each, entry in words.items()
+            if each.startswith(f"{name} ")
+        }
+        group = GROUPS[name]
+        super().__init__(name, {"Commands": lines}, group.help)
+        self._default = group.default
+        if group.default:
+            self.subcommand_metavar = f"{group.metavar} | {self.subcommand_metavar}"
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command; None if there is none of this name."""
+        return _command(f"{self.name} {cmd_name}") if cmd_name in self.commands else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that words mean: the default one if the first word is none."""
+        if self._default and args and args[0] not in self.commands:
+            args = [self._default, *args]
+        return super().resolve_command(ctx, args)
+
+
+def command_words() -> list[tuple[str, ...]]:
+    """Return the words of every command that does something, in the order of the help."""
+    every = sorted({**TYPER, **CATALOGUE}, key=lambda words: [*COMMANDS].index(words.split()[0]))
+    return [tuple(words.split()) for words in every]
+
+
+def _command(words: str) -> click.Command:
+    with signals_deferred():  # an exception inside of pydantic's modules becomes another one
+        if words in CATALOGUE:
+            from rid_daq.command_line.operation_command import OperationCommand
+
+            return OperationCommand(operation(words))
+        from rid_daq.command_line.typer_bridge import TyperBridge
+
+        return TyperBridge(words)
+
+
+def _version_option() -> click.Option:
+    def show(ctx: click.Context, _param: click.Parameter, is_asked: bool) -> None:
+        if is_asked:
+            from rid_daq.session.versions import program_version
+
+            click.echo(program_version())
+            ctx.exit()
+
+    return click.Option(
+        ["--version"],
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=show,
+        help="Print the version and exit.",
+    )

@@ -1,0 +1,82 @@
+"""The commands that are no operations yet: a line goes when its command becomes one."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rid_daq.operations.catalogue import Entry
+
+TYPER: Final = {
+    "demo": Entry(
+        "demo",
+        "Begin",
+        "the whole story on the bundled simulated cell, with a report, no hardware",
+    ),
+    "init": Entry("init", "Begin", "write a commented cell, robot and motion to start from"),
+    "docs": Entry("docs", "Begin", "the documentation, in the browser: guides, reference, theory"),
+    "check": Entry(
+        "check", "Cell", "preflight: every device, every safety setting; any red means no motion"
+    ),
+    "axes": Entry(
+        "axes", "Cell", "test direction, encoder and gear of every axis, before the first motion"
+    ),
+    "jog": Entry(
+        "jog", "Cell", "move one joint at a time, or go to the home pose, while a key is held"
+    ),
+    "drives backup": Entry("drives", "", "every setting of a cell's drives into a file"),
+    "drives restore": Entry("drives", "", "the drives hold what a backup says"),
+    "drives rollback": Entry("drives", "", "what a run wrote to the drives, undone"),
+    "drives fit": Entry("drives", "", "the keys that a drive's data sheet needs"),
+    "mock": Entry("mock", "Cell", "serve a cell's simulated devices on their bus until stopped"),
+    "plate zero": Entry("plate", "", "the plate's offsets: read, turn axis 1 by half a turn, read"),
+    "stop": Entry("stop", "Cell", "quick stop of whatever session is running on this machine"),
+    "design": Entry(
+        "design",
+        "Experiment",
+        "choose an excitation, verify it against the limits, write the motion file",
+    ),
+    "record": Entry("record", "Experiment", "run a motion on a cell and record it"),
+    "import": Entry(
+        "import_", "Experiment", "someone else's recording (CSV, ROS bag) into a run folder"
+    ),
+    "average": Entry(
+        "average", "Experiment", "cut a run into periods, reject bad ones, average the rest"
+    ),
+    "identify": Entry(
+        "identify", "Identify", "estimate the robot's parameters from one or more runs"
+    ),
+    "validate": Entry("validate", "Identify", "predict another run's torques and judge the error"),
+    "export": Entry(
+        "export",
+        "Identify",
+        "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
+    ),
+    "report": Entry("report", "Identify", "write a run's report again from its results"),
+    "payload session": Entry(
+        "payload_session", "", "lead through a session: check, warm up, record, identify, judge"
+    ),
+    "payload identify": Entry(
+        "payload_identify", "", "mass, centre of gravity and inertia, from recorded runs"
+    ),
+    "payload export": Entry("payload_export", "", "load data as a maker's controller wants them"),
+    "payload read-back": Entry(
+        "payload_read_back", "", "what was typed into a controller, compared with a payload"
+    ),
+    "payload certificate": Entry("payload_certificate", "", "a payload as a PDF to sign"),
+    "sensitivity": Entry(
+        "sensitivity", "Payload", "what wrong knowledge of the robot does to a payload's estimate"
+    ),
+    "stream": Entry(
+        "stream", "Path", "follow a path more closely, live: from a file or from another program"
+    ),
+    "runs": Entry("runs", "Runs", "list the runs, and check that their files are unchanged"),
+    "serve": Entry(
+        "serve", "Service", "cells as a service: jobs, runs and a workbench in the browser"
+    ),
+    "token": Entry(
+        "token", "Service", "let a program or a device in to a service of this computer"
+    ),
+}
+"""Every such command by its words: its module in `rid_daq.commands`, section and summary."""
+
+WITHOUT_NUMERICS: Final = frozenset({"docs", "init", "report", "runs", "stop", "token"})
