@@ -14,9 +14,6 @@ TYPER: Final = {
     ),
     "init": Entry("init", "Begin", "write a commented cell, robot and motion to start from"),
     "docs": Entry("docs", "Begin", "the documentation, in the browser: guides, reference, theory"),
-    "check": Entry(
-        "check", "Cell", "preflight: every device, every safety setting; any red means no motion"
-    ),
     "axes": Entry(
         "axes", "Cell", "test direction, encoder and gear of every axis, before the first motion"
     ),

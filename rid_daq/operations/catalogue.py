@@ -66,6 +66,9 @@ GROUPS: Final = {
 """The first words of operations whose names have two."""
 
 CATALOGUE: Final = {
+    "check": Entry(
+        "cell", "Cell", "preflight: every device, every safety setting; any red means no motion"
+    ),
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
     ),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
 from config.errors import RidDaqError
+from config.process.termination import signals_deferred
 from rid_daq.operations.catalogue import identifier
 from rid_daq.operations.request import Request, option_of
 from rid_daq.terminal.context import Context as Context
@@ -69,6 +71,8 @@ class Operation:
         True if a service does it too, as a job.
     numerics : bool
         True if it loads numerical libraries, which need much memory.
+    module : str
+        Module that `run` imports, with numerics; empty if `run` imports little.
     """
 
     name: str
@@ -81,11 +85,18 @@ class Operation:
     is_held: bool = False
     is_job: bool = True
     numerics: bool = True
+    module: str = ""
 
     @property
     def kind(self) -> str:
         """The kind of its job, and the name of its schema."""
         return identifier(self.name)
+
+    def load(self) -> None:
+        """Import the module that `run` needs; a signal waits, as it would damage an import."""
+        if self.module:
+            with signals_deferred():
+                importlib.import_module(self.module)
 
     @property
     def owned(self) -> frozenset[str]:

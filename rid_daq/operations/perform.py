@@ -27,6 +27,7 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
     SystemExit
         With the exit code of the result, if that is not 0.
     """
+    operation.load()
     result = operation.run(request, console)
     console.document(result.document())
     show(result.blocks(), console)

@@ -1,44 +1,43 @@
-"""`say_devices` and `say_all`: the preflight for people, device by device, red first."""
+"""`say_devices` and `all_blocks`: the preflight for people, device by device, red first."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+from rid_daq.blocks.block import AnyBlock, Column, Heading, Table
 from rid_daq.preflight.bus_check import CheckLine
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 _WORDS = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
 _COLUMNS = ("", "what", "found", "required")
 
 
-def say_devices(console: Console, lines: Sequence[CheckLine]) -> None:
+def say_devices(context: Context, lines: Sequence[CheckLine]) -> None:
     """Write one line a device, with its headline; below it each line that is red or only allowed.
 
     Parameters
     ----------
-    console : Console
+    context : Context
         Where they are written.
     lines : sequence of CheckLine
         Those of some devices, all of each.
     """
     for where, own in _by(lines).items():
-        console.say(f"{_WORDS[_worst(own)]:<8}{where}: {_summary(own)}")
+        context.say(f"{_WORDS[_worst(own)]:<8}{where}: {_summary(own)}")
         told = [line for line in own if line.verdict in ("red", "allowed")]
         for line in sorted(told, key=lambda each: each.verdict != "red"):
-            console.say(
+            context.say(
                 f"  {_WORDS[line.verdict]:<8}{line.what}: {line.found}, required {line.required}"
             )
             if line.verdict == "red" and line.next_action:
-                console.say(f"          {line.next_action}")
+                context.say(f"          {line.next_action}")
 
 
-def say_all(console: Console, lines: Sequence[CheckLine]) -> None:
-    """Write every line: what all drives share once, then each device's own; red ones first.
+def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
+    """Yield every line: what all drives share once, then each device's own; red ones first.
 
     Parameters
     ----------
-    console : Console
-        Where they are written.
     lines : sequence of CheckLine
         All of a preflight.
     """
@@ -54,11 +53,13 @@ def say_all(console: Console, lines: Sequence[CheckLine]) -> None:
     groups = {"every drive": shared, **_by(own)} if shared else _by(own)
     for where, found in groups.items():
         found = sorted(found, key=lambda line: line.verdict != "red")
-        console.say(f"\n{where}")
-        console.table(
-            _COLUMNS,
-            [(_WORDS[line.verdict], line.what, line.found, line.required) for line in found],
-            red=[line.verdict == "red" for line in found],
+        yield Heading(text=f"\n{where}", level=3)
+        yield Table(
+            columns=tuple(Column(title=title, is_text=True) for title in _COLUMNS),
+            rows=tuple(
+                (_WORDS[line.verdict], line.what, line.found, line.required) for line in found
+            ),
+            failed=tuple(line.verdict == "red" for line in found),
         )
 
 

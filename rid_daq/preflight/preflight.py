@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from config.cell.cell import CellConfig
 from config.errors import DriverError, RidDaqError
 from config.load import LoadedCell
-from config.ranges import CheckS, Ranged
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_line
 from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
@@ -19,34 +17,6 @@ from rid_daq.preflight.eds_check import eds_lines
 from rid_daq.preflight.last_pose import PoseRule, pose_lines
 from rid_daq.preflight.monitor_check import monitor_lines
 from rid_daq.preflight.plate_check import PlateCheck
-
-
-@dataclass(frozen=True)
-class CheckRequest(Ranged):
-    """What `rid-daq check` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    runs : Path
-        The folder of the run folders.
-    seconds : float
-        How long answers are counted [s].
-    cleared : bool
-        Whether a person has cleared the cell.
-    all_lines : bool
-        Whether people are shown every line, not one a device and what is red.
-    accept_pose : bool
-        Whether the pose as it is now is the right one, wherever the last run left the robot.
-    """
-
-    cell: str
-    runs: Path
-    seconds: CheckS = 5.0
-    cleared: bool = False
-    all_lines: bool = False
-    accept_pose: bool = False
 
 
 def _untold(_lines: Sequence[CheckLine]) -> None:

@@ -46,7 +46,7 @@ class JobKind(StrEnum):
     def moves(self) -> bool:
         """True if the robot moves in it."""
         declared = self._declared
-        return self in _ON_CELL - {JobKind.CHECK} if declared is None else declared.moves
+        return self in _ON_CELL if declared is None else declared.moves
 
     @property
     def needs_axis_test(self) -> bool:
@@ -63,7 +63,6 @@ class JobKind(StrEnum):
 
 _ON_CELL = frozenset(
     {
-        JobKind.CHECK,
         JobKind.AXES,
         JobKind.JOG,
         JobKind.PLATE_ZERO,

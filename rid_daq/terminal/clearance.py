@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from config.errors import PreflightError
 from config.formats.approved_files import SHORT, sha256_of
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 if TYPE_CHECKING:
     from config.cell.cell import CellConfig
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def require_cleared(
     cell: CellConfig,
     cleared: bool,
-    console: Console,
+    context: Context,
     *,
     practise: bool = False,
     files: Mapping[str, bytes] | None = None,
@@ -29,7 +29,7 @@ def require_cleared(
         The cell.
     cleared
         Whether that was said already.
-    console
+    context
         Where a person is asked.
     practise
         Whether a simulated cell is asked about like a real one.
@@ -43,8 +43,8 @@ def require_cleared(
     """
     if practise or not cell.simulated:
         if files:
-            console.say(hashes_shown(files))
-        clear(cell.name, cleared, console)
+            context.say(hashes_shown(files))
+        clear(cell.name, cleared, context)
 
 
 def hashes_shown(files: Mapping[str, bytes]) -> str:
@@ -53,7 +53,7 @@ def hashes_shown(files: Mapping[str, bytes]) -> str:
     return f"To be driven, as read (SHA-256): {', '.join(shown)}."
 
 
-def clear(cell: str, cleared: bool, console: Console, danger: str = "The robot will move.") -> bool:
+def clear(cell: str, cleared: bool, context: Context, danger: str = "The robot will move.") -> bool:
     """Ask whether a cell is clear, question by question, unless that was said; return True.
 
     Raises
@@ -64,17 +64,17 @@ def clear(cell: str, cleared: bool, console: Console, danger: str = "The robot w
     if cleared:
         return True
     advice = "clear the cell, then type its name, or give --i-have-cleared-the-cell"
-    if not console.can_ask:
+    if not context.can_ask:
         raise PreflightError(
             f"nobody can be asked whether cell {cell} is clear: {advice}", code="RID-ANSWER-NOBODY"
         )
-    console.say(danger)
-    answer = console.ask(f"Is nobody in cell {cell}? Type the cell's name", str)
+    context.say(danger)
+    answer = context.ask(f"Is nobody in cell {cell}? Type the cell's name", str)
     if answer != cell:
         raise PreflightError(
             f"nothing was moved: {answer!r} is not {cell!r}; {advice}", code="RID-ANSWER-NO"
         )
-    if not console.confirm("Is the emergency stop at hand?"):
+    if not context.confirm("Is the emergency stop at hand?"):
         raise PreflightError(
             "nothing was moved: have the emergency stop at hand, then start again",
             code="RID-ANSWER-NO",
@@ -82,7 +82,7 @@ def clear(cell: str, cleared: bool, console: Console, danger: str = "The robot w
     return True
 
 
-def require_yes(console: Console, question: str, answered: bool) -> None:
+def require_yes(context: Context, question: str, answered: bool) -> None:
     """Ask a person, unless a flag answers.
 
     Raises
@@ -91,12 +91,12 @@ def require_yes(console: Console, question: str, answered: bool) -> None:
         Nobody can be asked, or the answer is no.
     """
     if answered:
-        console.say(f"{question} Answered by --yes.")
+        context.say(f"{question} Answered by --yes.")
         return
-    if not console.can_ask:
+    if not context.can_ask:
         raise PreflightError(
             f"{question} Nobody can be asked here: answer by the flags (--yes)",
             code="RID-ANSWER-NOBODY",
         )
-    if not console.confirm(question):
+    if not context.confirm(question):
         raise PreflightError("nothing was moved further: the answer was no", code="RID-ANSWER-NO")

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shlex
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import click
@@ -156,3 +160,34 @@ def test_a_request_is_frozen_and_closed() -> None:
     with pytest.raises(ConfigError) as caught:
         operation("retime").request.of({**required("retime"), "margn": "0.5"})
     assert caught.value.refusal == "RID-REQUEST-INVALID"
+
+
+class EndedError(Exception):
+    """A signal came."""
+
+
+def test_a_signal_waits_until_the_module_of_an_operation_is_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = "import signal\nsignal.raise_signal(signal.SIGTERM)\nWHOLE = True\n"
+    (tmp_path / "interrupted_module.py").write_text(program)
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def end(*_: object) -> None:
+        raise EndedError
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        with pytest.raises(EndedError):
+            replace(operation("check"), module="interrupted_module").load()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert sys.modules.pop("interrupted_module").WHOLE
+
+
+def test_what_opens_a_cell_and_takes_long_to_import_is_imported_ahead() -> None:
+    for name in CATALOGUE:
+        found = operation(name)
+        if found.moves:
+            assert found.module, name
+            assert importlib.util.find_spec(found.module), name

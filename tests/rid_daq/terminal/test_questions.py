@@ -44,11 +44,11 @@ def test_a_cell_is_cleared_by_one_question_each(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cell = load_cell("ir361").config
-    require_cleared(cell, cleared=False, console=Console())
+    require_cleared(cell, cleared=False, context=Console())
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(Console, "can_ask", True)
     monkeypatch.setattr("sys.stdin", io.StringIO("ir361\ny\n"))
-    require_cleared(cell, cleared=False, console=Console(), practise=True)
+    require_cleared(cell, cleared=False, context=Console(), practise=True)
     said = capsys.readouterr()
     assert said.out.strip() == "The robot will move."
     first, second = "Is nobody in cell ir361?", "Is the emergency stop at hand?"
@@ -56,4 +56,4 @@ def test_a_cell_is_cleared_by_one_question_each(
     for answers, refusal in (("ir362\n", "'ir362' is not 'ir361'"), ("ir361\nn\n", "emergency")):
         monkeypatch.setattr("sys.stdin", io.StringIO(answers))
         with pytest.raises(PreflightError, match=refusal):
-            require_cleared(cell, cleared=False, console=Console(), practise=True)
+            require_cleared(cell, cleared=False, context=Console(), practise=True)

@@ -203,7 +203,6 @@ def test_a_request_that_is_made_in_python_refuses_what_is_outside(
 
 OPTIONS = {
     "axes.seed": "axes simulation.seed",
-    "check.seconds": "check seconds",
     "design.budget_s": "design excitation.budget_s",
     "design.highest_harmonic": "design excitation.harmonics excitation.highest_harmonic",
     "design.period_s": "design excitation.period_s multisine.period_s",

@@ -11,9 +11,9 @@ import pytest
 
 from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
-from rid_daq.performers import check
+from rid_daq.operations.cell import check, checked_cell
+from rid_daq.operations.perform import perform
 from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
-from rid_daq.preflight.preflight import CheckRequest
 from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
 
@@ -52,13 +52,14 @@ def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, looks: list[bool]) -
         def mounted(*_: object, **__: object) -> Iterator[tuple[object, None]]:
             yield loaded.config, None
 
-        monkeypatch.setattr(check, "load_cell", lambda _: loaded)
-        monkeypatch.setattr(check, "preflight", preflight)
-        monkeypatch.setattr(check, "mountable_cell", mounted)
+        monkeypatch.setattr(checked_cell, "load_cell", lambda _: loaded)
+        monkeypatch.setattr(checked_cell, "preflight", preflight)
+        monkeypatch.setattr(checked_cell, "mountable_cell", mounted)
         monkeypatch.setattr(Console, "can_ask", property(lambda _: bool(typed)))
         monkeypatch.setattr(Console, "ask", lambda *_: typed)
         monkeypatch.setattr(Console, "confirm", lambda *_: True)
-        check.perform(CheckRequest("real", tmp_path, cleared=cleared), Console(False))
+        request = check.CheckRequest(cell="real", runs=tmp_path, cleared=cleared)
+        perform(check.OPERATION, request, Console(False))
 
     return look
 

@@ -1,0 +1,94 @@
+"""`check_cell`: the preflight of a cell, and the questions to a person that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from config.errors import RidDaqError
+from config.load import load_cell
+from rid_daq.operations.cell.check import CheckRequest
+from rid_daq.operations.operation import Context
+from rid_daq.preflight.bus_check import TRIAL_WAITS, CheckLine
+from rid_daq.preflight.check_words import say_devices
+from rid_daq.preflight.last_pose import PoseRule
+from rid_daq.preflight.preflight import lines_before_bus, preflight
+from rid_daq.session.cells import mountable_cell
+from rid_daq.session.drive_writes import new_write_log
+from rid_daq.terminal.clearance import clear
+
+POWER: Final = "The drives will be switched on, at rest, and their brakes open."
+
+
+@dataclass(frozen=True)
+class CheckedCell:
+    """Lines of a preflight.
+
+    Attributes
+    ----------
+    cell, files_hash : str
+        The cell's name, and the hash of the files that were read.
+    lines : sequence of CheckLine
+        All lines.
+    problem : RidDaqError or None
+        What ended the preflight early.
+    write_log : Path or None
+        Log of what was written to the drives; None if they were started here.
+    """
+
+    cell: str
+    files_hash: str
+    lines: Sequence[CheckLine]
+    problem: RidDaqError | None
+    write_log: Path | None
+
+    @property
+    def red(self) -> list[CheckLine]:
+        """The red lines."""
+        return [line for line in self.lines if line.verdict == "red"]
+
+
+def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
+    """Check a cell; each device is shown as soon as its lines are there.
+
+    Raises
+    ------
+    ConfigError, LockedError
+        The cell cannot be opened.
+    PreflightError
+        Power is needed, and a person did not clear the cell.
+    """
+    loaded = load_cell(request.cell)
+    name = loaded.config.name
+    cleared = request.cleared or loaded.config.simulated
+    if loaded.config.drive_safety.trip_watchdog_with_power:
+        cleared = clear(name, cleared, context, POWER)
+    before = lines_before_bus(loaded, request.runs)
+    say_devices(context, before)
+    with mountable_cell(loaded, any_eds=True) as (reachable, simulated):
+        # the drives of a simulation that was started here end with it: nothing to undo
+        write_log = new_write_log(request.runs) if simulated is None else None
+        rule = PoseRule.ACCEPTED if request.accept_pose else PoseRule.COMPARED
+        if simulated is not None:
+            rule = PoseRule.LEFT_OUT
+
+        def look(*, cleared: bool) -> tuple[list[CheckLine], RidDaqError | None]:
+            return preflight(
+                loaded,
+                reachable,
+                before,
+                request.seconds,
+                cleared=cleared,
+                write_log=write_log,
+                tell=lambda found: say_devices(context, found),
+                pose=rule,
+            )
+
+        lines, problem = look(cleared=cleared)
+        if context.can_ask and any(line.what == TRIAL_WAITS for line in lines):
+            clear(name, cleared, context, POWER)
+            lines, problem = look(cleared=True)
+    path = None if write_log is None else write_log.path
+    return CheckedCell(name, loaded.files_hash, lines, problem, path)
