@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Literal
 
@@ -99,6 +98,10 @@ class Table(ConfigModel):
         for row in self.rows:
             yield tuple(map(_shown, row, self.columns))
 
+    def as_texts(self) -> Table:
+        """Return the table with its cells as texts."""
+        return self.model_copy(update={"rows": tuple(self.cells())})
+
 
 class Next(ConfigModel):
     """A command of this program that is a sensible next step, as words."""
@@ -127,6 +130,4 @@ def _shown(cell: Cell, column: Column) -> str:
         return cell
     if isinstance(cell, Interval):
         return " ± ".join(measured(cell.value, cell.reach))
-    if isinstance(cell, float) and math.isinf(cell):
-        return "∞" if cell > 0.0 else "-∞"
     return number(cell, column.digits)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from rid_daq.operations.operation import FailedResult, Operation
 from rid_daq.operations.request import Request
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.shown_blocks import show
 
 
 def perform(operation: Operation, request: Request, console: Console) -> None:
@@ -29,8 +28,7 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
     """
     operation.load()
     result = operation.run(request, console)
-    console.document(result.document())
-    show(result.blocks(), console)
+    console.result(result.document(), result.blocks())
     if isinstance(result, FailedResult) and result.failure is not None:
         raise result.failure
     if result.exit_code:

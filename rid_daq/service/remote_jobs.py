@@ -162,6 +162,8 @@ class _Shown:
                 console.table(event.columns, event.rows, event.red, event.key)
             case "documented":
                 console.document(event.document)
+            case "result":
+                console.result(event.document, event.blocks)
             case "asked":
                 self._ask(job, event)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +17,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from acquisition.task.service_beat import ServiceBeat
 from config.process.own_process import own_python
+from rid_daq.blocks.block import Verdict
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
@@ -29,6 +30,8 @@ from rid_daq.terminal.job_events import (
     Ended,
     Judged,
     MotionBegun,
+    Resulted,
+    ToldBlock,
 )
 
 MOST_WAITING_BYTES: Final = 1 << 15
@@ -140,6 +143,9 @@ class RunningJob:
                     self.question = None
                 case Documented():
                     self.document = event.document
+                case Resulted():
+                    self.document = event.document
+                    self.last_bad = _failed_verdict(event.blocks) or self.last_bad
                 case Judged(passed=False):
                     self.last_bad = event.text
                 case Ended():
@@ -217,6 +223,12 @@ class RunningJob:
             except OSError:  # it has just ended
                 return None
         return self._control
+
+
+def _failed_verdict(blocks: Iterable[ToldBlock]) -> str:
+    """Return the first failed verdict, empty if there is none."""
+    failed = (each for each in blocks if isinstance(each, Verdict) and each.passed is False)
+    return next((each.text for each in failed), "")
 
 
 @dataclass

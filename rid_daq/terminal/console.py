@@ -7,7 +7,7 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeVar
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from acquisition.hold_to_run.pilot import Keys
     from acquisition.task.service_beat import ServiceBeat
+    from rid_daq.blocks.block import AnyBlock
 
 T = TypeVar("T")
 
@@ -170,6 +171,23 @@ class Console:
             _output.documents += 1
             text = self.as_text(document)
             _write(_INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+
+    def result(
+        self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
+    ) -> None:
+        """Write the result of an operation, for programs or for people.
+
+        Parameters
+        ----------
+        document
+            Its numbers, for programs.
+        blocks
+            What people see of it.
+        """
+        from rid_daq.terminal.shown_blocks import show  # blocks are models: a help needs none
+
+        self.document(document)
+        show(blocks, self)
 
     def as_text(self, document: Mapping[str, object] | BaseModel) -> str:
         """Return a document as JSON."""

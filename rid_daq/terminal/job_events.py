@@ -10,6 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from rid_daq.blocks.block import Heading, Next, Table, Text, Verdict
+
+ToldBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
+"""A block that an event has: all but plots."""
+
 
 class _Event(BaseModel):
     """What every event has: `at_s`, when it was said [s since 1970]."""
@@ -49,6 +54,17 @@ class Documented(_Event):
 
     kind: Literal["documented"] = "documented"
     document: dict[str, Any]
+
+
+class Resulted(_Event):
+    """The result of an operation: its document for programs, its blocks for people.
+
+    The cells of tables are texts. Plots are left out: the report of the run has them.
+    """
+
+    kind: Literal["result"] = "result"
+    document: dict[str, object]
+    blocks: tuple[ToldBlock, ...]
 
 
 class MotionBegun(_Event):
@@ -140,6 +156,7 @@ AnyEvent = Annotated[
     | Judged
     | Tabled
     | Documented
+    | Resulted
     | MotionBegun
     | Progressed
     | WarmedUp

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from rid_daq.blocks.block import AnyBlock, Heading, Next, Table, Text, Verdict
 from rid_daq.blocks.plot import Plot
-from rid_daq.terminal.console import Console
+
+if TYPE_CHECKING:
+    from rid_daq.terminal.console import Console
 
 
 def show(blocks: Iterable[AnyBlock], console: Console) -> None:

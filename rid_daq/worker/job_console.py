@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
 from pydantic import BaseModel
 
 from config.errors import ConfigError, PreflightError
 from config.process.safety_clock import safety_now_s
+from rid_daq.blocks.block import AnyBlock, Table
+from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, printable
 from rid_daq.terminal.job_events import (
     Answered,
@@ -26,6 +28,7 @@ from rid_daq.terminal.job_events import (
     KeyRefused,
     MotionBegun,
     Progressed,
+    Resulted,
     Said,
     Tabled,
     WarmedUp,
@@ -105,6 +108,20 @@ class JobConsole(Console):
         """Tell the command's result for programs."""
         told: dict[str, object] = json.loads(self.as_text(document))
         self.events.write(Documented(at_s=time.time(), document=told))
+
+    def result(
+        self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
+    ) -> None:
+        """Tell the result of an operation."""
+        told: dict[str, object] = json.loads(self.as_text(document))
+        shown = [
+            _printable(
+                each.as_texts().model_dump() if isinstance(each, Table) else each.model_dump()
+            )
+            for each in blocks
+            if not isinstance(each, Plot)
+        ]
+        self.events.write(Resulted(at_s=time.time(), document=told, blocks=shown))
 
     def table(
         self,
@@ -208,6 +225,15 @@ class JobConsole(Console):
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
         """Tell how far a long step is, twice a second at most."""
         yield _Told(self.events, title, total, unit)
+
+
+def _printable(value: Any) -> Any:
+    """Return a value with the control characters of its texts made visible."""
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, dict):
+        return {key: _printable(each) for key, each in value.items()}
+    return [_printable(each) for each in value] if isinstance(value, (list, tuple)) else value
 
 
 class _Told:

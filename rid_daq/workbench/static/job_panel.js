@@ -173,11 +173,25 @@ export class JobPanel {
       case "judged": return this.judge(event);
       case "tabled": return this.said.append(table(event.columns, event.rows, event.red));
       case "documented": return (this.document = event.document);
+      case "result": return this.showResult(event);
       case "motion": return this.say("h3", event.title);
       case "progress": return this.showProgress(event);
       case "asked": return this.askPerson(event);
       case "answered": return this.drop();
       case "ended": return event.message && this.judge({ passed: false, text: event.message });
+    }
+  }
+
+  showResult({ document, blocks }) {
+    this.document = document;
+    for (const block of blocks) {
+      switch (block.kind) {
+        case "verdict": this.judge(block); break;
+        case "heading": this.say("h3", block.text); break;
+        case "text": if (block.text) this.say("p", block.text, block.is_note ? "soft" : null); break;
+        case "table": this.said.append(table(block.columns.map(({ title, unit }) => (unit ? `${title} [${unit}]` : title)), block.rows, block.failed)); break;
+        case "next": this.say("p", `Next: rid-daq ${block.words.join(" ")}`);
+      }
     }
   }
 

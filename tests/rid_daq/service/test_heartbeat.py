@@ -14,12 +14,13 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
+from rid_daq.blocks.block import Verdict
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Job, JobState, OnLostClient, Role
 from rid_daq.service.running_job import EventTail, RunningJob, WarmWorker
 from rid_daq.service.service import CellService
 from rid_daq.service.workshop import outcome_of
-from rid_daq.terminal.job_events import Ended, MotionBegun
+from rid_daq.terminal.job_events import Ended, MotionBegun, Resulted
 from rid_daq.worker.job_console import EventFile
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import PATIENCE_S, Worker, as_worker, job
@@ -128,6 +129,21 @@ def test_a_process_that_died_otherwise_is_said_to_have_died(
     state, reason = outcome_of(running, closing=False)
     assert state is JobState.INTERRUPTED
     assert f"its process died (exit code {code})" in reason
+
+
+def test_the_failed_verdict_of_a_result_is_the_reason_of_a_job(
+    service: CellService, tmp_path: Path
+) -> None:
+    worker = Worker()
+    running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
+    blocks = (Verdict(passed=True, text="axis1: good"), Verdict(passed=False, text="axis2: late"))
+    with EventFile(tmp_path / "events") as events:
+        events.write(Resulted(at_s=0.0, document={"run": "r1"}, blocks=blocks))
+        events.write(Ended(at_s=0.0, exit_code=1))
+    running.look()
+    worker.returncode = 1
+    assert outcome_of(running, closing=False) == (JobState.FAILED, "axis2: late")
+    assert running.document == {"run": "r1"}
 
 
 @pytest.mark.promise("stop-has-its-reason")

@@ -180,6 +180,9 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     expect(rows.first).to_contain_text("axis1")
     gain = float(rows.first.locator("td").nth(2).inner_text().split()[0])
     assert gain == pytest.approx(900.0, rel=0.05)
+    page.locator(
+        "[data-figure=bode-axis1]"
+    ).scroll_into_view_if_needed()  # it loads once it is seen
     figure = "[data-figure=bode-axis1] [data-figure-state=shown]"
     expect(page.locator(figure).first).to_be_visible()
     expect(page.locator("#loop")).to_have_value(f"runs/{run}/loops.json")

@@ -19,6 +19,8 @@ from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 from acquisition.hold_to_run.pilot import Keys
 from acquisition.task.service_beat import SERVICE_LIMIT_S, ServiceBeat
 from config.errors import ConfigError, PreflightError
+from rid_daq.blocks.block import Column, Heading, Interval, Next, Table, Text, Verdict
+from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.service.remote_jobs import _Shown
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.console import Console
@@ -69,6 +71,35 @@ def test_events_shown_again_are_what_the_command_says(
     for event in EventTail(events).new():
         shown(None, event)
     assert capsys.readouterr().out == here
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_result_shown_again_is_what_the_command_says(
+    console: JobConsole, events: Path, capsys: pytest.CaptureFixture[str], as_json: bool
+) -> None:
+    line = Line(label="torque", x=(0.0, 1.0), y=(0.0, 1.0), stroke=0)
+    x, y = Axis(label="time", unit="s"), Axis(label="torque", unit="N m")
+    blocks = (
+        Heading(text="Errors"),
+        Text(text="From a file.\x1b[31m", is_note=True),
+        Table(
+            columns=(Column(title="joint", is_text=True), Column(title="error", unit="%")),
+            rows=(("axis1", Interval(value=1.25, reach=0.5)), ("axis2", 12.345), ("axis3", None)),
+            failed=(False, True, False),
+        ),
+        Plot(name="torque", panels=(Panel(x=x, y=y, lines=(line,)),)),
+        Verdict(passed=False, text="Failed: axis2"),
+        Next(words=("identify", "a run")),
+    )
+    Console(as_json).result({"passed": False}, blocks)
+    here = capsys.readouterr().out
+    console.result({"passed": False}, blocks)
+    shown = _Shown(Console(as_json))
+    (event,) = EventTail(events).new()
+    shown(None, event)
+    assert capsys.readouterr().out == here != ""
+    assert b"\x1b" not in events.read_bytes()
+    assert b"u001b" not in events.read_bytes()
 
 
 def test_programs_get_the_document_of_the_command(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,10 +17,11 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from config.errors import ConfigError, RidDaqError
 from config.load import load_cell
+from rid_daq.blocks.block import Verdict
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import check_request
 from rid_daq.service.running_job import EventTail
-from rid_daq.terminal.job_events import AnyEvent, Documented, Judged
+from rid_daq.terminal.job_events import AnyEvent, Resulted
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.job_requests import performer, request_of
 from rid_daq.worker.orders import Orders
@@ -58,11 +59,11 @@ def left_by_a_crash(folder: Path) -> RunFolder:
 def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Path) -> None:
     run = left_by_a_crash(tmp_path)
     events = done(JobKind.RECOVER, {"what": run.run_id}, tmp_path)
-    (document,) = (each.document for each in events if isinstance(each, Documented))
-    assert document["recordings"][RECORDING]["rows"] == ROWS
-    assert document["rows_lost"] == 0
-    (verdict,) = (each for each in events if isinstance(each, Judged))
-    assert verdict.passed
+    (result,) = (each for each in events if isinstance(each, Resulted))
+    (entry,) = cast(dict[str, dict[str, object]], result.document["recordings"]).values()
+    assert entry["rows"] == ROWS
+    assert result.document["rows_lost"] == 0
+    assert [each.passed for each in result.blocks if isinstance(each, Verdict)] == [True]
     statuses = {found.run_id: manifest.status for found, manifest in list_runs(tmp_path / "runs")}
     assert statuses.pop(run.run_id) == "unfinished"
     assert list(statuses.values()) == ["recovered"]
