@@ -6,6 +6,7 @@ import functools
 import re
 import textwrap
 import typing
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
 
@@ -38,7 +39,10 @@ class OperationCommand(click.Command):
 
     def __init__(self, operation: Operation) -> None:
         self._operation = operation
-        self._fields = {_PARTS.join(each.path): each for each in shown_fields(operation.request)}
+        fields: dict[str, list[ShownField]] = {}
+        for each in shown_fields(operation.request):  # fields of one name share an option
+            fields.setdefault(each.flag, []).append(each)
+        self._fields = {_PARTS.join(each[0].path): each for each in fields.values()}
         service = click.Option(["--service"], metavar="ADDRESS", help=SERVICE_HELP)
         common: list[click.Parameter] = [
             *([service] if operation.is_job else []),
@@ -46,7 +50,7 @@ class OperationCommand(click.Command):
         ]
         super().__init__(
             operation.name.split()[-1],
-            params=[_parameter(key, each) for key, each in self._fields.items()] + common,
+            params=[_parameter(key, each[0]) for key, each in self._fields.items()] + common,
             callback=self._call,
             help=operation.request.__doc__,
         )
@@ -57,7 +61,7 @@ class OperationCommand(click.Command):
         sections: dict[str, list[tuple[str, str]]] = {OPTIONS: []}
         last: list[tuple[str, str]] = []
         for each in self.get_params(ctx):
-            shown = self._fields.get(each.name or "")
+            shown = next(iter(self._fields.get(each.name or "", ())), None)
             if shown is not None and shown.option.positional:
                 arguments.append((shown.flag, shown.help))
             elif record := each.get_help_record(ctx):
@@ -83,16 +87,19 @@ class OperationCommand(click.Command):
         if operation.numerics:
             require_memory(NUMERICS_BYTES)
         values: dict[str, object] = {}
-        for key, each in self._fields.items():
+        for key, fields in self._fields.items():
             value = given[key]
             if value is None or value == ():
                 continue
-            if typing.get_origin(each.type) is dict:
-                value = dict(_pair(each, text) for text in value)
-            inner: Any = values
-            for part in each.path[:-1]:
-                inner = inner.setdefault(part, {})
-            inner[each.path[-1]] = value
+            if typing.get_origin(fields[0].type) is dict:
+                value = dict(_pair(fields[0], text) for text in value)
+            elif fields[0].option.separator:
+                value = _separated(fields[0], value)
+            for each in fields:
+                inner: Any = values
+                for part in each.path[:-1]:
+                    inner = inner.setdefault(part, {})
+                inner[each.path[-1]] = value
         request, console = operation.request.of(values, flags=True), Console(as_json)
         if operation.is_job:
             do = functools.partial(perform, operation)
@@ -113,8 +120,9 @@ class Value(click.ParamType[str]):
     name = "text"
 
     def __init__(self, type_: Any) -> None:
+        of_enum = type_ if isinstance(type_, type) and issubclass(type_, StrEnum) else ()
         literal = typing.get_origin(type_) is typing.Literal
-        self.choices = tuple(map(str, typing.get_args(type_))) if literal else ()
+        self.choices = tuple(map(str, typing.get_args(type_) if literal else of_enum))
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
@@ -143,10 +151,11 @@ def _parameter(key: str, shown: ShownField) -> click.Parameter:
         no = f"/--no-{shown.flag[2:]}" if option.negatable else ""
         flag = f"{shown.flag}{no}"
         return click.Option([*names, flag, key], is_flag=True, default=None, help=shown.help)
+    words = 1 if repeated or origin is not tuple or option.separator else len(arguments)
     return click.Option(
         [*names, shown.flag, key],
-        multiple=repeated,
-        nargs=len(arguments) if origin is tuple and not repeated else 1,
+        multiple=repeated and not option.separator,
+        nargs=words,
         metavar=option.metavar or "|".join(value.choices) or PLACEHOLDERS.get(element, "TEXT"),
         help=shown.help,
         required=required,
@@ -159,6 +168,14 @@ def _wrapped(command: str, columns: int) -> list[str]:
     joined = re.sub(r" (?!-)", "\0", command)
     lines = textwrap.wrap(joined, columns, subsequent_indent="    ", break_on_hyphens=False)
     return [line.replace("\0", " ") for line in lines]
+
+
+def _separated(shown: ShownField, text: str) -> tuple[str, ...]:
+    words = tuple(text.split(shown.option.separator))
+    if not shown.is_repeated and len(words) != len(typing.get_args(shown.type)):
+        form = f"must have the form {shown.option.metavar}"
+        raise ConfigError(f"{shown.flag}: {text!r} {form}", code=INVALID)
+    return tuple(filter(None, map(str.strip, words)))
 
 
 def _pair(shown: ShownField, text: str) -> tuple[str, str]:

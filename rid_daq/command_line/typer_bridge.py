@@ -17,7 +17,7 @@ from rid_daq.command_line.typer_commands import TYPER, WITHOUT_NUMERICS
 from rid_daq.operations.operation import NUMERICS_BYTES
 from rid_daq.terminal.option_sections import SectionedCommand
 
-_FUNCTIONS: Final = {"import": "import_", "read-back": "read_back"}
+_FUNCTIONS: Final = {"read-back": "read_back"}
 
 
 class TyperBridge(click.Command):

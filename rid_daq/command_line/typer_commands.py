@@ -27,28 +27,11 @@ TYPER: Final = {
     "mock": Entry("mock", "Cell", "serve a cell's simulated devices on their bus until stopped"),
     "plate zero": Entry("plate", "", "the plate's offsets: read, turn axis 1 by half a turn, read"),
     "stop": Entry("stop", "Cell", "quick stop of whatever session is running on this machine"),
-    "design": Entry(
-        "design",
-        "Experiment",
-        "choose an excitation, verify it against the limits, write the motion file",
-    ),
     "record": Entry("record", "Experiment", "run a motion on a cell and record it"),
-    "import": Entry(
-        "import_", "Experiment", "someone else's recording (CSV, ROS bag) into a run folder"
-    ),
-    "average": Entry(
-        "average", "Experiment", "cut a run into periods, reject bad ones, average the rest"
-    ),
     "identify": Entry(
         "identify", "Identify", "estimate the robot's parameters from one or more runs"
     ),
     "validate": Entry("validate", "Identify", "predict another run's torques and judge the error"),
-    "export": Entry(
-        "export",
-        "Identify",
-        "a model as URDF, SDF, C, Python, CSV, JSON; a recording as CSV, Parquet, MAT, MDF4",
-    ),
-    "report": Entry("report", "Identify", "write a run's report again from its results"),
     "payload session": Entry(
         "payload_session", "", "lead through a session: check, warm up, record, identify, judge"
     ),
@@ -76,4 +59,4 @@ TYPER: Final = {
 }
 """Every such command by its words: its module in `rid_daq.commands`, section and summary."""
 
-WITHOUT_NUMERICS: Final = frozenset({"docs", "init", "report", "runs", "stop", "token"})
+WITHOUT_NUMERICS: Final = frozenset({"docs", "init", "runs", "stop", "token"})

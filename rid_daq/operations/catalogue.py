@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import keyword
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -73,7 +74,18 @@ CATALOGUE: Final = {
         "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
     ),
     "friction": Entry("identify", "Identify", "measure friction alone, from runs made for it"),
+    "design": Entry(
+        "experiment",
+        "Experiment",
+        "choose an excitation, verify it against the limits, write the motion file",
+    ),
+    "import": Entry("experiment", "Experiment", "import a CSV file or ROS bag into a run folder"),
+    "average": Entry(
+        "experiment", "Experiment", "cut a run into periods, reject bad ones, average the rest"
+    ),
     "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
+    "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
+    "report": Entry("identify", "Identify", "write a run's report again from its results"),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
     "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),
@@ -81,7 +93,10 @@ CATALOGUE: Final = {
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
     "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
 }
-"""Every operation by its name: the words of its command. Its module is `identifier` of it."""
+"""Every operation by its name: the words of its command. Its module is `identifier` of it.
+
+The module of a name that is a keyword of Python, such as `import`, ends in `_`.
+"""
 
 
 def identifier(name: str) -> str:
@@ -107,8 +122,7 @@ def operation(name: str) -> Operation:
     KeyError
         There is none of this name.
     """
-    module = importlib.import_module(
-        f"rid_daq.operations.{CATALOGUE[name].room}.{identifier(name)}"
-    )
+    file = f"{name}_" if keyword.iskeyword(name) else identifier(name)
+    module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].room}.{file}")
     found: Operation = module.OPERATION
     return found

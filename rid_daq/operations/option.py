@@ -44,6 +44,8 @@ class Option:
         True if the service sets the field and a client cannot.
     needs : str
         Field without which this one has no effect.
+    separator : str
+        What separates several values in one word of the command line.
     """
 
     group: str = OPTIONS
@@ -57,6 +59,7 @@ class Option:
     endings: tuple[str, ...] = ()
     owned: bool = False
     needs: str = ""
+    separator: str = ""
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

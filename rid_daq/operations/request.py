@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import types
 import typing
 from collections.abc import Iterator, Mapping
@@ -26,6 +27,7 @@ _BOUNDS: Final = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
+_NOT_FINITE: Final = "finite_number"
 _NO_EFFECT: Final = "has no effect without {needs}; leave it out"
 _PROBLEMS: Final = {"missing": "is missing", "extra_forbidden": "is not a field of this request"}
 
@@ -141,7 +143,7 @@ class ShownField:
         text = str(self.info.description)
         if unit:
             text = f"{text.rstrip('.')} [{unit}]."
-        if self.is_repeated and not self.option.positional:
+        if self.is_repeated and not self.option.positional and not self.option.separator:
             text += " Repeatable."
         known = isinstance(default, (int, float, str, Path)) and not isinstance(default, bool)
         return f"{text} Default: {default}." if known and default != "" else text
@@ -177,16 +179,23 @@ def _refused(
 ) -> ConfigError:
     """Return the first problem as an error; a number out of range comes first."""
     found = error.errors(include_url=False)
-    ranges = (*_BOUNDS, "finite_number", "range")
-    first = next((each for each in found if each["type"] in ranges), found[0])
+    first = next(filter(_is_of_range, found), found[0])
     context = first.get("ctx", {})
     path = tuple(map(str, first["loc"])) + tuple(filter(None, [context.get("where")]))
     names = {each.path: each.flag for each in shown_fields(request)} if flags else {}
     name = _name(path, names)
     needs = names.get((str(context.get("needs")),), context.get("needs"))
     text = _problem(first, needs)
-    code = OUT_OF_RANGE if first["type"] in ranges else INVALID
+    code = OUT_OF_RANGE if _is_of_range(first) else INVALID
     return ConfigError(": ".join(filter(None, (shown, name, text))), code=code)
+
+
+def _is_of_range(error: ErrorDetails) -> bool:
+    """Return True if a number is outside its range or not finite, such as NaN for an integer."""
+    value = error["input"]
+    return error["type"] in (*_BOUNDS, _NOT_FINITE, "range") or (
+        isinstance(value, float) and not math.isfinite(value)
+    )
 
 
 def _name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> str:
@@ -203,7 +212,7 @@ def _problem(error: ErrorDetails, needs: str | None) -> str:
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
         return f"{value} is outside its range: give {words} {error.get('ctx', {})[key]:g}"
-    if kind == "finite_number":
+    if kind == _NOT_FINITE or (isinstance(value, float) and not math.isfinite(value)):
         return f"{value} is not a finite number: give a number"
     if kind == "needs":
         return _NO_EFFECT.format(needs=needs)

@@ -47,13 +47,9 @@ _MOST_OF: Final = MappingProxyType(
 _JSON: Final = (".json",)
 OUTPUT_ENDINGS: Final = MappingProxyType(
     {
-        JobKind.DESIGN: (".yaml",),
         JobKind.IDENTIFY: _JSON,
         JobKind.PAYLOAD_IDENTIFY: _JSON,
         JobKind.PAYLOAD_CERTIFICATE: (".pdf",),
-        JobKind.EXPORT: (
-            *(".urdf", ".sdf", ".py", ".c", ".csv", ".json", ".parquet", ".mat", ".mf4"),
-        ),
         JobKind.PAYLOAD_EXPORT: (
             *(".src", ".mod", ".ls", ".script", ".txt", ".json", ".urdf", ".dat", ".jbi", ".xml"),
         ),

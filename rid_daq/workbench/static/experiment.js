@@ -78,18 +78,13 @@ kind.addEventListener("change", () => {
 });
 
 function designRequest() {
-  const periodic = kind.value !== "constant-velocity";
-  const period_s = periodic ? numberOf("period", { least: 0.1 }) : 10;
-  const periods = periodic ? numberOf("periods", { least: 2, whole: true }) : 16;
-  const multisine = kind.value === "multisine";
+  const request = { output: nameOf("name", ".yaml"), kind: kind.value };
+  if (kind.value === "constant-velocity") return request;
+  const periods = { period_s: numberOf("period", { least: 0.1 }), periods: numberOf("periods", { least: 2, whole: true }) };
+  if (kind.value === "multisine") return { ...request, multisine: periods };
   const quick = find("method").value === "quick";
-  const excitation = quick ? { period_s, periods, tries: 200 } : { period_s, periods, starts: 12, budget_s: 300 };
-  return {
-    output: nameOf("name", ".yaml"),
-    kind: kind.value,
-    excitation: multisine ? { period_s: 10, periods: 16, tries: 200 } : excitation,
-    multisine: multisine ? { period_s, periods } : {},
-  };
+  const how = quick ? { method: "two-harmonic" } : { budget_s: 300 };
+  return { ...request, excitation: { ...periods, ...how } };
 }
 
 find("design-form").addEventListener("submit", async (event) => {

@@ -93,7 +93,7 @@ def test_people_read_what_holds_the_motion_back(
     assert run(["design", "ir361", "-o", str(tmp_path / "m.yaml"), "--starts", "1"]) == 0
     said = capsys.readouterr().out
     assert "log determinant" in said
-    assert "What holds the motion back: " in said
+    assert "Limits that hold the motion back: " in said
     assert "Torque is not checked" in said
     assert "Collisions are not checked" in said
 

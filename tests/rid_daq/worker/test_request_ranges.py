@@ -203,14 +203,6 @@ def test_a_request_that_is_made_in_python_refuses_what_is_outside(
 
 OPTIONS = {
     "axes.seed": "axes simulation.seed",
-    "design.budget_s": "design excitation.budget_s",
-    "design.highest_harmonic": "design excitation.harmonics excitation.highest_harmonic",
-    "design.period_s": "design excitation.period_s multisine.period_s",
-    "design.periods": "design excitation.periods multisine.periods",
-    "design.realisations": "design multisine.realisations",
-    "design.seed": "design seed excitation.seed multisine.seed",
-    "design.starts": "design excitation.starts",
-    "design.tries": "design excitation.tries",
     "jog.seed": "jog simulation.seed",
     "jog.speed": "jog speed_percent",
     "payload session.periods": "payload periods",

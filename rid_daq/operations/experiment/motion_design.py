@@ -1,9 +1,9 @@
-"""`rid-daq design`: a motion chosen, verified within a cell's limits, and written."""
+"""`design_motion`: choose a motion, verify it within the limits of a cell, and write it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Final
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.motion import Motion
@@ -16,7 +16,6 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
-from config.ranges import Ranged, Seed
 from identification.design.task import chosen_criterion, excitation_problem
 from identification.design.two_harmonic import (
     TwoHarmonicOptions,
@@ -26,46 +25,16 @@ from identification.design.two_harmonic import (
 from identification.estimation.limit_torque import limit_warmth
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.jobs.cell_files import estimate_for
-from rid_daq.jobs.excitation_search import Search, SearchOptions, search
+from rid_daq.operations.experiment.design import DesignRequest, Multisine
+from rid_daq.operations.experiment.excitation_search import Search, search
+from rid_daq.operations.operation import Context
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import Kind
-from rid_daq.terminal.console import Console
 
-
-@dataclass(frozen=True)
-class DesignRequest(Ranged):
-    """What `rid-daq design` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    output : Path
-        The motion file to write.
-    kind : Kind
-        What the motion is for; the options of other kinds have no effect.
-    excitation : SearchOptions or TwoHarmonicOptions
-        How an excitation is found: by gradients from many starts, or by the heuristic.
-    multisine : MultisineOptions
-        What multisines are asked for.
-    model : Path or None
-        A model to hold torque limits by.
-    given : tuple of Path
-        Models of earlier runs, whose information counts.
-    seed : int
-        What runs at constant speed are drawn from.
-    overwrite : bool
-        Whether the file may be there already.
-    """
-
-    cell: str
-    output: Path
-    kind: Kind
-    excitation: SearchOptions | TwoHarmonicOptions
-    multisine: MultisineOptions
-    model: Path | None = None
-    given: tuple[Path, ...] = ()
-    seed: Seed = 0
-    overwrite: bool = False
+HARMONICS: Final = 5
+HEURISTIC_HARMONICS: Final = 8
+REALISATIONS: Final = 4
 
 
 @dataclass(frozen=True)
@@ -86,6 +55,8 @@ class Designed:
         How the search for it went, where there was one.
     use : ndarray, shape (joints, 3), or None
         Largest share of speed, acceleration and torque limit that a multisine uses.
+    notes : tuple of str
+        What a person should know of it.
     """
 
     cell: LoadedCell
@@ -94,22 +65,18 @@ class Designed:
     condition: float | None = None
     found: Search | None = None
     use: FloatArray | None = None
+    notes: tuple[str, ...] = ()
 
 
-def design_motion(
-    request: DesignRequest, console: Console, scheduler: str | None = None
-) -> Designed:
+def design_motion(request: DesignRequest, context: Context) -> Designed:
     """Choose a motion, verify it within every limit, ramps included, and write it.
 
     Parameters
     ----------
     request : DesignRequest
         What is wanted.
-    console : Console
-        Where progress is shown.
-    scheduler : str, optional
-        Address of a Dask scheduler to compute on. It executes code of ours and its answers are
-        unpickled: so no request names it, only who types a command here.
+    context : Context
+        Shows progress.
 
     Raises
     ------
@@ -119,6 +86,7 @@ def design_motion(
     RecordingError
         The file cannot be written.
     """
+    refuse_output(request.output, request.overwrite, made_file.MOTION)
     _require_periods(request)
     cell = load_cell(request.cell)
     robot, config = cell.robot, cell.config
@@ -127,9 +95,9 @@ def design_motion(
             steady = constant_velocity_motion(robot, config.workspace, seed=request.seed)
             return Designed(cell, steady, _written(request, cell, steady))
         case Kind.MULTISINE:
-            return _multisine(request, cell, console)
+            return _multisine(request, cell)
         case Kind.EXCITATION | Kind.REVERSED:
-            motion, origin, found = _excitation(request, cell, console, scheduler)
+            motion, origin, found = _excitation(request, cell, context)
     if request.kind is Kind.REVERSED:
         back = reversed_motion(motion)
         return Designed(cell, back, _written(request, cell, back), found=found)
@@ -160,23 +128,33 @@ def _require_periods(request: DesignRequest) -> None:
 
 
 def _excitation(
-    request: DesignRequest, cell: LoadedCell, console: Console, scheduler: str | None
+    request: DesignRequest, cell: LoadedCell, context: Context
 ) -> tuple[FourierMotion, str, Search | None]:
     """Return an excitation, where it comes from in words, and how the search for it went."""
     robot, config, how = cell.robot, cell.config, request.excitation
-    if isinstance(how, TwoHarmonicOptions):
-        motion = design_two_harmonic(robot, how, config.cycle_time_s, workspace=config.workspace)
+    if how.method == "two-harmonic":
+        options = TwoHarmonicOptions(
+            how.period_s,
+            how.harmonics or HEURISTIC_HARMONICS,
+            how.limit_fraction,
+            how.tries,
+            how.seed,
+            how.periods,
+        )
+        motion = design_two_harmonic(
+            robot, options, config.cycle_time_s, workspace=config.workspace
+        )
         return motion, f"the best of {how.tries} draws of two harmonics from seed {how.seed}.", None
     problem = excitation_problem(
         config,
         robot,
         period_s=how.period_s,
-        harmonics=how.harmonics,
+        harmonics=how.harmonics or HARMONICS,
         criterion=chosen_criterion(robot, how.criterion, how.wanted),
         model=None if request.model is None else estimate_for(request.model, robot),
         given=[estimate_for(path, robot) for path in request.given],
     )
-    found = search(problem, config, how, console, scheduler)
+    found = search(problem, config, how, context, request.scheduler)
     origin = (
         f"start {found.best.seed} was the best of {len(found.trials)} from seed {how.seed} for"
         f" {', '.join(how.wanted) or how.criterion}:"
@@ -185,15 +163,28 @@ def _excitation(
     return found.best.motion, origin, found
 
 
-def _multisine(request: DesignRequest, cell: LoadedCell, console: Console) -> Designed:
+def _multisine(request: DesignRequest, cell: LoadedCell) -> Designed:
     robot, model = cell.robot, request.model
     estimate = None if model is None else estimate_for(model, robot)
-    motion = multisine_motion(robot, cell.config, request.multisine, estimate)
+    motion = multisine_motion(robot, cell.config, _options(request.multisine), estimate)
     samples = _written(request, cell, motion)
     warmth = "" if estimate is None else limit_warmth(estimate)
-    if warmth:
-        console.say(warmth)
-    return Designed(cell, motion, samples, use=limit_use(samples, robot, estimate))
+    use = limit_use(samples, robot, estimate)
+    return Designed(cell, motion, samples, use=use, notes=(warmth,) if warmth else ())
+
+
+def _options(asked: Multisine) -> MultisineOptions:
+    usual = 1 if asked.phases == "schroeder" else REALISATIONS
+    return MultisineOptions(
+        asked.band_hz,
+        asked.period_s,
+        asked.periods,
+        asked.realisations or usual,
+        asked.grid,
+        asked.phases,
+        asked.slow,
+        asked.seed,
+    )
 
 
 def _written(

@@ -1,20 +1,18 @@
-"""`rid-daq export`: an identified model, or a run's recording, in the format of other programs."""
+"""`export_file`: an identified model, or a run's recording, in the format of other programs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from acquisition.recording.files import RecordingFormat, recording_bytes
-from acquisition.recording.table import RecordingTable, recording_table
+from acquisition.recording.table import recording_table
+from acquisition.runs.catalogue import file_or_run
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
 from config.formats.whole_file import write_whole
-from config.ranges import Ranged
 from identification.consistency.closest_robot import consistent
-from identification.consistency.consistency_test import ConsistencyTest
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.export.description import pinocchio_model, sdf, urdf
@@ -23,9 +21,11 @@ from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
 from identification.model.still_joints import refuse_still
 from identification.regression.fit_grade import Grade
-from rid_daq.runs.run_data import RunData, report_lacks
+from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
+from rid_daq.runs.run_data import RunData, every_lack
 from rid_daq.terminal.choices import MODEL, Format
-from rid_daq.terminal.console import Console
 
 RECORDINGS: Final = tuple(Format(form.value) for form in RecordingFormat)
 TABLES: Final[dict[Format, Callable[[Estimate, ExportModel | None], str]]] = {
@@ -44,60 +44,34 @@ DESCRIPTIONS: Final[dict[Format, Callable[[ExportModel], str]]] = {
 NEED_NO_LINKS: Final = (*FUNCTIONS, *TABLES)
 
 
-@dataclass(frozen=True)
-class ExportRequest(Ranged):
-    """What `rid-daq export` was asked for.
+def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
+    """Write the model or the recording that a request names.
 
-    Attributes
-    ----------
-    what : str
-        A model file, or a run.
-    to : Format
-        As what it is written.
-    output : Path
-        The file to write.
-    runs : Path
-        The folder of the run folders.
-    as_identified, despite_misfit : bool
-        Whether parameters stay as identified, and whether a robot is written that the data speak
-        against.
-    unfinished : bool
-        Whether a run that was never finished will do.
-    overwrite : bool
-        Whether the file may be there already.
+    Raises
+    ------
+    ConfigError
+        The file exists, or an option has no effect on what is exported.
+    RidDaqError
+        As `export_model` and `export_recording`.
     """
-
-    what: str
-    to: Format
-    output: Path
-    runs: Path
-    as_identified: bool = False
-    despite_misfit: bool = False
-    unfinished: bool = False
-    overwrite: bool = False
-
-    @property
-    def is_model(self) -> bool:
-        """Whether a model file is meant: a file that is there; all else means a run."""
-        return Path(self.what).is_file()
+    refuse_output(request.output, request.overwrite, made_file.EXPORT)
+    found = file_or_run(request.runs, request.what)
+    if isinstance(found, Path):
+        _refuse_useless(request, ("unfinished",), "with a model file")
+        if request.as_identified:
+            _refuse_useless(request, ("despite_misfit",), "with --as-identified")
+        return export_model(request)
+    _refuse_useless(request, ("as_identified", "despite_misfit"), "with a recording")
+    return export_recording(request, found)
 
 
-@dataclass(frozen=True)
-class ExportedModel:
-    """A model that was written: whose, how far it is from what was identified, and its test."""
-
-    robot: str
-    sentence: str
-    test: ConsistencyTest | None
-
-
-@dataclass(frozen=True)
-class ExportedRecording:
-    """A recording that was written: the run, its rows and columns, and what it lacks."""
-
-    data: RunData
-    table: RecordingTable
-    notes: list[str]
+def _refuse_useless(request: ExportRequest, names: tuple[str, ...], because: str) -> None:
+    for name in names:
+        if getattr(request, name):
+            raise ConfigError(
+                f"--{name.replace('_', '-')}: has no effect {because}; leave it out",
+                code="RID-OPTION-NO-EFFECT",
+            )
 
 
 def export_model(request: ExportRequest) -> ExportedModel:
@@ -153,12 +127,10 @@ def export_model(request: ExportRequest) -> ExportedModel:
     else:
         text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
     write_whole(request.output, text.encode())
-    return ExportedModel(estimate.robot.name, sentence, chosen.test)
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test)
 
 
-def export_recording(
-    request: ExportRequest, folder: RunFolder, console: Console
-) -> ExportedRecording:
+def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecording:
     """Write everything that a run has recorded, row by row.
 
     Raises
@@ -177,7 +149,7 @@ def export_recording(
             code="RID-EXPORT-FORMAT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
-    notes = report_lacks(console, [data])
+    notes = every_lack([data])
     table = recording_table(data.recording, data.robot)
     write_whole(request.output, recording_bytes(table, RecordingFormat(to.value)))
-    return ExportedRecording(data, table, notes)
+    return ExportedRecording(request, data, table, notes)

@@ -1,4 +1,4 @@
-"""`rid-daq import`: someone else's files or bag to run folders, one for each range of rows."""
+"""`import_files`: files or a bag of another program to run folders, one for each range of rows."""
 
 from __future__ import annotations
 
@@ -18,40 +18,13 @@ from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
 from config.robot.robot import RobotDescription
+from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import note_map
 from rid_daq.runs.run_data import MAP, ROBOT, SOURCES, RunData, result_of
 from rid_daq.session.session import as_label, unfinished
 from rid_daq.session.versions import software_versions
-
-
-@dataclass(frozen=True)
-class ImportRequest:
-    """What `rid-daq import` was asked for.
-
-    Attributes
-    ----------
-    file : Path
-        A CSV file or a bag.
-    import_map : str
-        The map: a bundled name, or a path.
-    runs : Path
-        The folder of the run folders.
-    further : tuple of Path
-        The files that the map calls `further_files`.
-    rows : tuple of RowRange
-        The rows of each run; those that the map says, in one run, if there are none.
-    labels : tuple of str
-        What to call the runs; by the file and the rows if there are none.
-    """
-
-    file: Path
-    import_map: str
-    runs: Path
-    further: tuple[Path, ...] = ()
-    rows: tuple[RowRange, ...] = ()
-    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,7 +36,7 @@ class ImportedRun:
     page: Path
 
 
-def import_files(request: ImportRequest) -> list[ImportedRun]:
+def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
     """Import files; every part is read before the first run folder is made.
 
     Raises
@@ -76,25 +49,26 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
     RecordingError
         A run cannot be written.
     """
-    import_map, robot = load_import_map(request.import_map)
-    ranges = request.rows or (import_map.rows,)
-    if request.labels and len(request.labels) != len(ranges):
+    import_map, robot = load_import_map(request.map)
+    ranges = [_range(rows) for rows in request.rows] or [import_map.rows]
+    if request.label and len(request.label) != len(ranges):
         raise ConfigError(
-            f"--label: {len(request.labels)} labels for {len(ranges)} runs: give one a run",
+            f"--label: {len(request.label)} labels for {len(ranges)} runs: give one a run",
             code="RID-OPTION-COUNT",
         )
-    for label in request.labels:
+    for label in request.label:
         require_label(label)
-    file = request.file
+    named, *further = request.file
+    file = named
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
         if import_map.joint_states is not None:
-            if request.further:
+            if further:
                 raise ConfigError(
-                    f"{request.further[0]}: a bag is imported by itself: leave it out",
+                    f"{further[0]}: a bag is imported by itself: leave it out",
                     code="RID-IMPORT-FILES",
                 )
             file = Path(place) / f"{file.stem}.csv"
-            import_map = bag_as_table(request.file, import_map, robot.joint_names, file)
+            import_map = bag_as_table(named, import_map, robot.joint_names, file)
         elif is_bag(file):
             raise ConfigError(
                 f"{file}: is a bag, and map {import_map.name!r} reads CSV files: give a map with"
@@ -102,22 +76,27 @@ def import_files(request: ImportRequest) -> list[ImportedRun]:
                 code="RID-IMPORT-FILES",
             )
         maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
-        read = [import_csv(file, each, robot, further=request.further) for each in maps]
+        read = [import_csv(file, each, robot, further=further) for each in maps]
         stem = file.stem
-        named = [f"{stem} {rows.first}-{rows.last or ''}" for rows in ranges]
-        labels = request.labels or ([as_label(stem)] if len(ranges) == 1 else map(as_label, named))
-        return [
+        names = [f"{stem} {rows.first}-{rows.last or ''}" for rows in ranges]
+        labels = request.label or map(as_label, [stem] if len(ranges) == 1 else names)
+        return tuple(
             _keep(
                 RunFolder.create(request.runs, label, kind="import", software=software_versions()),
-                (file, *request.further),
+                (file, *further),
                 layout,
                 robot,
                 recording,
-                replace(report, file=request.file.name),
-                request.import_map,
+                replace(report, file=named.name),
+                request.map,
             )
             for label, layout, (recording, report) in zip(labels, maps, read, strict=True)
-        ]
+        )
+
+
+def _range(rows: str) -> RowRange:
+    first, last = first_and_last(rows)
+    return RowRange(first=first, last=last)
 
 
 def _keep(

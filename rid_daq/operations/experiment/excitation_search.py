@@ -1,4 +1,4 @@
-"""The search for an optimal excitation as a command runs it: progress, budget, interruption."""
+"""`search`: the search for an optimal excitation, with progress, budget and interruption."""
 
 from __future__ import annotations
 
@@ -7,56 +7,24 @@ import time
 from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.process.termination import signals_handled
-from config.ranges import BudgetS, Harmonics, PeriodS, Periods, Ranged, Seed, Starts
 from identification.design.criteria import Criterion
 from identification.design.easier import easier_problems
 from identification.design.problem import ExcitationProblem
 from identification.design.search import Candidate, candidates
-from rid_daq.terminal.console import Console
+from rid_daq.operations.experiment.design import Excitation
+from rid_daq.operations.operation import Context
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 
 SEEDS_APART: Final = 10_000
 EASIER_STARTS: Final = 4
 ROOM: Final = 0.5
 """Share of its amplitudes that the best motion must have kept, so that nothing easier is tried."""
-
-
-@dataclass(frozen=True)
-class SearchOptions(Ranged):
-    """What an optimal excitation is searched with.
-
-    Attributes
-    ----------
-    period_s : float
-        The period [s], a whole number of the cell's cycles.
-    periods : int
-        Periods that count.
-    harmonics : int
-        The highest harmonic used.
-    criterion : "condition" or "d-optimal"
-        What is optimal, where nothing is wanted in particular.
-    wanted : tuple of str
-        Base parameters that are to be known best, or `torque`.
-    starts, seed : int
-        How many starts are refined, and the seed they come from.
-    budget_s : float or None
-        The search ends after the start that is ready after this time [s].
-    """
-
-    period_s: PeriodS
-    periods: Periods = 16
-    harmonics: Harmonics = 5
-    criterion: Literal["condition", "d-optimal"] = "d-optimal"
-    wanted: tuple[str, ...] = ()
-    starts: Starts = 12
-    seed: Seed = 0
-    budget_s: BudgetS | None = None
 
 
 @dataclass(frozen=True)
@@ -94,53 +62,12 @@ class Search:
             return ExitCode.DONE
         return exit_code_of_stop(StopCode.INTERRUPTED, self.interrupted_by)
 
-    def print(self, console: Console, cell: CellConfig) -> None:
-        """Print how the search went, and what the motion's torques and distances are."""
-        curve = "; ".join(
-            f"{self.criterion.describe(trial.objective)} after {trial.elapsed_s:.1f} s"
-            for trial in self.curve
-        )
-        broken = sum(bool(trial.broken) for trial in self.trials)
-        console.say(
-            f"{len(self.trials)} starts, {broken} of them rejected. The best so far: {curve}."
-        )
-        uses = self.best.check.uses
-        torques = [use for use in uses if use.what.startswith("torque")]
-        shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in torques)
-        console.say(
-            f"Largest torque expected, axis by axis: {shares} % of what may be planned with."
-            if torques
-            else "Torque is not checked: the robot file has no `cad`, and no --model is given."
-        )
-        limits = None if cell.plate is None else cell.plate.limits
-        if limits is not None:
-            base = [use for use in uses if use.what.endswith("on the base")]
-            shares = ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in base)
-            console.say(
-                f"Largest reaction on the base expected, Fx to Mz: {shares} % of the limit."
-                if base
-                else "The reaction on the base is not checked: give a combined model by --model."
-            )
-        nearest = min(
-            (use for use in uses if use.unit == "m" and use.what.startswith("distance")),
-            key=lambda use: use.used,
-            default=None,
-        )
-        console.say(
-            f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
-            if nearest is not None
-            else "Collisions are not checked: the cell has no `workspace`, and no two of the"
-            " robot's `bodies` can meet (neighbours, and pairs of `may_touch`, are left out)."
-        )
-        active = [use.what for use in uses if use.active]
-        console.say(f"What holds the motion back: {', '.join(active) or 'nothing'}.")
-
 
 def search(
     problem: ExcitationProblem,
     cell: CellConfig,
-    options: SearchOptions,
-    console: Console,
+    options: Excitation,
+    context: Context,
     scheduler: str | None = None,
 ) -> Search:
     """Refine start after start, and keep the best that breaks no limit.
@@ -155,17 +82,17 @@ def search(
     ConfigError
         No motion of any start holds every limit, or there is no pose to start from.
     """
-    work = _Work(cell, options, console, time.monotonic(), scheduler)
+    work = _Work(cell, options, context, time.monotonic(), scheduler)
     work.refine(problem, options.starts)
     for words, easier in easier_problems(problem):
         if work.enough:
             break
-        console.say(f"{work.complaint()} Trying {words}.")
+        context.say(f"{work.complaint()} Trying {words}.")
         work.refine(easier, min(options.starts, EASIER_STARTS))
     best, trials, interrupted_by = work.best, work.trials, work.interrupted_by
     if best is None:
         if interrupted_by is not None:
-            console.say("Interrupted before any motion was found; nothing was written.")
+            context.say("Interrupted before any motion was found; nothing was written.")
             raise SystemExit(exit_code_of_stop(StopCode.INTERRUPTED, interrupted_by))
         raise ConfigError(
             f"none of {len(trials)} starts gave a motion that holds every limit. {work.complaint()}"
@@ -180,7 +107,7 @@ class _Work:
 
     Parameters
     ----------
-    cell, options, console : CellConfig, SearchOptions, Console
+    cell, options, context : CellConfig, Excitation, Context
         As for `search`.
     began_s : float
         When it began [s], by the monotonic clock.
@@ -191,14 +118,14 @@ class _Work:
     def __init__(
         self,
         cell: CellConfig,
-        options: SearchOptions,
-        console: Console,
+        options: Excitation,
+        context: Context,
         began_s: float,
         scheduler: str | None,
     ) -> None:
         self._cell = cell
         self._options = options
-        self._console = console
+        self._context = context
         self._began_s = began_s
         self._scheduler = scheduler
         self.trials: list[Trial] = []
@@ -232,7 +159,7 @@ class _Work:
         ready = 0
         with (
             signals_handled(_leave_once()) as interruption,
-            self._console.progress("Designing", float(starts), "starts") as shown,
+            self._context.progress("Designing", float(starts), "starts") as shown,
             closing(stream),
             suppress(KeyboardInterrupt),
         ):

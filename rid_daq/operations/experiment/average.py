@@ -1,0 +1,92 @@
+"""`average`: cut a run into periods, reject bad ones, average the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from rid_daq.blocks.block import AnyBlock, Text, note_blocks
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, RunName, RunsFolder, Unfinished
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.report.sections.average import AverageSection
+
+
+class AverageRequest(Request):
+    """Cut a periodic run into periods, reject bad ones with a reason, and average the rest.
+
+    The scatter between periods is the measurement noise. If too few periods are left, the exit code
+    is 6.
+    """
+
+    run: RunName
+    unfinished: Unfinished = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class AverageResult:
+    """The averaged periods of a run.
+
+    Attributes
+    ----------
+    run_id : str
+        The run.
+    section : AverageSection
+        Its periods and their noise.
+    notes : list of str
+        What the run lacks.
+    report : Path
+        The run's report.
+    """
+
+    run_id: str
+    section: AverageSection
+    notes: list[str]
+    report: Path
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        return {
+            "run": self.run_id,
+            "average": self.section,
+            "notes": self.notes,
+            "report": str(self.report),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, periods and noise, and the report."""
+        from rid_daq.report.shown.average import average_blocks
+
+        yield from note_blocks(self.notes)
+        yield from average_blocks(self.section)
+        yield Text(text=f"Report: {self.report}")
+
+
+def run(request: AverageRequest, _context: Context) -> AverageResult:
+    """Average the periods, and write the run's report."""
+    from acquisition.runs.catalogue import find_run
+    from rid_daq.report.sections.average import AverageSection
+    from rid_daq.report_page.write import write_result
+    from rid_daq.runs.run_data import RunData, every_lack, result_of
+
+    data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
+    notes = every_lack([data])
+    section = AverageSection.of(data.average, data.robot)
+    report = write_result(data.folder, result_of(data, notes).updated(average=section))
+    return AverageResult(data.folder.run_id, section, notes, report)
+
+
+OPERATION: Final = Operation(
+    name="average",
+    label="Average the periods of a run",
+    request=AverageRequest,
+    run=run,
+    examples=("average latest --json", "average excitation --unfinished"),
+    is_job=False,
+)

@@ -1,0 +1,152 @@
+"""`import`: turn a recording of another program into run folders."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import AfterValidator, Field
+
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, RunsFolder
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.experiment.imported_runs import ImportedRun
+
+
+def first_and_last(rows: str) -> tuple[int, int | None]:
+    """Return the numbers of a range of rows; the last is None if it is left out.
+
+    Parameters
+    ----------
+    rows : str
+        Such as 355-5090, or 355-.
+
+    Raises
+    ------
+    ValueError
+        It is no range.
+    """
+    found = re.fullmatch(r"([1-9]\d{0,8})-(\d{1,9})?", rows)
+    first, last = map(int, found.groups("0")) if found else (0, 0)
+    if found is None or (found[2] and last <= first):
+        raise ValueError("must be FIRST-LAST, such as 355-5090, or FIRST-")
+    return first, last or None
+
+
+def _checked(rows: str) -> str:
+    first_and_last(rows)
+    return rows
+
+
+class ImportRequest(Request):
+    """Import a recording of another program into a run folder: CSV files, a ROS 2 bag or MCAP file.
+
+    Damaged rows are listed, counted and left out, and so are rows that repeat the one before while
+    the robot moves. Time stamps need not be uniform; if recorded velocities show that they are
+    wrong, the times are rebuilt. If too much of a recording is damaged, or its robot cannot have
+    made it, it is refused with exit code 6.
+    """
+
+    file: Annotated[
+        tuple[Path, ...],
+        Field(min_length=1, description="A CSV file and those of the same motion, or a ROS bag."),
+        Option(positional=True, metavar="FILE...", file="input"),
+    ]
+    map: Annotated[
+        str,
+        Field(description="Import map, which describes the columns: a bundled name or a file."),
+        Option(metavar="MAP", file="input"),
+    ]
+    rows: Annotated[
+        tuple[Annotated[str, AfterValidator(_checked)], ...],
+        Field(
+            description="Rows (or messages) to use, counted from 1; all if not set. Each range"
+            " makes a run."
+        ),
+        Option(metavar="FIRST-LAST"),
+    ] = ()
+    label: Annotated[
+        tuple[str, ...],
+        Field(
+            description="Label of the run, one for each range of rows; the file's name if not set."
+        ),
+        Option(group=FILES),
+    ] = ()
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class ImportResult:
+    """Runs that were made of a recording.
+
+    Attributes
+    ----------
+    runs : tuple of ImportedRun
+        One for each range of rows.
+    """
+
+    runs: tuple[ImportedRun, ...]
+    exit_code: int = 0
+
+    def document(self) -> Mapping[str, object]:
+        """Return what was read, of one run or of a list of runs."""
+        documents = [_document(each) for each in self.runs]
+        return documents[0] if len(documents) == 1 else {"runs": documents}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield what was read of each run, its folder and report, and the next command."""
+        for each in self.runs:
+            for line in each.report.lines():
+                yield Text(text=line)
+            passed = None if each.report.findings else True
+            yield Verdict(passed=passed, text=f"Imported: {each.folder.path}")
+            yield Text(text=f"Report: {each.page}")
+        if not self.runs[0].report.static:
+            yield Next(words=("identify", str(self.runs[0].folder.path)))
+
+
+def _document(run: ImportedRun) -> dict[str, object]:
+    from rid_daq.report.sections.runs import BadRows, ClockSection
+
+    report = run.report
+    return {
+        "run": run.folder.run_id,
+        "folder": str(run.folder.path),
+        "report": str(run.page),
+        "rows_read": report.rows_read,
+        "rows_used": report.rows_used,
+        "rows_damaged": report.rows_damaged,
+        "left_out": report.left_out,
+        "damaged": BadRows.of(report),
+        "findings": report.findings,
+        "velocity_ratio": report.velocity_ratio,
+        "refined_step": report.refined_step,
+        "clock": None if report.clock is None else ClockSection.of(report.clock),
+        "static": report.static,
+    }
+
+
+def run(request: ImportRequest, _context: Context) -> ImportResult:
+    """Import the files."""
+    from rid_daq.operations.experiment.imported_runs import import_files
+
+    return ImportResult(import_files(request))
+
+
+OPERATION: Final = Operation(
+    name="import",
+    label="Import a recording",
+    request=ImportRequest,
+    run=run,
+    examples=(
+        "import recording.csv --map map.yaml",
+        "import bag.mcap --map ur10_ros --rows 1-4000 --rows 4001- --label first --label second",
+    ),
+    is_job=False,
+)

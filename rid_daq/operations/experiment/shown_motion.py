@@ -1,0 +1,277 @@
+"""What people and programs see of a motion that was designed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.samples import MotionSamples
+from config.cell.cell import CellConfig
+from config.robot.robot import RobotDescription
+from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, Verdict
+from rid_daq.operations.experiment.design import DesignRequest
+from rid_daq.operations.experiment.excitation_search import Search
+from rid_daq.operations.experiment.motion_design import Designed
+from rid_daq.report.sections.section import units
+from rid_daq.terminal.choices import Kind
+
+
+@dataclass(frozen=True)
+class _MultisineAxis:
+    """An axis in a multisine."""
+
+    joint: str
+    unit: str
+    lines: int
+    rms_velocity: float
+    crest_factor: float
+    slow_amplitude: float
+    velocity_percent: float
+    acceleration_percent: float
+    torque_percent: float | None
+
+
+@dataclass(frozen=True)
+class _ExcitationAxis:
+    """The range of an axis in an excitation, and its shares of the limits."""
+
+    joint: str
+    unit: str
+    position_min: float
+    position_max: float
+    velocity: float
+    velocity_percent: float
+    acceleration: float
+    acceleration_percent: float
+
+
+def motion_document(designed: Designed, output: Path) -> dict[str, object]:
+    """Return the numbers of a motion.
+
+    Parameters
+    ----------
+    designed : Designed
+        The motion.
+    output : Path
+        Its file.
+    """
+    motion, found = designed.motion, designed.found
+    shown: dict[str, object] = {"motion": str(output), "duration_s": designed.samples.duration_s}
+    if not isinstance(motion, FourierMotion):
+        shown["kind"] = motion.kind
+    if isinstance(motion, MultisineMotion):
+        shown["band_hz"] = [motion.lowest_hz, motion.highest_hz]
+        shown["axes"] = [asdict(axis) for axis in _multisine_axes(designed, motion)]
+    if isinstance(motion, FourierMotion):
+        axes = _excitation_axes(designed.samples, designed.cell.robot)
+        shown["condition_number"] = designed.condition
+        shown["axes"] = [asdict(axis) for axis in axes]
+        if found is not None:
+            shown["limits"] = [asdict(use) for use in found.best.check.uses]
+            shown["trials"] = [
+                {
+                    "elapsed_s": trial.elapsed_s,
+                    "seed": trial.seed,
+                    "worth": trial.objective,
+                    "broken": trial.broken,
+                }
+                for trial in found.trials
+            ]
+            shown["interrupted"] = found.interrupted_by is not None
+    return shown
+
+
+def motion_blocks(designed: Designed, request: DesignRequest) -> Iterator[AnyBlock]:
+    """Yield what is in a motion file, how it was found, and the next commands.
+
+    Parameters
+    ----------
+    designed : Designed
+        The motion.
+    request : DesignRequest
+        What was asked for.
+    """
+    motion, duration_s = designed.motion, designed.samples.duration_s
+    for note in designed.notes:
+        yield Text(text=note)
+    if isinstance(motion, FourierMotion):
+        yield from _excitation_blocks(designed, motion, request.output)
+    else:
+        yield Text(text=f"{request.output}: {motion.describe()} {duration_s:.0f} s in all.")
+        if isinstance(motion, MultisineMotion):
+            yield from _multisine_blocks(_multisine_axes(designed, motion))
+            if not request.multisine.slow:
+                yield Text(
+                    text="Without the slow sine, friction sticks: inertia and margins are wrong."
+                )
+        elif (table := motion.joint_table()) is not None:
+            heads, rows = table
+            columns = tuple(Column(title=head, is_text=True) for head in heads)
+            yield Table(columns=columns, rows=tuple(rows))
+    yield Next(words=("record", request.cell, str(request.output)))
+    if request.kind is Kind.MULTISINE:
+        yield Next(words=("loop", "latest"))
+
+
+def _multisine_axes(designed: Designed, motion: MultisineMotion) -> list[_MultisineAxis]:
+    robot = designed.cell.robot
+    assert designed.use is not None
+    return [
+        _MultisineAxis(
+            joint=joint.name,
+            unit=units(joint)[0],
+            lines=len(own),
+            rms_velocity=settings.velocity,
+            crest_factor=crest,
+            slow_amplitude=settings.slow_amplitude,
+            velocity_percent=100.0 * float(shares[0]),
+            acceleration_percent=100.0 * float(shares[1]),
+            torque_percent=100.0 * float(shares[2]) if shares[2] > 0.0 else None,
+        )
+        for joint, own, settings, crest, shares in zip(
+            robot.joints,
+            motion.excited_lines(robot),
+            motion.joints,
+            motion.crest_factors(robot),
+            designed.use,
+            strict=True,
+        )
+    ]
+
+
+def _multisine_blocks(axes: list[_MultisineAxis]) -> Iterator[AnyBlock]:
+    yield Table(
+        columns=(
+            Column(title="axis", is_text=True),
+            Column(title="unit", is_text=True),
+            Column(title="lines"),
+            Column(title="RMS speed, per s", digits=3),
+            Column(title="crest factor", digits=3),
+            Column(title="slow sine", digits=3),
+            Column(title="speed / limit", unit="%", digits=3),
+            Column(title="acceleration / limit", unit="%", digits=3),
+            Column(title="torque / limit", unit="%", digits=3),
+        ),
+        rows=tuple(
+            (
+                axis.joint,
+                axis.unit,
+                axis.lines,
+                axis.rms_velocity,
+                axis.crest_factor,
+                axis.slow_amplitude,
+                axis.velocity_percent,
+                axis.acceleration_percent,
+                axis.torque_percent,
+            )
+            for axis in axes
+        ),
+    )
+    if any(axis.torque_percent is None for axis in axes):
+        yield Text(text="The torque is known if the robot file has `cad`, or with --model.")
+
+
+def _excitation_axes(samples: MotionSamples, robot: RobotDescription) -> list[_ExcitationAxis]:
+    velocity = np.abs(samples.velocity).max(axis=0)
+    acceleration = np.abs(samples.acceleration).max(axis=0)
+    return [
+        _ExcitationAxis(
+            joint=joint.name,
+            unit=units(joint)[0],
+            position_min=float(samples.position[:, column].min()),
+            position_max=float(samples.position[:, column].max()),
+            velocity=float(velocity[column]),
+            velocity_percent=float(100.0 * velocity[column] / joint.limits.velocity),
+            acceleration=float(acceleration[column]),
+            acceleration_percent=float(100.0 * acceleration[column] / joint.limits.acceleration),
+        )
+        for column, joint in enumerate(robot.joints)
+    ]
+
+
+def _excitation_blocks(
+    designed: Designed, motion: FourierMotion, output: Path
+) -> Iterator[AnyBlock]:
+    samples, found = designed.samples, designed.found
+    if found is not None and found.interrupted_by is not None:
+        yield Verdict(passed=None, text="Interrupted: this is the best motion found so far.")
+    yield Text(
+        text=f"{output}: {motion.periods} periods of {motion.period_s:g} s,"
+        f" {samples.duration_s:.1f} s in all, condition number {designed.condition:.4g}. Verified"
+        " between the samples too."
+    )
+    yield Table(
+        columns=(
+            Column(title="axis", is_text=True),
+            Column(title="unit", is_text=True),
+            Column(title="from"),
+            Column(title="to"),
+            Column(title="largest speed, per s"),
+            Column(title="of its limit", unit="%", digits=3),
+            Column(title="largest acceleration, per s²"),
+            Column(title="of its limit", unit="%", digits=3),
+        ),
+        rows=tuple(
+            (
+                axis.joint,
+                axis.unit,
+                axis.position_min,
+                axis.position_max,
+                axis.velocity,
+                axis.velocity_percent,
+                axis.acceleration,
+                axis.acceleration_percent,
+            )
+            for axis in _excitation_axes(samples, designed.cell.robot)
+        ),
+    )
+    if found is not None:
+        for sentence in _search_sentences(found, designed.cell.config):
+            yield Text(text=sentence)
+
+
+def _search_sentences(found: Search, cell: CellConfig) -> Iterator[str]:
+    """Yield how the search went, and the torques and distances of the motion."""
+    curve = "; ".join(
+        f"{found.criterion.describe(trial.objective)} after {trial.elapsed_s:.1f} s"
+        for trial in found.curve
+    )
+    broken = sum(bool(trial.broken) for trial in found.trials)
+    yield f"{len(found.trials)} starts, {broken} of them rejected. The best so far: {curve}."
+    uses = found.best.check.uses
+    torques = [use for use in uses if use.what.startswith("torque")]
+    yield (
+        f"Largest torque expected, axis by axis: {_shares(torques)} % of the planning limit."
+        if torques
+        else "Torque is not checked: the robot file has no `cad`, and no --model is given."
+    )
+    if cell.plate is not None and cell.plate.limits is not None:
+        base = [use for use in uses if use.what.endswith("on the base")]
+        yield (
+            f"Largest reaction on the base expected, Fx to Mz: {_shares(base)} % of the limit."
+            if base
+            else "The reaction on the base is not checked: give a combined model by --model."
+        )
+    nearest = min(
+        (use for use in uses if use.unit == "m" and use.what.startswith("distance")),
+        key=lambda use: use.used,
+        default=None,
+    )
+    yield (
+        f"Nearest approach: {1000.0 * nearest.used:.0f} mm, {nearest.what}."
+        if nearest is not None
+        else "Collisions are not checked: the cell has no `workspace`, and no two of the robot's"
+        " `bodies` can meet (neighbours, and pairs of `may_touch`, are left out)."
+    )
+    active = [use.what for use in uses if use.active]
+    yield f"Limits that hold the motion back: {', '.join(active) or 'none'}."
+
+
+def _shares(uses: list[Any]) -> str:
+    return ", ".join(f"{100.0 * use.used / use.limit:.0f}" for use in uses)

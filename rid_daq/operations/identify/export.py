@@ -1,0 +1,176 @@
+"""`export`: write a model or the recording of a run for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Text, Verdict, note_blocks
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder, Unfinished
+from rid_daq.operations.request import Request
+from rid_daq.terminal.choices import Format
+
+if TYPE_CHECKING:
+    from acquisition.recording.table import RecordingTable
+    from identification.consistency.consistency_test import ConsistencyTest
+    from rid_daq.runs.run_data import RunData
+
+
+class ExportRequest(Request):
+    """Write an identified model, or the recording of a run, for other programs.
+
+    Of a model, the physically consistent parameters that are closest to the identified ones are
+    written; if no such parameters explain the data, nothing is written. What a format cannot
+    express is listed at its top. Tables hold both sets of parameters, and the intervals of the
+    identified ones. Of a run, every row is written as it was recorded.
+    """
+
+    what: Annotated[
+        str,
+        Field(description="A model file of `identify`; or a run: a folder, an id or a label."),
+        Option(positional=True, metavar="MODEL|RUN", file="input"),
+    ]
+    to: Annotated[
+        Format,
+        Field(
+            description="Of a model: urdf, sdf, pinocchio for a robot description with inertias; c,"
+            " python for a function of inverse dynamics; csv, json for a table of the parameters."
+            " Of a run: csv, parquet, mat, mdf4, one column for each quantity and joint."
+        ),
+        Option(metavar="FORMAT"),
+    ]
+    output: Annotated[
+        Path,
+        Field(description="File to write."),
+        Option(
+            short="o",
+            metavar="FILE",
+            group=FILES,
+            file="output",
+            endings=(".urdf", ".sdf", ".py", ".c", ".csv", ".json", ".parquet", ".mat", ".mf4"),
+        ),
+    ]
+    as_identified: Annotated[
+        bool,
+        Field(
+            description="Write functions and tables with the identified parameters alone, not with"
+            " physically consistent ones: the torques are those of the model file, but the mass"
+            " matrix may be not positive definite."
+        ),
+    ] = False
+    despite_misfit: Annotated[
+        bool,
+        Field(
+            description="Write the closest physically consistent model even if the data contradict"
+            " it; the file says so."
+        ),
+    ] = False
+    overwrite: Overwrite = False
+    unfinished: Unfinished = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class ExportedModel:
+    """A model that was written.
+
+    Attributes
+    ----------
+    request : ExportRequest
+        What was asked for.
+    robot : str
+        Its robot.
+    sentence : str
+        How far the written parameters are from the identified ones.
+    test : ConsistencyTest or None
+        The test of the consistent parameters against the data.
+    """
+
+    request: ExportRequest
+    robot: str
+    sentence: str
+    test: ConsistencyTest | None
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return what was written."""
+        from rid_daq.report.consistency_entry import ConsistencyEntry
+
+        return {
+            "file": str(self.request.output),
+            "format": self.request.to.value,
+            "robot": self.robot,
+            "parameters": "identified" if self.request.as_identified else "consistent",
+            "sentence": self.sentence,
+            "consistency": None if self.test is None else ConsistencyEntry.of(self.test),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the sentence and the file."""
+        yield Text(text=self.sentence)
+        yield Verdict(passed=True, text=f"Wrote {self.request.output}")
+
+
+@dataclass(frozen=True)
+class ExportedRecording:
+    """A recording that was written.
+
+    Attributes
+    ----------
+    request : ExportRequest
+        What was asked for.
+    data : RunData
+        The run.
+    table : RecordingTable
+        Its columns.
+    notes : list of str
+        What the run lacks.
+    """
+
+    request: ExportRequest
+    data: RunData
+    table: RecordingTable
+    notes: list[str]
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return what was written."""
+        return {
+            "file": str(self.request.output),
+            "format": self.request.to.value,
+            "run": self.data.folder.run_id,
+            "rows": len(self.data.recording),
+            "columns": [{"name": each.name, "unit": each.unit} for each in self.table.columns],
+            "damage": list(self.data.damage),
+            "notes": self.notes,
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, and the size of the file."""
+        yield from note_blocks(self.notes)
+        size = f"{len(self.data.recording)} rows, {len(self.table.columns)} columns"
+        yield Verdict(passed=True, text=f"Wrote {self.request.output}: {size}")
+
+
+def run(request: ExportRequest, _context: Context) -> ExportedModel | ExportedRecording:
+    """Write the model or the recording."""
+    from rid_daq.operations.identify.exported_files import export_file
+
+    return export_file(request)
+
+
+OPERATION: Final = Operation(
+    name="export",
+    label="Export a model or a recording",
+    request=ExportRequest,
+    run=run,
+    examples=(
+        "export model.json --to urdf --output robot.urdf",
+        "export latest --to parquet --output recording.parquet --overwrite",
+    ),
+)

@@ -1,0 +1,83 @@
+"""`design`: options that belong to one kind of motion, and documents of programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError
+from rid_daq.app import run
+from rid_daq.operations.catalogue import operation
+from rid_daq.operations.experiment.design import DesignRequest
+from tests.builders.raised_codes import raises_code
+
+REQUIRED = {"cell": "ir361", "output": "motion.yaml"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "--tries 4",
+        "--kind multisine --tries 4",
+        "--kind multisine --for torque",
+        "--kind reversed --slow",
+        "--kind constant-velocity --period 3",
+        "--kind constant-velocity --model model.json",
+        "--method two-harmonic --starts 3",
+        "--band 1:5",
+    ],
+)
+def test_an_option_of_another_kind_of_motion_is_refused(
+    words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "motion.yaml"
+    assert run(["design", "ir361", "-o", str(output), *words.split()]) == 2
+    assert "[RID-OPTION-NO-EFFECT]" in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_what_to_know_best_takes_the_place_of_the_criterion() -> None:
+    request = DesignRequest.of(
+        {**REQUIRED, "excitation": {"wanted": ("torque",), "criterion": "condition"}}
+    )
+    with raises_code(ConfigError, "RID-OPTION-EXCLUSIVE"):
+        request.refuse_useless()
+
+
+@pytest.mark.parametrize(
+    ("excitation", "method", "harmonics"),
+    [
+        ({"period_s": 10.0, "starts": 3, "harmonics": 4}, "optimal", 4),
+        ({"period_s": 10.0, "tries": 50}, "two-harmonic", None),
+        ({"period_s": 10.0, "highest_harmonic": 6}, "two-harmonic", 6),
+        ({"method": "two-harmonic", "harmonics": 6}, "two-harmonic", 6),
+    ],
+)
+def test_a_program_chooses_the_method_by_name_or_by_its_options(
+    excitation: dict[str, object], method: str, harmonics: int | None
+) -> None:
+    found = DesignRequest.of_json({**REQUIRED, "excitation": excitation}).excitation
+    assert (found.method, found.harmonics) == (method, harmonics)
+
+
+def test_one_option_sets_the_fields_of_the_same_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["design", "ir361", "-o", str(tmp_path / "motion.yaml"), "--kind", "multisine"]
+    assert run([*words, "--period", "4", "--periods", "100000"]) == 2
+    assert "--periods 100000" in capsys.readouterr().err
+    assert run([*words, "--period", "9.999"]) == 2
+    assert "9.999" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("band", ["5", "1:2:3", "low:high", "nan:5", "1:1e9"])
+def test_a_band_is_two_frequencies(band: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["design", "ir361", "-o", "motion.yaml", "--kind", "multisine", "--band", band]
+    assert run(words) == 2
+    assert capsys.readouterr().err.startswith("rid-daq: --band: ")
+
+
+def test_a_client_cannot_name_a_scheduler() -> None:
+    assert "scheduler" in operation("design").owned
+    assert "scheduler" not in operation("design").schema()["properties"]  # type: ignore[operator]
