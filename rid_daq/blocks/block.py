@@ -102,6 +102,11 @@ class Table(ConfigModel):
         """Return the table with its cells as texts."""
         return self.model_copy(update={"rows": tuple(self.cells())})
 
+    def full_values(self) -> Iterator[tuple[str, ...]]:
+        """Yield the rows with all digits of their numbers; empty for texts and integers."""
+        for row in self.rows:
+            yield tuple(map(_full, row))
+
 
 class Next(ConfigModel):
     """A command of this program that is a sensible next step, as words."""
@@ -123,6 +128,12 @@ def note_blocks(notes: Iterable[str]) -> Iterator[Text]:
     """
     for note in notes:
         yield Text(text=f"note: {note}")
+
+
+def _full(cell: Cell) -> str:
+    if isinstance(cell, Interval):
+        return f"{cell.value} ± {cell.reach}"
+    return str(cell) if isinstance(cell, float) else ""
 
 
 def _shown(cell: Cell, column: Column) -> str:

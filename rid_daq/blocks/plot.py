@@ -14,6 +14,8 @@ Colour = Literal["ink", "soft", "faint", "blue", "sky", "orange", "green", "red"
 Dash = Literal["solid", "dashed", "dotted", "dotdash"]
 Marker = Literal["circle", "square", "diamond", "triangle", "inverted_triangle"]
 Numbers = Annotated[tuple[float, ...], Strict(False)]
+Gapped = Annotated[tuple[float | None, ...], Strict(False)]
+"""Numbers; None where a line has a gap."""
 
 
 class Axis(ConfigModel):
@@ -49,7 +51,7 @@ class Line(ConfigModel):
     label : str
         Its name in the legend and beside the pointer.
     x, y : tuple of float
-        One value a point.
+        One value a point; y is None in a gap.
     stroke : str or int
         Its colour; the number of a joint for that joint's colour and dash.
     dash : str or None
@@ -68,7 +70,7 @@ class Line(ConfigModel):
 
     label: str
     x: Numbers
-    y: Numbers
+    y: Gapped
     stroke: Colour | int
     dash: Dash | None = None
     width: float = 1.8
@@ -112,7 +114,8 @@ class Panel(ConfigModel):
     zooms_with_previous : bool
         True if it shares the x axis of the panel before it.
     title : str
-        What it shows, such as a joint; empty if there is nothing to tell apart.
+        What it shows, such as a joint; empty if there is nothing to tell apart. On paper it begins
+        a drawing of its own, unless panels stand beside each other.
     """
 
     x: Axis
@@ -123,6 +126,10 @@ class Panel(ConfigModel):
     height_px: int = 240
     zooms_with_previous: bool = False
     title: str = ""
+
+    def hides_x_of(self, previous: Panel) -> bool:
+        """Return True if this panel continues the one above, so that both need one x axis."""
+        return self.zooms_with_previous and not self.title and self.x.text == previous.x.text
 
     @property
     def rows(self) -> tuple[str, ...]:

@@ -31,7 +31,6 @@ TYPER: Final = {
     "identify": Entry(
         "identify", "Identify", "estimate the robot's parameters from one or more runs"
     ),
-    "validate": Entry("validate", "Identify", "predict another run's torques and judge the error"),
     "payload session": Entry(
         "payload_session", "", "lead through a session: check, warm up, record, identify, judge"
     ),

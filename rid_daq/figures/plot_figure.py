@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from rid_daq.figures.panel import (
     source,
 )
 
+MOST_TOLD: Final = 6
 ROW_PX: Final = 24
 ROWS_BESIDES_PX: Final = 100
 
@@ -37,10 +38,14 @@ def plot_figure(plot: Plot) -> GridPlot:
         The declaration.
     """
     drawn: list[figure] = []
-    for each in plot.panels:
+    title = ""
+    for number, each in enumerate(plot.panels):
+        title = each.title or title
         shared = drawn[-1].x_range if each.zooms_with_previous and drawn else None
+        if plot.columns == 1 and number and each.hides_x_of(plot.panels[number - 1]):
+            drawn[-1].xaxis.visible = False
         draw = _spans if each.spans else _lines
-        drawn.append(draw(each, shared))
+        drawn.append(draw(each, shared, title))
     return layout(plot.name, [beside(drawn)] if plot.columns > 1 else drawn, drawn)
 
 
@@ -58,7 +63,7 @@ def stroke_of(line: Line) -> tuple[str, Dash]:
     return NAMED[line.stroke], line.dash or "solid"
 
 
-def _lines(of: Panel, shared: Ranges) -> figure:
+def _lines(of: Panel, shared: Ranges, title: str) -> figure:
     drawing = panel(
         of.title,
         of.x.text,
@@ -70,7 +75,8 @@ def _lines(of: Panel, shared: Ranges) -> figure:
         y_scale="log" if of.y.log else "auto",
     )
     entries: dict[str, list[Drawn]] = defaultdict(list)
-    for line, rows in _sources(of):
+    own: dict[str, Drawn] = {}
+    for line, rows in _sources(of, title):
         name, (color, dash) = f"{line.label} [{of.y.unit}]", stroke_of(line)
         drawn: list[Drawn] = []
         if line.reach is not None and np.any(line.reach):
@@ -88,11 +94,11 @@ def _lines(of: Panel, shared: Ranges) -> figure:
                     )
                 )
         if line.points:
-            own: Drawn = drawing.scatter(
+            own[line.label] = drawing.scatter(
                 of.x.text, name, source=rows, marker=line.marker, color=color, size=6
             )
         else:
-            own = drawing.line(
+            own[line.label] = drawing.line(
                 of.x.text,
                 name,
                 source=rows,
@@ -100,16 +106,29 @@ def _lines(of: Panel, shared: Ranges) -> figure:
                 line_dash=dash,
                 line_width=line.width,
             )
-        add_hover(drawing, own, {of.x.label: of.x.text, line.label: name}, digits=4)
         if line.is_named:
-            entries[line.label] += [*drawn, own]
+            entries[line.label] += [*drawn, own[line.label]]
+    _add_hovers(drawing, of, own)
     for at in of.limits:
         limit_line(drawing, at, color=RED)
-    add_legend(drawing, entries)
+    if entries:
+        add_legend(drawing, entries)
     return drawing
 
 
-def _sources(of: Panel) -> Iterator[tuple[Line, ColumnDataSource]]:
+def _add_hovers(drawing: figure, of: Panel, own: Mapping[str, Drawn]) -> None:
+    """Show the values of all lines above the pointer if they are few and of the same x."""
+    names = {line.label: f"{line.label} [{of.y.unit}]" for line in of.lines}
+    if len({line.x for line in of.lines}) == 1 and len(names) <= MOST_TOLD:
+        whole = next((line for line in of.lines if None not in line.y), of.lines[0])
+        shown = {of.x.label: of.x.text, **names}
+        add_hover(drawing, own[whole.label], shown, along_x=True, digits=4)
+        return
+    for label, name in names.items():
+        add_hover(drawing, own[label], {of.x.label: of.x.text, label: name}, digits=4)
+
+
+def _sources(of: Panel, title: str) -> Iterator[tuple[Line, ColumnDataSource]]:
     """Yield the lines with their data; lines of the same x share one table."""
     tables: dict[tuple[float, ...], list[Line]] = defaultdict(list)
     for line in of.lines:
@@ -118,13 +137,13 @@ def _sources(of: Panel) -> Iterator[tuple[Line, ColumnDataSource]]:
     for x, lines in tables.items():
         columns: dict[str, object] = {of.x.text: x}
         for line in lines:
-            columns[f"{line.label} [{of.y.unit}]"] = line.y
+            columns[f"{line.label} [{of.y.unit}]"] = np.asarray(line.y, dtype=float)
             if line.reach is not None and np.any(line.reach):
-                y, reach = np.asarray(line.y), np.asarray(line.reach)
+                y, reach = np.asarray(line.y, dtype=float), np.asarray(line.reach)
                 least, most = _bounds(line, of.y.unit)
                 columns |= {least: y - reach, most: y + reach}
-        own = lines[0].label if len(tables) > 1 else of.y.label
-        made[x] = source(f"{of.title} {own}".lstrip(), columns)
+        name = lines[0].label if len(tables) > 1 else of.y.label
+        made[x] = source(f"{title} {name}".lstrip(), columns)
     for line in of.lines:
         yield line, made[line.x]
 
@@ -137,14 +156,14 @@ def _ends(axis: Axis) -> Ranges:
     return None if axis.least is None or axis.most is None else (axis.least, axis.most)
 
 
-def _spans(of: Panel, shared: Ranges) -> figure:
+def _spans(of: Panel, shared: Ranges, title: str) -> figure:
     begin, end = f"begin [{of.x.unit}]", f"end [{of.x.unit}]"
     columns = {
         of.y.label: [span.name for span in of.spans],
         begin: [span.begin for span in of.spans],
         end: [span.end for span in of.spans],
     }
-    rows = source(of.y.label, columns)
+    rows = source(f"{title} {of.y.label}".lstrip(), columns)
     rows.add([NAMED[span.colour] for span in of.spans], "colour")
     drawing = panel(
         of.y.label,

@@ -73,6 +73,7 @@ CATALOGUE: Final = {
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
     ),
+    "validate": Entry("identify", "Identify", "predict another run's torques and judge the error"),
     "friction": Entry("identify", "Identify", "measure friction alone, from runs made for it"),
     "design": Entry(
         "experiment",

@@ -6,7 +6,7 @@ import json
 import math
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -172,6 +172,31 @@ def plain_type(annotation: Any) -> Any:
     if origin in (typing.Union, types.UnionType):
         return plain_type(next(each for each in arguments if each is not type(None)))
     return annotation
+
+
+def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
+    """Refuse fields that were given and have no effect.
+
+    Parameters
+    ----------
+    request : Request
+        The request.
+    names : iterable of str
+        Fields that have no effect.
+    because : str
+        The choice that leaves them without effect: `with` something, or `without` it.
+
+    Raises
+    ------
+    ConfigError
+        One of them was given (RID-OPTION-NO-EFFECT).
+    """
+    given = request.model_fields_set & set(names)
+    for each in shown_fields(type(request)):
+        if each.path[0] in given:
+            raise ConfigError(
+                f"{each.flag}: has no effect {because}; leave it out", code="RID-OPTION-NO-EFFECT"
+            )
 
 
 def _refused(

@@ -164,14 +164,6 @@ class Result(Section):
             cleared |= {"notes": (*(self.notes or ()), note)}
         return self.updated(**{**cleared, **sections, "model": model})
 
-    @property
-    def torque_units(self) -> tuple[str, ...]:
-        """The unit of each axis' torque, for the spectrum of what a model leaves."""
-        if self.estimate is not None:
-            return tuple(axis.unit for axis in self.estimate.axes)
-        spectrum = None if self.curves is None else self.curves.spectrum
-        return () if spectrum is None else ("N m",) * len(spectrum.axes)
-
     def sections(self) -> Iterator[tuple[str, Section]]:
         """Yield the sections that are there, and their names, in the order of the page."""
         for name in type(self).model_fields:

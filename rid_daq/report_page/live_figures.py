@@ -36,7 +36,7 @@ class LiveFigures:
     def __len__(self) -> int:
         return len(self._packed)
 
-    def keep(self, kind: str, *shown: object) -> str:
+    def keep(self, kind: str, *shown: object, name: str = "") -> str:
         """Put a figure into the page; return its name there.
 
         Parameters
@@ -45,11 +45,13 @@ class LiveFigures:
             One of `rid_daq.report_page.figure_kinds.FIGURES`.
         *shown : object
             What it is made of.
+        name : str
+            Begin of its name; the kind if empty.
         """
         from rid_daq.report_page.figure_kinds import item_of  # it loads what draws
 
         item = item_of(kind, *shown)
-        name = f"{kind}-{len(self._packed) + 1}"
+        name = f"{name or kind}-{len(self._packed) + 1}"
         self._packed[name] = packed(json.dumps(item, allow_nan=False, separators=(",", ":")))
         return name
 

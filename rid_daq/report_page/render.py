@@ -24,8 +24,6 @@ DRAWN: Final = (
     "cascade_figure",
     "controller_figure",
     "histogram_figure",
-    "spectrum_figure",
-    "torque_figure",
     "truth_figure",
     "error_figure",
     "path_figure",

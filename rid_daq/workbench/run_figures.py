@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 from bokeh.models import GridPlot
 
@@ -16,24 +17,26 @@ from config.errors import RecordingError
 from config.load import load_bundled_or_path, load_robot
 from identification.payload.file import read_payload
 from identification.payload.warm_up import period_powers
+from rid_daq.blocks.plot import Plot
 from rid_daq.figures.bode_figure import bode_figure
 from rid_daq.figures.centre_of_gravity import CentreOfGravity
-from rid_daq.figures.fit_figure import fit_figure
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.figures.residual_spectrum import residual_spectrum
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.recording.payload_steps import WARM_UP
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
 from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData
 from rid_daq.terminal.choices import PAYLOAD
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -89,9 +92,9 @@ def _of_result(result: Result) -> list[Drawing]:
             found.append(Drawing(f"stop-{i}", title, partial(stop_figure, run.stop_curve)))
     if curves is not None and curves.torque is not None:
         title = "Measured and predicted torque"
-        found.append(Drawing("fit", title, partial(fit_figure, curves.torque)))
+        found.append(Drawing("fit", title, partial(_declared, torque_plot, curves.torque)))
     if curves is not None and curves.spectrum is not None:
-        make = partial(residual_spectrum, curves.spectrum, result.torque_units)
+        make = partial(_declared, spectrum_plot, curves.spectrum)
         found.append(Drawing("spectrum", "Spectrum of what the model leaves", make))
     if estimate is not None:
         make = partial(parameters_figure, estimate)
@@ -110,9 +113,13 @@ def _of_result(result: Result) -> list[Drawing]:
             for i, motion in enumerate(result.tracking.motions, start=1)
         ]
     if result.friction is not None:
-        make = partial(plot_figure, friction_plot(result.friction))
+        make = partial(_declared, friction_plot, result.friction)
         found.append(Drawing("friction", "Friction over speed", make))
     return found
+
+
+def _declared(declare: Callable[[T], Plot], section: T) -> GridPlot:
+    return plot_figure(declare(section))
 
 
 def _payload(folder: RunFolder) -> GridPlot:

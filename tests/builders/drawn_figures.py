@@ -18,7 +18,6 @@ from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
 from rid_daq.figures.bode_figure import bode_figure
 from rid_daq.figures.centre_of_gravity import CentreOfGravity
-from rid_daq.figures.fit_figure import fit_figure
 from rid_daq.figures.history_figure import PastValue, history_figure
 from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.motion_figure import motion_figure
@@ -26,11 +25,11 @@ from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.figures.residual_spectrum import residual_spectrum
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.truth_figure import truth_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
+from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
 from rid_daq.report.shown.retiming import way_plot
 from tests.builders.invented import whole_result
@@ -121,8 +120,8 @@ def all_figures() -> dict[str, UIElement]:
     ]
     return {
         "motion": motion_figure(samples, cell.robot, cell.config.workspace, torque, 12.34),
-        "fit": fit_figure(curves.torque),
-        "spectrum": residual_spectrum(curves.spectrum, ("N m",) * 3),
+        "fit": plot_figure(torque_plot(curves.torque)),
+        "spectrum": plot_figure(spectrum_plot(curves.spectrum)),
         "parameters": parameters_figure(demo.estimate),
         "bode": bode_figure(loops.axes[0]),
         "path": path_figure(tracking.motions[0], tracking.joints),

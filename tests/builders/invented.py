@@ -223,6 +223,7 @@ def whole_result() -> dict[str, Any]:
                 "axes": [
                     {
                         "joint": joint,
+                        "unit": "N m",
                         "measured_nm": [20.0 / (1.0 + f) + 0.03 for f in frequency_hz],
                         "residual_nm": [2.0 / (1.0 + f) + 0.03 for f in frequency_hz],
                         "noise_nm": [0.04 for _ in frequency_hz],

@@ -120,12 +120,16 @@ class TorqueCurves(Section):
 
 
 class SpectrumCurve(Section):
-    """RMS torque of an axis a harmonic [N m or N]: measured, residual, and of noise alone."""
+    """RMS torque of an axis at each harmonic, in `unit`: measured, residual, and of noise alone.
+
+    Without `unit` it is N m.
+    """
 
     joint: str
     measured_nm: Numbers
     residual_nm: Numbers
     noise_nm: Numbers
+    unit: str | None = None
 
 
 class SpectrumCurves(Section):
@@ -160,6 +164,7 @@ class SpectrumCurves(Section):
                 measured_nm=map(rounded, comparison.measured_spectrum_nm[1:].T),
                 residual_nm=map(rounded, comparison.residual_spectrum_nm[1:].T),
                 noise_nm=map(rounded, comparison.noise_spectrum_nm[1:].T),
+                unit=[units(joint)[1] for joint in robot.joints],
             ),
         )
 

@@ -11,8 +11,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
-from rid_daq.terminal.console import Console
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
 
 if TYPE_CHECKING:
     from identification.validation.torque_prediction import Validation
@@ -134,29 +133,10 @@ class ValidationSection(Section):
             diagnosis=None if diagnosis is None else tuple(diagnosis),
         )
 
-    def print(self, console: Console) -> None:
-        """Print the errors axis by axis."""
-        console.say(self.sentence)
-        console.table(
-            ("axis", "rms torque", "rms error", "relative", "over noise", "limit", "holds", "fit"),
-            [
-                (
-                    axis.joint,
-                    f"{number(axis.rms_torque)} {axis.unit}",
-                    f"{number(axis.rms_error)} {axis.unit}",
-                    f"{number(axis.relative_error_percent, 3)} %",
-                    "–" if axis.over_noise is None else f"{number(axis.over_noise, 2)} times",
-                    "–" if axis.limit_percent is None else f"{axis.limit_percent:g} %",
-                    {None: "–", True: "yes", False: "NO"}[axis.passed],
-                    axis.grade or "–",
-                )
-                for axis in self.axes
-            ],
-            red=[axis.passed is False for axis in self.axes],
-        )
-        say_doubts(console, self.axes)
-        for finding in self.diagnosis or ():
-            console.say(finding)
+    @property
+    def has_noise(self) -> bool:
+        """True if the noise of an axis is known."""
+        return any(axis.noise is not None for axis in self.axes)
 
 
 def _axis(

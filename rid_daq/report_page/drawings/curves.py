@@ -15,14 +15,11 @@ from matplotlib.figure import Figure
 
 from rid_daq.figures.palette import (
     BLUE,
-    FAINT,
     GRID,
     INK,
-    ORANGE,
     RED,
     SOFT,
 )
-from rid_daq.report.sections.curves import SpectrumCurves, TorqueCurve
 from rid_daq.report.sections.timing import bin_names
 from rid_daq.report.sections.validation import TruthCase
 from rid_daq.report_page.drawings.page_colours import NAMES
@@ -30,8 +27,6 @@ from rid_daq.terminal.console import printable
 
 MEASURED, PREDICTED, WRONG = INK, BLUE, RED
 
-WIDE, THIN = 3.2, 0.9
-"""Line widths: predicted torque lies wide below measured torque, so that both are seen."""
 
 STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
@@ -57,78 +52,6 @@ STYLE: Any = {
     "lines.linewidth": 1.0,
     "legend.frameon": False,
 }
-
-
-def torque_figure(time_s: Sequence[float], axis: TorqueCurve, name: str) -> Markup:
-    """Draw one axis' measured and predicted torque, and their difference below.
-
-    Parameters
-    ----------
-    time_s : sequence of float
-        One value a sample [s].
-    axis : TorqueCurve
-        The axis; what does not count is drawn grey.
-    name : str
-        A word for the drawing's element names, different for every figure of a page.
-    """
-    t = np.asarray(time_s, dtype=float)
-    measured = np.asarray(axis.measured, dtype=float)
-    predicted = np.asarray(axis.predicted, dtype=float)
-    counted = np.asarray(axis.counted, dtype=bool)
-    error = measured - predicted
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.5), layout="constrained")
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-        still = np.where(counted, np.nan, predicted)
-        (pale,) = top.plot(t, still, color=FAINT, linewidth=WIDE, label="predicted, not counted")
-        shown = np.where(counted, predicted, np.nan)
-        (wide,) = top.plot(t, shown, color=ORANGE, linewidth=WIDE, label="predicted")
-        (thin,) = top.plot(t, measured, color=MEASURED, linewidth=THIN, label="measured")
-        top.set_ylabel(f"torque [{as_label(axis.unit)}]")
-        above: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
-        handles = [thin, wide] if counted.all() else [thin, wide, pale]
-        top.legend(handles=handles, ncols=3, **above)
-        bottom.plot(t, np.where(counted, np.nan, error), color=FAINT, linewidth=0.8)
-        bottom.plot(t, np.where(counted, error, np.nan), color=WRONG, linewidth=0.8)
-        reach = 1.2 * float(np.max(np.abs(error[counted]), initial=0.0))
-        if reach > 0.0:
-            bottom.set_ylim(-reach, reach)
-        bottom.set_ylabel(f"error [{as_label(axis.unit)}]")
-        bottom.set_xlabel("time [s]")
-        bottom.set_xlim(float(t[0]), float(t[-1]))
-        return as_svg(figure, name)
-
-
-def spectrum_figure(spectrum: SpectrumCurves) -> Markup:
-    """Draw every axis' torque, residual and noise floor per harmonic of the mean period.
-
-    Parameters
-    ----------
-    spectrum : SpectrumCurves
-        What is drawn.
-    """
-    f, axes = np.asarray(spectrum.frequency_hz, dtype=float), spectrum.axes
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 1.0 + 2.2 * -(-len(axes) // 3)), layout="constrained")
-        columns = min(3, len(axes))
-        panels = figure.subplots(-(-len(axes) // 3), columns, sharey=True, squeeze=False).ravel()
-        for panel, axis in zip(panels, axes, strict=False):
-            lines = (
-                (axis.measured_nm, "torque", {"color": FAINT, "marker": "s", "linestyle": ""}),
-                (axis.residual_nm, "residual", {"color": WRONG, "marker": "o", "linestyle": ""}),
-                (axis.noise_nm, "noise floor", {"color": MEASURED, "linewidth": 1.2}),
-            )
-            for curve, label, style in lines:
-                values = np.asarray(curve, dtype=float)
-                panel.semilogy(f, values, label=label, markersize=2.5, **style)
-            panel.set_title(as_label(axis.joint), fontsize=9.0)
-            panel.set_xlabel("frequency [Hz]")
-        for panel in panels[len(axes) :]:
-            panel.set_visible(False)
-        panels[0].set_ylabel("rms torque")
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3)
-        return as_svg(figure, "spectrum")
 
 
 def truth_figure(cases: Sequence[TruthCase]) -> Markup:

@@ -10,8 +10,6 @@ from markupsafe import Markup
 from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
 from rid_daq.report_page.drawings.curves import (
     histogram_figure,
-    spectrum_figure,
-    torque_figure,
     truth_figure,
 )
 from rid_daq.report_page.drawings.paths import error_figure, path_figure
@@ -25,8 +23,6 @@ DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
         cascade_figure,
         controller_figure,
         histogram_figure,
-        spectrum_figure,
-        torque_figure,
         truth_figure,
         error_figure,
         path_figure,

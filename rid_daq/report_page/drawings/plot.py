@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -43,21 +44,39 @@ def plot_svg(plot: Plot, name: str) -> Markup:
     name : str
         Prefix of the ids in the drawing, different for every figure of a page.
     """
-    columns = min(plot.columns, len(plot.panels))
-    rows = [plot.panels[i : i + columns] for i in range(0, len(plot.panels), columns)]
-    heights = [max(map(_height_in, row)) for row in rows]
     with mpl.rc_context(STYLE):
-        size = (WIDTH_IN, MARGIN_IN * (len(rows) if columns > 1 else 1) + sum(heights))
-        figure = Figure(figsize=size, layout="constrained")
-        grid = figure.subplots(len(rows), columns, height_ratios=heights, squeeze=False)
-        axes = grid.ravel()
-        for number, (each, drawing) in enumerate(zip(plot.panels, axes, strict=False)):
-            (_draw_spans if each.spans else _draw_lines)(drawing, each, columns)
-            if each.zooms_with_previous and number:
-                drawing.set_xlim(*axes[number - 1].get_xlim())
-        for unused in axes[len(plot.panels) :]:
-            unused.set_visible(False)
-        return as_svg(figure, name)
+        if plot.columns > 1:
+            return as_svg(_grid(plot.panels, min(plot.columns, len(plot.panels))), name)
+        parts = enumerate(_drawings(plot.panels), start=1)
+        return Markup().join(as_svg(_grid(part, 1), f"{name}-{i}") for i, part in parts)
+
+
+def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
+    """Return the panels of each drawing."""
+    drawings: list[list[Panel]] = []
+    for each in panels:
+        if each.title or not drawings:
+            drawings.append([])
+        drawings[-1].append(each)
+    return drawings
+
+
+def _grid(panels: Sequence[Panel], columns: int) -> Figure:
+    rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
+    heights = [max(map(_height_in, row)) for row in rows]
+    size = (WIDTH_IN, MARGIN_IN * (len(rows) if columns > 1 else 1) + sum(heights))
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(len(rows), columns, height_ratios=heights, squeeze=False).ravel()
+    for number, (each, drawing) in enumerate(zip(panels, axes, strict=False)):
+        (_draw_spans if each.spans else _draw_lines)(drawing, each, columns)
+        if each.zooms_with_previous and number:
+            drawing.set_xlim(*axes[number - 1].get_xlim())
+        if columns == 1 and number and each.hides_x_of(panels[number - 1]):
+            axes[number - 1].set_xlabel("")
+            axes[number - 1].tick_params(labelbottom=False)
+    for unused in axes[len(panels) :]:
+        unused.set_visible(False)
+    return figure
 
 
 def _height_in(of: Panel) -> float:
@@ -87,7 +106,7 @@ def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
 
 
 def _draw_line(drawing: Axes, line: Line) -> None:
-    x, y = np.asarray(line.x), np.asarray(line.y)
+    x, y = np.asarray(line.x), np.asarray(line.y, dtype=float)
     color, dash = stroke_of(line)
     label = as_label(line.label) if line.is_named else None
     if line.points:

@@ -19,7 +19,6 @@ from config.load import load_cell
 from rid_daq.figures.bode_figure import bode_figure
 from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
-from rid_daq.figures.fit_figure import fit_figure
 from rid_daq.figures.history_figure import PastValue
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.palette import INK, darkened
@@ -27,8 +26,9 @@ from rid_daq.figures.panel import panel, words
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.path_figure import path_figure
 from rid_daq.figures.payload_figure import payload_figure
-from rid_daq.figures.residual_spectrum import residual_spectrum
+from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
+from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from tests.builders.drawn_figures import (
     JOINTS,
     all_figures,
@@ -123,12 +123,13 @@ def test_fit_and_residual_are_the_result_s() -> None:
     curves = invented().curves
     assert curves is not None
     assert curves.torque is not None
-    drawn = tables(fit_figure(curves.torque))
+    drawn = tables(plot_figure(torque_plot(curves.torque)))
     for axis in curves.torque.axes:
-        table, counted = drawn[axis.joint], np.array(axis.counted, dtype=bool)
-        measured = column(table, f"{axis.joint} measured [{axis.unit}]")
-        predicted = column(table, f"{axis.joint} predicted [{axis.unit}]")
-        left = column(table, f"{axis.joint} residual [{axis.unit}]")
+        counted = np.array(axis.counted, dtype=bool)
+        table = drawn[f"{axis.joint}: {axis.caption} torque"]
+        measured = column(table, f"measured [{axis.unit}]")
+        predicted = column(table, f"predicted [{axis.unit}]")
+        left = column(drawn[f"{axis.joint}: {axis.caption} residual"], f"residual [{axis.unit}]")
         np.testing.assert_allclose(measured, axis.measured, rtol=1e-6)
         np.testing.assert_allclose(predicted[counted], np.array(axis.predicted)[counted], rtol=1e-6)
         assert np.isnan(predicted[~counted]).all()
@@ -143,7 +144,11 @@ def test_all_joints_are_zoomed_together_in_time() -> None:
     curves = invented().curves
     assert curves is not None
     assert curves.torque is not None
-    panels = [each for each in fit_figure(curves.torque).references() if isinstance(each, Plot)]
+    panels = [
+        each
+        for each in plot_figure(torque_plot(curves.torque)).references()
+        if isinstance(each, Plot)
+    ]
     assert len(panels) == 2 * len(curves.torque.axes)
     assert len({each.x_range.id for each in panels}) == 1
 
@@ -153,9 +158,9 @@ def test_spectrum_is_the_result_s() -> None:
     assert curves is not None
     assert curves.spectrum is not None
     spectrum = curves.spectrum
-    drawn = tables(residual_spectrum(spectrum, ("N m",) * len(spectrum.axes)))
+    drawn = tables(plot_figure(spectrum_plot(spectrum)))
     for axis in spectrum.axes:
-        found = column(drawn[axis.joint], f"{axis.joint} residual [N m]")
+        found = column(drawn[f"{axis.joint} RMS torque"], "residual [N m]")
         np.testing.assert_allclose(found, axis.residual_nm, rtol=1e-6)
 
 
@@ -327,7 +332,9 @@ def test_a_figure_has_always_the_same_bytes() -> None:
     curves = invented().curves
     assert curves is not None
     assert curves.torque is not None
-    first, again = (json.dumps(as_item(fit_figure(curves.torque), False)) for _ in range(2))
+    first, again = (
+        json.dumps(as_item(plot_figure(torque_plot(curves.torque)), False)) for _ in range(2)
+    )
     assert first == again
 
 

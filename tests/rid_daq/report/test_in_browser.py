@@ -25,7 +25,7 @@ CURVES_INK = "getComputedStyle(document.querySelector('.still svg text')).fill"
 X_SPAN = """() => {
   const plots = Bokeh.documents.map((each) => each.roots()[0]).flatMap((root) =>
     [...root.references()].filter((each) => each.type === "Figure"));
-  const [first] = plots.filter((each) => each.title.text.startsWith("axis1\\nrms error"));
+  const [first] = plots.filter((each) => each.title.text.startsWith("axis1: rms error"));
   return first.x_range.end - first.x_range.start;
 }"""
 

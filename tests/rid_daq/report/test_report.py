@@ -134,7 +134,7 @@ def test_every_drawing_has_a_figure_that_is_zoomed(page: str) -> None:
     parsed = _read(page)
     items = {str(of["data-item"]): text for of, text in parsed.scripts if "data-item" in of}
     assert [name.partition("-")[0] for name in parsed.plots] == [
-        *("fit", "spectrum", "truth", "path", "path", "stop", "lateness"),
+        *("fit", "residual_spectrum", "truth", "path", "path", "stop", "lateness"),
     ]
     assert list(items) == parsed.plots
     for text in items.values():

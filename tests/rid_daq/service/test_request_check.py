@@ -87,9 +87,14 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
 def test_what_a_command_refuses_as_implausible_a_service_refuses_too(
     kind: JobKind, told: dict[str, Any], why: str, tmp_path: Path
 ) -> None:
-    check_request(kind, told, tmp_path)
     with pytest.raises(ConfigError, match=why):
-        request_of(kind, told, "ir361", tmp_path, cleared=False)
+        checked_and_read(kind, told, tmp_path)
+
+
+def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> object:
+    """Return a request as the service checks it and the worker reads it."""
+    check_request(kind, told, folder)
+    return request_of(kind, told, "ir361", folder, cleared=False)
 
 
 @pytest.mark.parametrize("name", ["mass_percent", "centre_mm", "residual_percent"])

@@ -1,10 +1,11 @@
-"""`rid-daq validate`: another run's torques, or a motion's base reaction, predicted and judged."""
+"""`validate_run`, `predict_motion`: torques of a run and base reactions, predicted and judged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -15,9 +16,7 @@ from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.formats.number import parse_numbers
 from config.load import load_cell
-from config.ranges import Ranged
 from identification.calibration.base_reaction import base_load
-from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from identification.estimation.file import read_estimate
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import validate_base_wrench
@@ -26,6 +25,8 @@ from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import Validation, validate
 from rid_daq.blocks.formats import number
 from rid_daq.jobs.cell_files import estimate_for, motion_for, require_robot
+from rid_daq.operations.identify.validate import ValidateRequest
+from rid_daq.operations.request import refuse_unused
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
@@ -35,62 +36,19 @@ from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.run_data import RunData, clocks_of, report_lacks, result_of
-from rid_daq.terminal.console import Console, as_command
+from rid_daq.runs.run_data import RunData, clocks_of, every_lack, result_of
+from rid_daq.terminal.console import as_command
 
-SHORTEST_S = 5.0
+SHORTEST_S: Final = 5.0
 """A verdict needs so many seconds of motion."""
 
-
-@dataclass(frozen=True)
-class ValidateRequest(Ranged):
-    """What `rid-daq validate` was asked for.
-
-    Attributes
-    ----------
-    model : Path
-        A model by `identify`.
-    run : str
-        A run, or a motion file.
-    runs : Path
-        The folder of the run folders.
-    limits : str or None
-        Largest relative errors [%], separated by commas; the cell's if None.
-    band_hz : float or None
-        Signals are compared up to here; up to the model's own band if None.
-    standstill_rad_s : float
-        Samples count from this speed on.
-    base : bool
-        Whether the reaction on the base is judged.
-    mass_kg : float or None
-        Mass of all that the base carries [kg].
-    cell : str or None
-        The cell that a motion file is for.
-    unfinished : bool
-        Whether a run that was never finished will do.
-    """
-
-    model: Path
-    run: str
-    runs: Path
-    limits: str | None = None
-    band_hz: BandHz | None = None
-    standstill_rad_s: StandstillRadS = STANDSTILL_RAD_S
-    base: bool = False
-    mass_kg: BaseMassKg | None = None
-    cell: str | None = None
-    unfinished: bool = False
-
-    @property
-    def is_motion_file(self) -> bool:
-        """Whether a YAML file was named, and no run."""
-        path = Path(self.run)
-        return path.suffix in (".yaml", ".yml") and path.is_file()
+OF_RUNS: Final = ("limits", "band_hz", "standstill_rad_s", "unfinished")
+"""Fields of the request that apply to runs only."""
 
 
 @dataclass(frozen=True)
 class Validated:
-    """What was predicted, and the verdict on it.
+    """A prediction and the verdict on it.
 
     Attributes
     ----------
@@ -108,6 +66,8 @@ class Validated:
         Repeated, missing and jittered rows of the run, and where its times come from.
     report : Path or None
         The run's report.
+    not_compared : str
+        Why the reaction on the base is not compared; empty if it is, or there is none.
     """
 
     verdict: Verdict
@@ -117,9 +77,10 @@ class Validated:
     notes: list[str] | None = None
     clocks: list[ClockSection] | None = None
     report: Path | None = None
+    not_compared: str = ""
 
 
-def validate_run(request: ValidateRequest, console: Console) -> Validated:
+def validate_run(request: ValidateRequest) -> Validated:
     """Predict a run with a model, judge the error, and put it into the run's report.
 
     Raises
@@ -153,7 +114,7 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
             " says nothing of other motions. Validate on a run that it has not seen",
             code="RID-VALIDATE-SAME-RUN",
         )
-    notes = report_lacks(console, [data])
+    notes = every_lack([data])
     if not external:
         require_torques([data])
     band_hz = request.band_hz or estimate.band_hz
@@ -184,13 +145,13 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
             *(found.sentence for found in diagnose(estimate, validation)),
         ],
     )
-    reaction = load = None
+    reaction, load, not_compared = None, None, ""
     if data.recording.reaction is not None and estimate.options.kind != "internal":
         try:
             compared = validate_base_wrench(estimate, data.recording, cutoff_hz=band_hz)
             reaction = ReactionSection.of(compared)
         except DataQualityError as error:
-            console.say(f"The reaction on the base is not compared: {error}")
+            not_compared = f"The reaction on the base is not compared: {error}"
     if request.base:
         limits = _limits_of(data.cell, "the run's cell file")
         motion = (validation.position, validation.velocity, validation.acceleration)
@@ -212,7 +173,8 @@ def validate_run(request: ValidateRequest, console: Console) -> Validated:
         verdict=verdict,
     )
     report = write_result(data.folder, result)
-    return Validated(verdict, section, reaction, load, notes, clocks_of([data]), report)
+    clocks = clocks_of([data])
+    return Validated(verdict, section, reaction, load, notes, clocks, report, not_compared)
 
 
 def predict_motion(request: ValidateRequest) -> Validated:
@@ -227,6 +189,7 @@ def predict_motion(request: ValidateRequest) -> Validated:
         The model is an internal one.
     """
     motion = Path(request.run)
+    refuse_unused(request, OF_RUNS, "with a motion file")
     if not request.base:
         raise ConfigError(
             f"{motion}: is a motion file: without a run only the reaction on the base can be judged"

@@ -1,0 +1,174 @@
+"""`validate`: predict another run's torques and judge the error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Self
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
+from rid_daq.operations.request import Request, refuse_unused
+
+if TYPE_CHECKING:
+    from rid_daq.operations.identify.model_validation import Validated
+
+BASE: Final = "Reaction on the base"
+
+
+class ValidateRequest(Request):
+    """Predict a run's torques with a model and judge the error, axis by axis.
+
+    If an axis, or the reaction on the base, exceeds its limit, the exit code is 1. If the run
+    allows no verdict, it is 6: the model was identified from this run, or the run moves for less
+    than 5 s.
+    """
+
+    model: Annotated[
+        Path,
+        Field(description="Model file that `identify` wrote."),
+        Option(positional=True, metavar="MODEL", file="input"),
+    ]
+    run: Annotated[
+        str,
+        Field(
+            description="Run that the model was not identified from; with --base-limits also a"
+            " motion file, whose reaction is predicted."
+        ),
+        Option(positional=True, metavar="RUN"),
+    ]
+    runs: RunsFolder = DEFAULT_RUNS
+    limits: Annotated[
+        str | None,
+        Field(
+            description="Largest relative error, one percentage or one an axis; the cell file's if"
+            " not set."
+        ),
+        Option(metavar="PERCENT,..."),
+    ] = None
+    band_hz: Annotated[
+        BandHz | None,
+        Field(description="Highest frequency to compare; the model's own band if not set."),
+        Option(flag="band", unit="Hz"),
+    ] = None
+    standstill_rad_s: Annotated[
+        StandstillRadS,
+        Field(description="Lowest speed of samples that count."),
+        Option(flag="standstill", unit="rad/s"),
+    ] = STANDSTILL_RAD_S
+    base: Annotated[
+        bool,
+        Field(description="Judge the reaction on the base by the limits of the cell."),
+        Option(group=BASE, flag="base-limits"),
+    ] = False
+    mass_kg: Annotated[
+        BaseMassKg | None,
+        Field(description="Mass of everything that the base carries; the robot file's if not set."),
+        Option(group=BASE, unit="kg", flag="mass", needs="base"),
+    ] = None
+    cell: Annotated[
+        str | None,
+        Field(description="Cell of a motion file, for its limits and cycle time."),
+        Option(group=BASE, metavar="CELL", owned=True),
+    ] = None
+    unfinished: Unfinished = False
+
+    @property
+    def is_motion_file(self) -> bool:
+        """True if `run` names a motion file instead of a run."""
+        path = Path(self.run)
+        return path.suffix in (".yaml", ".yml") and path.is_file()
+
+    @model_validator(mode="after")
+    def _refuse_cell_of_run(self, info: ValidationInfo) -> Self:
+        """Refuse a cell beside a run; JSON always has one, which the service fills in."""
+        if info.mode == "python" and not self.is_motion_file:
+            refuse_unused(self, ("cell",), "with a run, which has its own")
+        return self
+
+
+@dataclass(frozen=True)
+class ValidateResult:
+    """A model that was judged.
+
+    Attributes
+    ----------
+    request : ValidateRequest
+        The request.
+    validated : Validated
+        The prediction and the verdict.
+    """
+
+    request: ValidateRequest
+    validated: Validated
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a limit is exceeded."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        failed = self.validated.verdict.passed is False
+        return ExitCode.VERDICT_FAILED if failed else ExitCode.DONE
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        found = self.validated
+        parts = {
+            "validation": found.validation,
+            "reaction": found.reaction,
+            "base_load": found.base_load,
+            "verdict": found.verdict,
+            "notes": found.notes,
+            "clocks": found.clocks,
+            "report": None if found.report is None else str(found.report),
+        }
+        return {name: part for name, part in parts.items() if part is not None}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield notes, errors, reactions, the verdict, the report's path and the next command."""
+        from rid_daq.report.shown.plate import base_load_blocks, reaction_blocks
+        from rid_daq.report.shown.validation import validation_blocks
+
+        found, verdict = self.validated, self.validated.verdict
+        yield from note_blocks(found.notes or ())
+        if found.not_compared:
+            yield Text(text=found.not_compared)
+        if found.validation is not None:
+            yield from validation_blocks(found.validation)
+        if found.reaction is not None:
+            yield from reaction_blocks(found.reaction)
+        if found.base_load is not None:
+            yield from base_load_blocks(found.base_load)
+        yield Verdict(passed=verdict.passed, text=verdict.headline)
+        if found.report is not None:
+            yield Text(text=f"Report: {found.report}")
+        if verdict.passed is False:
+            yield Next(words=("docs", "find-a-mistake"))
+        elif found.report is not None:
+            words = ("export", str(self.request.model), "--to", "FORMAT", "-o", "FILE")
+            yield Next(words=words)
+
+
+def run(request: ValidateRequest, _context: Context) -> ValidateResult:
+    """Judge the model by a run, or by a motion file."""
+    from rid_daq.operations.identify.model_validation import predict_motion, validate_run
+
+    judge = predict_motion if request.is_motion_file else validate_run
+    return ValidateResult(request, judge(request))
+
+
+OPERATION: Final = Operation(
+    name="validate",
+    label="Validate a model",
+    request=ValidateRequest,
+    run=run,
+    examples=(
+        "validate model.json validation",
+        "validate model.json fast.yaml --base-limits --cell ir361 --mass 120",
+    ),
+)

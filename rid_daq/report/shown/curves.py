@@ -1,0 +1,143 @@
+"""`curves_blocks`: torque over time, and residuals over frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from rid_daq.blocks.block import AnyBlock, Heading, Text
+from rid_daq.blocks.plot import Axis, Colour, Gapped, Line, Panel, Plot
+from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurve, TorqueCurves
+
+WIDE_PX: Final = 4.5
+THIN_PX: Final = 1.2
+RESIDUAL_REACH: Final = 1.2
+"""Height of a panel of residuals, as a multiple of the largest residual that counts."""
+
+
+def curves_blocks(section: CurvesSection) -> Iterator[AnyBlock]:
+    """Yield measured and predicted torque, and the spectrum of what the model leaves.
+
+    Parameters
+    ----------
+    section : CurvesSection
+        The curves.
+    """
+    if section.torque is not None:
+        yield Heading(text="Measured and predicted torque")
+        yield Text(text=section.torque.sentence)
+        yield torque_plot(section.torque)
+    if section.spectrum is not None:
+        yield Heading(text="Residual spectrum against the noise floor")
+        yield Text(text=section.spectrum.sentence)
+        yield spectrum_plot(section.spectrum)
+
+
+def torque_plot(curves: TorqueCurves) -> Plot:
+    """Return measured and predicted torque over time, and their difference, axis by axis.
+
+    Parameters
+    ----------
+    curves : TorqueCurves
+        Of a validation, or of the mean period that a model was fitted to.
+    """
+    panels = [panel for axis in curves.axes for panel in _torque_panels(curves, axis)]
+    return Plot(name="fit", panels=tuple(panels))
+
+
+def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Panel]:
+    residual = [one - other for one, other in zip(axis.measured, axis.predicted, strict=True)]
+    counted = [abs(value) for value, counts in zip(residual, axis.counted, strict=True) if counts]
+    reach = RESIDUAL_REACH * max(counted, default=0.0) or None
+    time, is_first = Axis(label="time", unit="s"), axis is curves.axes[0]
+
+    def line(label: str, values: Gapped, stroke: Colour, width: float) -> Line:
+        named = label not in ("residual", "residual, not counted")
+        return Line(
+            label=label, x=curves.time_s, y=values, stroke=stroke, width=width, is_named=named
+        )
+
+    def kept(values: Sequence[float], counts: int) -> Gapped:
+        return tuple(
+            value if each == counts else None
+            for value, each in zip(values, axis.counted, strict=True)
+        )
+
+    pale = [] if all(axis.counted) else [0]
+    return (
+        Panel(
+            title=f"{axis.joint}: {axis.caption}",
+            x=time,
+            y=Axis(label="torque", unit=axis.unit),
+            lines=(
+                *(line("not counted", kept(axis.predicted, 0), "faint", WIDE_PX) for _ in pale),
+                line("predicted", kept(axis.predicted, 1), "orange", WIDE_PX),
+                line("measured", axis.measured, "ink", THIN_PX),
+            ),
+            height_px=230,
+            zooms_with_previous=not is_first,
+        ),
+        Panel(
+            x=time,
+            y=Axis(
+                label="residual",
+                unit=axis.unit,
+                least=None if reach is None else -reach,
+                most=reach,
+            ),
+            lines=(
+                *(line("residual, not counted", kept(residual, 0), "faint", THIN_PX) for _ in pale),
+                line("residual", kept(residual, 1), "red", THIN_PX),
+            ),
+            height_px=150,
+            zooms_with_previous=True,
+        ),
+    )
+
+
+def spectrum_plot(spectrum: SpectrumCurves) -> Plot:
+    """Return torque, residual and noise over frequency, one panel an axis.
+
+    Parameters
+    ----------
+    spectrum : SpectrumCurves
+        Of a mean period.
+    """
+    panels = [
+        Panel(
+            title=axis.joint,
+            x=Axis(label="frequency", unit="Hz"),
+            y=Axis(label="RMS torque", unit=axis.unit or "N m", log=True),
+            lines=(
+                Line(
+                    label="torque",
+                    x=spectrum.frequency_hz,
+                    y=_positive(axis.measured_nm),
+                    stroke="faint",
+                    points=True,
+                    marker="square",
+                ),
+                Line(
+                    label="residual",
+                    x=spectrum.frequency_hz,
+                    y=_positive(axis.residual_nm),
+                    stroke="red",
+                    points=True,
+                ),
+                Line(
+                    label="noise",
+                    x=spectrum.frequency_hz,
+                    y=_positive(axis.noise_nm),
+                    stroke="blue",
+                ),
+            ),
+            zooms_with_previous=axis is not spectrum.axes[0],
+        )
+        for axis in spectrum.axes
+    ]
+    return Plot(name="residual_spectrum", panels=tuple(panels), columns=3)
+
+
+def _positive(values: tuple[float, ...]) -> Gapped:
+    """Return values for a logarithmic axis, with a gap instead of 0."""
+    return tuple(value if value > 0.0 else None for value in values)
