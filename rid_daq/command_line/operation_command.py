@@ -6,7 +6,6 @@ import functools
 import re
 import textwrap
 import typing
-from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +17,13 @@ from config.process.shortage import require_memory
 from rid_daq.operations.operation import NUMERICS_BYTES, Operation
 from rid_daq.operations.option import FILES, OPTIONS
 from rid_daq.operations.perform import perform
-from rid_daq.operations.request import INVALID, ShownField, plain_type, shown_fields
+from rid_daq.operations.request import (
+    INVALID,
+    ShownField,
+    choices_of,
+    plain_type,
+    shown_fields,
+)
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.console import JSON_HELP, SERVICE_HELP, Console
@@ -120,9 +125,7 @@ class Value(click.ParamType[str]):
     name = "text"
 
     def __init__(self, type_: Any) -> None:
-        of_enum = type_ if isinstance(type_, type) and issubclass(type_, StrEnum) else ()
-        literal = typing.get_origin(type_) is typing.Literal
-        self.choices = tuple(map(str, typing.get_args(type_) if literal else of_enum))
+        self.choices = choices_of(type_)
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str

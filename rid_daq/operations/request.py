@@ -8,6 +8,7 @@ import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -197,6 +198,14 @@ def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
             raise ConfigError(
                 f"{each.flag}: has no effect {because}; leave it out", code="RID-OPTION-NO-EFFECT"
             )
+
+
+def choices_of(type_: Any) -> tuple[str, ...]:
+    """Return the texts that a type allows; none if it is not a choice."""
+    if isinstance(type_, type) and issubclass(type_, StrEnum):
+        return tuple(map(str, type_))
+    is_literal = typing.get_origin(type_) is typing.Literal
+    return tuple(map(str, typing.get_args(type_))) if is_literal else ()
 
 
 def _refused(

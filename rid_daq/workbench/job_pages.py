@@ -20,13 +20,13 @@ router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_sch
 @router.get("/experiment")
 async def experiment_page(visit: Visitor) -> HTMLResponse:
     """Show what may be driven, with its picture."""
-    return visit.page("experiment.html", files=await _files(visit))
+    return visit.page("experiment.html", files=await cell_files(visit))
 
 
 @router.get("/identify")
 async def identify_page(visit: Visitor) -> HTMLResponse:
     """Show the way from runs to a model."""
-    return visit.page("identify.html", files=await _files(visit))
+    return visit.page("identify.html", files=await cell_files(visit))
 
 
 @router.get("/identify/check")
@@ -43,7 +43,7 @@ def identify_check(
 @router.get("/friction")
 async def friction_page(visit: Visitor) -> HTMLResponse:
     """Show friction alone: from runs at constant speed, or there and back."""
-    return visit.page("friction.html", files=await _files(visit))
+    return visit.page("friction.html", files=await cell_files(visit))
 
 
 @router.get("/payload")
@@ -55,7 +55,7 @@ async def payload_page(visit: Visitor) -> HTMLResponse:
     plant = visit.cell.loaded.plant
     return visit.page(
         "payload.html",
-        files=await _files(visit),
+        files=await cell_files(visit),
         payloads=() if plant is None else tuple(plant.payloads),
         interrupted=await run_in_threadpool(
             interrupted_sessions, visit.service.runs, visit.cell.name, visit.service.folder
@@ -67,9 +67,10 @@ async def payload_page(visit: Visitor) -> HTMLResponse:
 @router.get("/compensation")
 async def compensation_page(visit: Visitor) -> HTMLResponse:
     """Show loops, feedforward, paths before and after, and streaming."""
-    return visit.page("compensation.html", files=await _files(visit))
+    return visit.page("compensation.html", files=await cell_files(visit))
 
 
-async def _files(visit: Visit) -> FilesOfCell:
+async def cell_files(visit: Visit) -> FilesOfCell:
+    """Return what lies in the service's folder for the cell's robot."""
     robot = visit.cell.loaded.robot.name
     return await run_in_threadpool(folder_files, visit.service, robot)

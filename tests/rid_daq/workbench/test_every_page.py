@@ -60,7 +60,10 @@ def test_every_page_can_be_read_and_pressed(
     page = open_page(dark=dark)
     pictured = WIDTHS[1:2] if dark else WIDTHS
     base = served_pages.url.split("/?")[0] + "/cells/ir361"
-    paths = [entry.path for entry in MENU] + ["/runs/history", f"/runs/{a_run}"]
+    paths = [entry.path for entry in MENU] + [
+        *("/runs/history", f"/runs/{a_run}"),
+        *("/operations", "/operations/retime"),
+    ]
     wrong = []
     for path in paths:
         page.goto(base + path)

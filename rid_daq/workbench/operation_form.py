@@ -1,0 +1,108 @@
+"""`FormField`: a field of an operation's request as a page asks for it."""
+
+from __future__ import annotations
+
+import typing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from rid_daq.operations.operation import Operation
+from rid_daq.operations.option import FILES
+from rid_daq.operations.request import ShownField, choices_of, plain_type, shown_fields
+
+FieldKind = Literal["flag", "number", "whole", "text", "choice"]
+
+_KINDS: Final[dict[object, FieldKind]] = {
+    bool: "flag",
+    float: "number",
+    int: "whole",
+    str: "text",
+    Path: "text",
+}
+
+
+@dataclass(frozen=True)
+class FormField:
+    """A field of a form.
+
+    Attributes
+    ----------
+    path : str
+        Where its value goes in the request, parts separated by dots.
+    label, hint : str
+        What it is called, with its unit; its description.
+    kind : str
+        What one value is.
+    many : str
+        How it holds several values: "" for one, "list" for one a line, "numbers" for a fixed
+        number of them in one line, "pairs" for NAME=VALUE, one a line.
+    default : str
+        What holds if nothing is given, as text.
+    is_required : bool
+        True if it must be given.
+    choices : tuple of str
+        What a choice may be.
+    offers : str
+        What is offered while somebody types: "files", "runs" or nothing.
+    """
+
+    path: str
+    label: str
+    hint: str
+    kind: FieldKind
+    many: Literal["", "list", "numbers", "pairs"]
+    default: str
+    is_required: bool
+    choices: tuple[str, ...]
+    offers: Literal["", "files", "runs"]
+
+    @classmethod
+    def of(cls, shown: ShownField) -> FormField:
+        """Return the form's field of a request's field."""
+        option, default = shown.option, shown.info.default
+        many, element = _many(shown)
+        choices = choices_of(element)
+        name = option.flag or shown.path[-1]
+        unit = f" [{option.unit}]" if option.unit else ""
+        is_run = (option.metavar or "").startswith("RUN")
+        known = isinstance(default, (int, float, str, Path))
+        return cls(
+            path=".".join(shown.path),
+            label=f"{name.replace('_', ' ').replace('-', ' ')}{unit}",
+            hint=str(shown.info.description).replace("`", ""),
+            kind="choice" if choices else _KINDS[element],
+            many=many,
+            default=str(default) if known else "",
+            is_required=shown.info.is_required(),
+            choices=choices,
+            offers="runs" if is_run else "files" if option.file == "input" else "",
+        )
+
+
+def form_sections(operation: Operation) -> dict[str, tuple[FormField, ...]]:
+    """Return the fields that a client gives, by their sections; files come last.
+
+    Parameters
+    ----------
+    operation : Operation
+        The operation.
+    """
+    found: dict[str, list[FormField]] = {}
+    for shown in shown_fields(operation.request):
+        if shown.path[0] not in operation.owned:
+            found.setdefault(shown.option.group, []).append(FormField.of(shown))
+    last = {FILES: found.pop(FILES)} if FILES in found else {}
+    return {title: tuple(fields) for title, fields in (found | last).items()}
+
+
+def _many(shown: ShownField) -> tuple[Literal["", "list", "numbers", "pairs"], typing.Any]:
+    """Return how a field holds several values, and the type of one of them."""
+    origin, arguments = typing.get_origin(shown.type), typing.get_args(shown.type)
+    if origin is dict:
+        return "pairs", plain_type(arguments[1])
+    if shown.is_repeated:
+        return "list", plain_type(arguments[0])
+    if origin is tuple:
+        return "numbers", plain_type(arguments[0])
+    return "", shown.type

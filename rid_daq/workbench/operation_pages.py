@@ -1,0 +1,48 @@
+"""The pages of all operations of the service, each with a form made from its request."""
+
+from __future__ import annotations
+
+import inspect
+from http import HTTPStatus
+
+from fastapi import APIRouter
+from fastapi.responses import HTMLResponse
+from starlette.exceptions import HTTPException
+
+from rid_daq.operations.catalogue import CATALOGUE, GROUPS, OF_KINDS, SECTIONS, operation
+from rid_daq.operations.operation import Operation
+from rid_daq.workbench.job_pages import cell_files
+from rid_daq.workbench.operation_form import form_sections
+from rid_daq.workbench.visit import PageRoute, Visitor
+
+router = APIRouter(
+    prefix="/cells/{cell}/operations", route_class=PageRoute, include_in_schema=False
+)
+
+
+@router.get("")
+async def operations_page(visit: Visitor) -> HTMLResponse:
+    """Show the operations, by the sections of the command line's help."""
+    sections: dict[str, list[Operation]] = {title: [] for title in SECTIONS}
+    for name, entry in CATALOGUE.items():
+        if operation(name).is_job:
+            sections[entry.section or GROUPS[name.split()[0]].section].append(operation(name))
+    return visit.page("operations.html", sections=sections, catalogue=CATALOGUE)
+
+
+@router.get("/{kind}")
+async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
+    """Show the form of an operation."""
+    if kind not in OF_KINDS or not operation(OF_KINDS[kind]).is_job:
+        raise HTTPException(HTTPStatus.NOT_FOUND, f"no operation is called {kind}")
+    shown = operation(OF_KINDS[kind])
+    files = await cell_files(visit)
+    lists = (files.motions, files.models, files.loops, files.feedforwards, files.payloads)
+    return visit.page(
+        "operation.html",
+        operation=shown,
+        description=str(inspect.getdoc(shown.request)).replace("`", "").split("\n\n"),
+        needs="ready" if shown.moves else "lease" if shown.opens_cell else "role",
+        sections=form_sections(shown),
+        paths=[each.path for group in lists for each in group],
+    )

@@ -1,0 +1,62 @@
+// The form of an operation: what it holds becomes a request; the service checks it.
+import { element, find, parseNumber } from "./dom.js";
+import { WorkPanel, completeRuns, figuresOf, press, runWords, wanted } from "./work.js";
+
+const form = find("operation");
+if (form) show();
+
+function show() {
+  const kind = form.dataset.kind;
+  const moves = "moves" in form.dataset;
+  const figures = element("div", {});
+  const panel = new WorkPanel(find("job"), { ended: async (job) => job.run && figures.replaceChildren(...await figuresOf(job.run)) });
+  find("job").after(figures);
+  for (const input of form.elements) {
+    if (input.name && wanted.has(input.name)) input.value = wanted.getAll(input.name).join("\n");
+  }
+  completeRuns().then((runs) => find("runs").replaceChildren(...runs.map((run) => element("option", { value: run.id, label: runWords(run) }))));
+  form.addEventListener("submit", (event) => event.preventDefault());
+  press("begin", panel, kind, () => panel.begin(kind, request(), { moves }));
+}
+
+// What was given; a field that was left as it is stays with the service's default.
+function request() {
+  const asks = {};
+  for (const input of form.elements) {
+    if (!input.name) continue;
+    const value = valueOf(input);
+    if (value === null) continue;
+    const [last, ...path] = input.name.split(".").reverse();
+    const place = path.reverse().reduce((inner, part) => (inner[part] ??= {}), asks);
+    place[last] = value;
+  }
+  return asks;
+}
+
+// Return null for a field that was left as it is.
+function valueOf(input) {
+  const { kind, many } = input.dataset;
+  if (kind === "flag") return input.checked === input.defaultChecked ? null : input.checked;
+  const text = input.value.trim();
+  if (!text || (kind === "choice" && [...(input.options ?? [])].some((each) => each.defaultSelected && each.value === text))) return null;
+  const one = (part) => read(part.trim(), kind, input.name);
+  if (many === "list") return text.split("\n").filter((line) => line.trim()).map(one);
+  if (many === "numbers") return text.split(/[\s;]+/).map(one);
+  if (many === "pairs") return Object.fromEntries(text.split("\n").map((line) => pair(line, kind, input.name)));
+  return one(text);
+}
+
+function pair(line, kind, name) {
+  const at = line.indexOf("=");
+  if (at < 1) throw new Error(`${name}: "${line}" is not of the form NAME=VALUE.`);
+  return [line.slice(0, at).trim(), read(line.slice(at + 1).trim(), kind, name)];
+}
+
+function read(text, kind, name) {
+  if (kind !== "number" && kind !== "whole") return text;
+  const value = parseNumber(text);
+  if (Number.isNaN(value) || (kind === "whole" && !Number.isInteger(value))) {
+    throw new Error(`${name}: "${text}" is not a ${kind === "whole" ? "whole " : ""}number, such as ${kind === "whole" ? "3" : "9.6"}.`);
+  }
+  return value;
+}

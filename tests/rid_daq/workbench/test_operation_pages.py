@@ -1,0 +1,109 @@
+"""The form of every operation, made from its request, and what it asks the service for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.workbench.operation_form import form_sections
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.workbench.conftest import OpenPage, estimated
+
+JOBS = [name for name in CATALOGUE if operation(name).is_job]
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_a_form_has_every_field_that_a_client_may_give(name: str) -> None:
+    found = operation(name)
+    fields = [each for fields in form_sections(found).values() for each in fields]
+    paths = [each.path for each in fields]
+    assert len(set(paths)) == len(paths)
+    assert {path.split(".")[0] for path in paths} == found.request.model_fields.keys() - found.owned
+    assert all(each.hint for each in fields)
+    assert all(each.choices for each in fields if each.kind == "choice")
+
+
+@pytest.mark.slow
+def test_what_is_written_into_a_form_is_asked_for_as_json(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = _form(open_page, served_pages, "retime")
+    page.locator("[name=motion]").fill("turns.yaml")
+    page.locator("[name=model]").fill("model.json")
+    page.locator("[name=output]").fill("timed.yaml")
+    page.locator("[name=margin]").fill("0,05")
+    page.locator("[name=jerk]").fill("100\n200,5\n\n300")
+    page.locator("[name=base]").check()
+    assert _asked(page, "retime") == {
+        "motion": "turns.yaml",
+        "model": "model.json",
+        "output": "timed.yaml",
+        "margin": 0.05,
+        "jerk": [100, 200.5, 300],
+        "base": True,
+    }
+    problems.clear()  # the console tells that the request was refused
+    page.locator("[name=margin]").fill("0,05 kg")
+    page.locator("#begin").click()
+    expect(page.locator("#job [role=alert]")).to_contain_text('margin: "0,05 kg"')
+
+
+@pytest.mark.slow
+def test_the_service_names_the_field_that_it_refuses(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = _form(open_page, served_pages, "retime")
+    for name, value in {"motion": "turns.yaml", "model": "model.json", "output": "t.yaml"}.items():
+        page.locator(f"[name={name}]").fill(value)
+    page.locator("[name=confidence]").fill("7")
+    page.locator("#begin").click()
+    expect(page.locator("#job [role=alert]")).to_contain_text("confidence: 7")
+    problems.clear()
+
+
+@pytest.mark.slow
+def test_a_form_begins_its_job_and_shows_the_result(
+    open_page: OpenPage, served_pages: ServedProcess, screenshots: Path
+) -> None:
+    first, second = (
+        estimated(served_pages.folder / "runs", label, value)
+        for label, value in (("spring", 3.0), ("autumn", 4.0))
+    )
+    page = open_page()
+    page.get_by_role("link", name="All operations").click()
+    page.get_by_role("link", name="Recover a recording").click()
+    expect(page.locator("#runs option")).to_have_count(2)  # offered while somebody types
+    page.goto(f"{page.url}?what={first}")
+    expect(page.locator("[name=what]")).to_have_value(first)
+    page.locator("#begin").click()
+    expect(page.locator("#job .verdict.end")).to_contain_text("Recover: failed")
+    page.screenshot(path=screenshots / "operation-recover.png", full_page=True)
+    assert second != first
+
+
+def _form(open_page: OpenPage, served: ServedProcess, kind: str) -> Page:
+    page = open_page()
+    page.goto(f"{served.url.split('/?')[0]}/cells/ir361/operations/{kind}")
+    expect(page.locator("#begin")).to_be_enabled()
+    return page
+
+
+def _asked(page: Page, kind: str) -> object:
+    """Press what begins, and return the request; nothing begins."""
+    asked: list[Any] = []
+
+    def keep(route: Route) -> None:
+        asked.append(route.request.post_data_json)
+        route.fulfill(status=409, json={"error": "Refused", "message": "kept by a test"})
+
+    page.route("**/cells/ir361/jobs", keep)
+    page.locator("#begin").click()
+    expect(page.locator("#job")).to_contain_text("kept by a test")
+    page.unroute("**/cells/ir361/jobs")
+    (wanted,) = asked
+    assert wanted["kind"] == kind
+    return wanted["request"]
