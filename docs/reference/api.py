@@ -45,6 +45,9 @@ WITHDRAWN = (
     "Request-design-MultisineOptions: is gone",
     "Request-design-SearchOptions: is gone",
     "Request-design-TwoHarmonicOptions: is gone",
+    "Request-payload_identify-Known: is gone",
+    "Request-payload_identify-ModelOptions: is gone",
+    "Request-payload_identify-PayloadLimits: is gone",
 )
 """Schemas that have another name now; the documents that they describe are accepted as before."""
 

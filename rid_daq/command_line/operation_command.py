@@ -46,7 +46,8 @@ class OperationCommand(click.Command):
         self._operation = operation
         fields: dict[str, list[ShownField]] = {}
         for each in shown_fields(operation.request):  # fields of one name share an option
-            fields.setdefault(each.flag, []).append(each)
+            if not each.option.hidden:
+                fields.setdefault(each.flag, []).append(each)
         self._fields = {_PARTS.join(each[0].path): each for each in fields.values()}
         service = click.Option(["--service"], metavar="ADDRESS", help=SERVICE_HELP)
         common: list[click.Parameter] = [

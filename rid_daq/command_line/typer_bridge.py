@@ -6,7 +6,7 @@ It goes when all commands are operations; each of them leaves `TYPER` when it be
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final
+from typing import Any
 
 import click
 import typer
@@ -16,8 +16,6 @@ from config.process.shortage import require_memory
 from rid_daq.command_line.typer_commands import TYPER, WITHOUT_NUMERICS
 from rid_daq.operations.operation import NUMERICS_BYTES
 from rid_daq.terminal.option_sections import SectionedCommand
-
-_FUNCTIONS: Final = {"read-back": "read_back"}
 
 
 class TyperBridge(click.Command):
@@ -39,7 +37,7 @@ class TyperBridge(click.Command):
         super().__init__(name, add_help_option=False)
         module = importlib.import_module(f"rid_daq.commands.{TYPER[words].room}")
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        function = getattr(module, _FUNCTIONS.get(name, name))
+        function = getattr(module, name)
         single.command(name=name, cls=SectionedCommand)(function)
         self.command: Any = typer.main.get_command(single)
         self._numerics = words not in WITHOUT_NUMERICS

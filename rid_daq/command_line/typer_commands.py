@@ -34,14 +34,6 @@ TYPER: Final = {
     "payload session": Entry(
         "payload_session", "", "lead through a session: check, warm up, record, identify, judge"
     ),
-    "payload identify": Entry(
-        "payload_identify", "", "mass, centre of gravity and inertia, from recorded runs"
-    ),
-    "payload export": Entry("payload_export", "", "load data as a maker's controller wants them"),
-    "payload read-back": Entry(
-        "payload_read_back", "", "what was typed into a controller, compared with a payload"
-    ),
-    "payload certificate": Entry("payload_certificate", "", "a payload as a PDF to sign"),
     "sensitivity": Entry(
         "sensitivity", "Payload", "what wrong knowledge of the robot does to a payload's estimate"
     ),

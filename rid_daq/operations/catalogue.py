@@ -87,6 +87,12 @@ CATALOGUE: Final = {
     "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
     "report": Entry("identify", "Identify", "write a run's report again from its results"),
+    "payload identify": Entry(
+        "payload", "", "mass, centre of gravity and inertia, from recorded runs"
+    ),
+    "payload export": Entry("payload", "", "load data in the format of a robot controller"),
+    "payload read-back": Entry("payload", "", "compare load data of a controller with a payload"),
+    "payload certificate": Entry("payload", "", "the certificate of a payload, to sign"),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
     "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),

@@ -44,6 +44,8 @@ class Option:
         True if the service sets the field and a client cannot.
     needs : str
         Field without which this one has no effect.
+    hidden : bool
+        True if the command line does not have it.
     separator : str
         What separates several values in one word of the command line.
     """
@@ -59,6 +61,7 @@ class Option:
     endings: tuple[str, ...] = ()
     owned: bool = False
     needs: str = ""
+    hidden: bool = False
     separator: str = ""
 
     def __get_pydantic_json_schema__(

@@ -48,11 +48,6 @@ _JSON: Final = (".json",)
 OUTPUT_ENDINGS: Final = MappingProxyType(
     {
         JobKind.IDENTIFY: _JSON,
-        JobKind.PAYLOAD_IDENTIFY: _JSON,
-        JobKind.PAYLOAD_CERTIFICATE: (".pdf",),
-        JobKind.PAYLOAD_EXPORT: (
-            *(".src", ".mod", ".ls", ".script", ".txt", ".json", ".urdf", ".dat", ".jbi", ".xml"),
-        ),
     }
 )
 """What the names of outputs end in: a job does not take the name of another kind of file."""

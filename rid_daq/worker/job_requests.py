@@ -26,10 +26,6 @@ OWNED: Final = frozenset({"cell", "runs", "cleared", "live", "tester"})
 _MODULES = {
     JobKind.PLATE_ZERO: "plate",
     JobKind.PAYLOAD: "payload.session",
-    JobKind.PAYLOAD_IDENTIFY: "payload.identify",
-    JobKind.PAYLOAD_EXPORT: "payload.export",
-    JobKind.PAYLOAD_READ_BACK: "payload.read_back",
-    JobKind.PAYLOAD_CERTIFICATE: "payload.certificate",
     JobKind.STREAM: "compensation.stream",
 }
 """Where a kind's performer stands, where its file is not called as the kind is."""

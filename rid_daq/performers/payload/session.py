@@ -6,9 +6,11 @@ from rid_daq.recording.payload_session_job import PayloadSessionResult, run_payl
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_steps import StepFailed
 from rid_daq.recording.recorded_run import stop_document
+from rid_daq.report.shown.payload import payload_blocks
 from rid_daq.terminal.console import Console, as_command
 from rid_daq.terminal.exit_codes import ExitCode
 from rid_daq.terminal.options import DEFAULT_RUNS
+from rid_daq.terminal.shown_blocks import show
 
 
 def perform(request: PayloadSessionRequest, console: Console) -> None:
@@ -53,7 +55,7 @@ def _print(console: Console, ended: PayloadSessionResult) -> None:
         }
     )
     if result.payload is not None:
-        result.payload.print(console)
+        show(payload_blocks(result.payload), console)
     console.verdict(ended.judged.passed, result.verdict.headline)
     console.say(result.verdict.sentence)
     console.say(f"Payload: {ended.file}")

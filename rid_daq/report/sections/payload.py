@@ -7,10 +7,9 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.formats import measured, number
-from rid_daq.report.sections.section import Numbers, Section, Texts, say_doubts, units
+from rid_daq.blocks.formats import measured
+from rid_daq.report.sections.section import Numbers, Section, Texts, units
 from rid_daq.report.sections.verdict import Check, Relation, Verdict
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from identification.payload.estimate import PayloadEstimate
@@ -214,72 +213,6 @@ class PayloadSection(Section):
     def has_centre(self) -> bool:
         """Whether enough is known of the centre of gravity to draw where it lies."""
         return sum(each.value is not None for each in self.parameters[1:4]) >= 2
-
-    def print(self, console: Console) -> None:
-        """Print the payload."""
-        console.say(self.sentence)
-        console.table(
-            ("parameter", "estimate", "± 2σ", "unit", ""),
-            [
-                (
-                    entry.name,
-                    *(
-                        ("not seen", "–")
-                        if entry.value is None or entry.std is None
-                        else measured(entry.value, 2.0 * entry.std)
-                    ),
-                    entry.unit,
-                    "known" if entry.known else "",
-                )
-                for entry in self.parameters
-            ],
-        )
-        console.say("Centre of gravity from the flange, inertia about it, in the flange's axes.")
-        if self.principal is not None and self.existence is not None:
-            console.say(
-                "Principal moments: "
-                + "; ".join(
-                    f"{number(each.moment, 3)} kg m^2 about"
-                    f" ({', '.join(f'{x:.3f}' for x in each.axis)})"
-                    for each in self.principal
-                )
-            )
-            console.say(self.existence)
-        if self.repeats is not None:
-            console.say(
-                f"{self.repeats.runs} runs, each for itself: mass scatters by"
-                f" {self.repeats.scatter[0]:.3g} kg (1σ); scatter over quoted standard deviation,"
-                f" all ten: {self.repeats.ratio:.2f}."
-            )
-        for finding in self.findings:
-            console.say(finding)
-        console.table(
-            (
-                "axis",
-                "payload (RMS)",
-                "residual (RMS)",
-                "of torque",
-                "over noise",
-                "fit",
-                "mass per 1 % of torque",
-            ),
-            [
-                (
-                    axis.joint,
-                    f"{number(axis.payload, 3)} {axis.unit}",
-                    f"{number(axis.residual, 3)} {axis.unit}",
-                    f"{number(axis.residual_percent, 2)} %",
-                    "–" if axis.over_noise is None else f"{number(axis.over_noise, 2)} times",
-                    axis.grade or "–",
-                    "–"
-                    if axis.mass_per_percent is None
-                    else f"{number(axis.mass_per_percent, 2)} kg",
-                )
-                for axis in self.axes
-            ],
-            red=[axis.grade is Grade.BAD for axis in self.axes],
-        )
-        say_doubts(console, self.axes)
 
 
 def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> Verdict:

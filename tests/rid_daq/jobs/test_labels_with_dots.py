@@ -9,7 +9,7 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from rid_daq.app import run
-from rid_daq.jobs.payload.load_data_job import payload_file
+from rid_daq.operations.payload.load_data import payload_file
 from tests.builders.raised_codes import raises_code
 
 LABEL = "ur10 v1.json"

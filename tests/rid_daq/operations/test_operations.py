@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from enum import EnumType
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,8 @@ def required(name: str) -> dict[str, object]:
     values: dict[str, object] = {}
     for each in fields(name):
         if each.info.is_required():
-            values = nested(values, each.path, ("a.yaml",) if each.is_repeated else "a.yaml")
+            text = next(iter(each.type)).value if isinstance(each.type, EnumType) else "a.yaml"
+            values = nested(values, each.path, (text,) if each.is_repeated else text)
     return values
 
 
@@ -93,6 +95,8 @@ def test_an_option_says_its_unit_and_its_section(name: str) -> None:
     context = click.Context(OperationCommand(found), info_name=name)
     text = " ".join(context.get_help().split())
     for each in fields(name):
+        if each.option.hidden:
+            continue
         assert each.flag in text
         assert each.option.positional or f"{each.option.group}:" in text
         assert f"[{each.option.unit}]" in text or not each.option.unit

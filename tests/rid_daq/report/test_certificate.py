@@ -18,11 +18,8 @@ from acquisition.runs.manifest import MANIFEST, RunStatus
 from config.errors import ConfigError, DataQualityError, RecordingError
 from identification.choices import REPORTED
 from rid_daq.app import run
-from rid_daq.recording.certificate_job import (
-    PayloadCertificateRequest,
-    certificate_of,
-    write_certificate,
-)
+from rid_daq.operations.payload.certified_session import certificate_of, write_certificate
+from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.report.certificate.pdf import certificate_pdf
 from rid_daq.terminal.choices import CERTIFICATE
@@ -145,7 +142,8 @@ def test_a_real_cell_is_not_called_simulated(tmp_path: Path) -> None:
 
 
 def test_the_same_session_gives_the_same_bytes(session: Session) -> None:
-    request = PayloadCertificateRequest(session.folder.run_id, session.folder.path.parent, by=NAME)
+    runs = session.folder.path.parent
+    request = PayloadCertificateRequest(session=session.folder.run_id, runs=runs, by=NAME)
     _, file = write_certificate(request)
     first = file.read_bytes()
     write_certificate(request)
@@ -193,9 +191,9 @@ def test_overlong_texts_stay_on_the_page(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("by", ["", "  ", "x" * 201])
-def test_a_name_is_one_to_two_hundred_characters(by: str, tmp_path: Path) -> None:
-    with raises_code(ConfigError, "RID-OPTION-RANGE", "--by"):
-        PayloadCertificateRequest("latest", tmp_path, by=by)
+def test_a_name_is_one_to_two_hundred_characters(by: str) -> None:
+    with raises_code(ConfigError, "RID-REQUEST-INVALID", "--by"):
+        PayloadCertificateRequest.of({"session": "latest", "by": by}, flags=True)
 
 
 def test_a_run_of_payload_identify_is_certified(session: Session) -> None:

@@ -214,7 +214,6 @@ OPTIONS = {
     "plate zero.settle_s": "plate_zero settle_s",
     "plate zero.pace": "plate_zero simulation.pace",
     "plate zero.seed": "plate_zero simulation.seed",
-    "payload read-back.tolerance_percent": "payload_read_back tolerance_percent",
     "record.pace": "record simulation.pace",
     "record.seed": "record simulation.seed",
     "stream.buffer": "stream options.buffer_s",

@@ -1,4 +1,4 @@
-"""Load data for a controller: written of a payload that passed, and compared with it afterwards."""
+"""Load data of a controller: write them of a payload, and compare them with it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from acquisition.runs.catalogue import file_or_run
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
-from config.ranges import Ranged, TolerancePercent
 from identification.choices import LoadFormat
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import (
@@ -23,41 +22,19 @@ from identification.payload.controllers.formats import (
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
 from rid_daq.blocks.formats import measured, number
+from rid_daq.operations.payload.payload_export import PayloadExportRequest
+from rid_daq.operations.payload.payload_read_back import PayloadReadBackRequest
 from rid_daq.report.sections.verdict import Check, Verdict
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.terminal.choices import PAYLOAD
-from rid_daq.terminal.options import DEFAULT_RUNS
 
 ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
 """Formats of makers whose flange frame has Z out of the flange; a URDF has no rule."""
 
 
 @dataclass(frozen=True)
-class PayloadExportRequest(Ranged):
-    """What `rid-daq payload export` was asked for.
-
-    Attributes
-    ----------
-    payload : Path
-        A payload file; or a session or run that has one: its folder, id or label, or `latest`.
-    to : LoadFormat
-        Whose controller it is for.
-    output : Path
-        The file to write.
-    overwrite : bool
-        Whether it may be there already.
-    runs : Path
-        The folder of the run folders.
-    """
-
-    payload: Path
-    to: LoadFormat
-    output: Path
-    overwrite: bool = False
-    runs: Path = DEFAULT_RUNS
-
-
-@dataclass(frozen=True)
-class PayloadExported:
+class LoadData:
     """The payload, the text that was written, and what a person should look at."""
 
     estimate: PayloadEstimate
@@ -65,7 +42,7 @@ class PayloadExported:
     notes: tuple[str, ...]
 
 
-def export_payload(request: PayloadExportRequest) -> PayloadExported:
+def export_payload(request: PayloadExportRequest) -> LoadData:
     """Write a payload for a controller; what was written has been read back and compared.
 
     Raises
@@ -76,6 +53,7 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
     ConfigError, RecordingError
         The payload cannot be read, or the file not be written.
     """
+    refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
     path = payload_file(request.runs, request.payload)
     judged = read_payload(path)
     refuse_failed(path, judged, "no controller gets it")
@@ -88,71 +66,39 @@ def export_payload(request: PayloadExportRequest) -> PayloadExported:
         rounding(estimate.body, estimate.sigma),
     )
     write_whole(request.output, text.encode())
-    return PayloadExported(estimate, text, notes)
-
-
-@dataclass(frozen=True)
-class ReadBackRequest(Ranged):
-    """What `rid-daq payload read-back` was asked for.
-
-    Attributes
-    ----------
-    payload : Path
-        A payload file; or a session or run that has one: its folder, id or label, or `latest`.
-    form : LoadFormat
-        Whose controller the load data come from.
-    file : Path or None
-        Load data as exported or saved from the robot; None where they are in `text`.
-    text : str
-        The same, as a person has typed or pasted them.
-    tolerance_percent : float
-        The largest difference [%].
-    runs : Path
-        The folder of the run folders.
-    """
-
-    payload: Path
-    form: LoadFormat
-    file: Path | None = None
-    text: str = ""
-    tolerance_percent: TolerancePercent = 0.1
-    runs: Path = DEFAULT_RUNS
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if (self.file is None) == (not self.text.strip()):
-            raise ConfigError(
-                "give the load data either as a file or as text", code="RID-OPTION-EXCLUSIVE"
-            )
-        if len(self.text.encode()) > LARGEST_TEXT:
-            raise ConfigError(
-                f"the load data are longer than {LARGEST_TEXT} bytes", code="RID-FILE-SIZE"
-            )
-
-    @property
-    def source(self) -> str:
-        """Where the load data come from, in words."""
-        return "what was typed in" if self.file is None else str(self.file)
+    return LoadData(estimate, text, notes)
 
 
 @dataclass(frozen=True)
 class ReadBack:
-    """The payload as measured and as it was read, and whether they are the same."""
+    """Load data that were compared.
 
+    Attributes
+    ----------
+    source : str
+        The file, or a description of the text.
+    measured, found : PayloadBody
+        The payload as measured, and as it was read.
+    verdict : Verdict
+        If they are the same.
+    """
+
+    source: str
     measured: PayloadBody
     found: PayloadBody
     verdict: Verdict
 
 
-def read_back_payload(request: ReadBackRequest) -> ReadBack:
+def read_back_payload(request: PayloadReadBackRequest) -> ReadBack:
     """Parse load data and compare them with a payload.
 
     Raises
     ------
     ConfigError
-        A file cannot be read, or is none of this format.
+        A file cannot be read or is not of this format; or file and text are both given, or
+        neither.
     """
-    file, text = request.source, request.text
+    file, text = _source(request), request.text
     body = read_payload(payload_file(request.runs, request.payload)).estimate.body
     if request.file is not None:
         with system_errors(ConfigError, f"{file}: cannot be read", code="RID-FILE-READ"):
@@ -168,7 +114,22 @@ def read_back_payload(request: ReadBackRequest) -> ReadBack:
         if line.passed
         else f"Failed: {file} differs from the payload by {number(difference, 3)} %"
     )
-    return ReadBack(body, found, Verdict.of([line], headline, "Compared with what was measured."))
+    return ReadBack(
+        file, body, found, Verdict.of([line], headline, "Compared with what was measured.")
+    )
+
+
+def _source(request: PayloadReadBackRequest) -> str:
+    """Return what the load data come from: one of file and text."""
+    if (request.file is None) == (not request.text.strip()):
+        raise ConfigError(
+            "give the load data either as a file or as text", code="RID-OPTION-EXCLUSIVE"
+        )
+    if len(request.text.encode()) > LARGEST_TEXT:
+        raise ConfigError(
+            f"the load data are longer than {LARGEST_TEXT} bytes", code="RID-FILE-SIZE"
+        )
+    return "what was typed in" if request.file is None else str(request.file)
 
 
 def payload_file(runs: Path, reference: Path) -> Path:

@@ -1,10 +1,9 @@
-"""`rid-daq payload certificate`: a payload's session or run, checked and written down as PDF."""
+"""`write_certificate`: check the session or run of a payload, and write its certificate."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -12,63 +11,26 @@ from acquisition.runs.catalogue import find_run, find_run_inside
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import Manifest, RunStatus
 from config.cell.cell import CellConfig
-from config.errors import ConfigError, DataQualityError, RecordingError
+from config.errors import DataQualityError, RecordingError
 from config.formats.whole_file import write_whole
 from config.load import load_bundled_or_path
-from config.ranges import Ranged
 from drivers.settings.write_log import DRIVE_WRITES, read_write_log
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
+from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
 from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.report.certificate.certificate import Certificate, CertifiedFile, CertifiedRun, Device
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.runs import made_file
 from rid_daq.runs.flange import FACT
 from rid_daq.runs.origins import cell_of
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import CELL, READ, note_output, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
 
-LONGEST_NAME: Final = 200
-
 _LISTED: Final = (STATE, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
-
-
-@dataclass(frozen=True)
-class PayloadCertificateRequest(Ranged):
-    """What `rid-daq payload certificate` was asked for.
-
-    Attributes
-    ----------
-    session : str
-        A payload session, or a run that `payload identify` has written a payload into.
-    runs : Path
-        The folder of the run folders.
-    output : Path or None
-        The file to write; that of the session if None.
-    by : str or None
-        Who answers for it.
-    overwrite : bool
-        Whether `output` may be there already.
-
-    Raises
-    ------
-    ConfigError
-        The name is empty or too long.
-    """
-
-    session: str
-    runs: Path
-    output: Path | None = None
-    by: str | None = None
-    overwrite: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.by is not None and not 0 < len(self.by.strip()) <= LONGEST_NAME:
-            raise ConfigError(
-                f"--by: give a name of 1 to {LONGEST_NAME} characters", code="RID-OPTION-RANGE"
-            )
 
 
 def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, Path]:
@@ -85,6 +47,7 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
     """
     from rid_daq.report.certificate.pdf import certificate_pdf
 
+    refuse_output(request.output, request.overwrite, made_file.CERTIFICATE)
     folder = find_run(request.runs, request.session)
     output = request.output or folder.file(CERTIFICATE)
     certificate = certificate_of(folder, None if request.by is None else request.by.strip())

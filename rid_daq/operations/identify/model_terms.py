@@ -1,0 +1,85 @@
+"""`ModelTerms`: the terms of a robot's model, as a part of requests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Final, Literal, get_args
+
+from pydantic import AfterValidator, Field
+
+from config.ranges import Coefficient, SmoothingRadS
+from config.robot.friction_terms import FrictionTerm
+from identification.choices import BandHz, StandstillRadS
+from rid_daq.operations.option import Option
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from identification.model.options import ModelOptions
+
+EQUATIONS: Final = "Equations"
+
+Band = Annotated[
+    BandHz,
+    Field(description="Highest frequency used."),
+    Option(group=EQUATIONS, flag="band", unit="Hz"),
+]
+Standstill = Annotated[
+    StandstillRadS,
+    Field(description="Lowest speed used for friction."),
+    Option(group=EQUATIONS, flag="standstill", unit="rad/s"),
+]
+
+
+def _distinct(terms: tuple[FrictionTerm, ...] | None) -> tuple[FrictionTerm, ...] | None:
+    if terms is not None and (not terms or len(set(terms)) != len(terms)):
+        raise ValueError("must name at least one term, and each once")
+    return terms
+
+
+class ModelTerms(Request):
+    """The terms of a model. Programs can set all of them, the command line those of its command."""
+
+    kind: Annotated[
+        Literal["internal", "external", "combined"],
+        Field(
+            description="Torques (internal), the wrench on a force plate (external), or both"
+            " (combined)."
+        ),
+        Option(hidden=True),
+    ] = "internal"
+    rotors: Annotated[
+        bool,
+        Field(description="Include the rotors and their coupling."),
+        Option(group=EQUATIONS, negatable=True),
+    ] = True
+    friction: Annotated[bool, Field(description="Include friction."), Option(hidden=True)] = True
+    spring: Annotated[
+        bool, Field(description="Include the spring of the robot file."), Option(hidden=True)
+    ] = True
+    sign_smoothing_rad_s: Annotated[
+        SmoothingRadS,
+        Field(description="Speed over which Coulomb friction changes its sign."),
+        Option(hidden=True),
+    ] = 0.0
+    friction_terms: Annotated[
+        tuple[FrictionTerm, ...] | None,
+        AfterValidator(_distinct),
+        Field(
+            description=f"Friction terms of every joint: {', '.join(get_args(FrictionTerm))}; those"
+            " of the robot file if not set."
+        ),
+        Option(group=EQUATIONS, metavar="TERM,...", separator=","),
+    ] = None
+    payload: Annotated[
+        bool, Field(description="Include the payload of the robot file."), Option(hidden=True)
+    ] = False
+    nonlinear: Annotated[
+        tuple[Coefficient, ...] | None,
+        Field(description="Values of the nonlinear parameters."),
+        Option(hidden=True),
+    ] = None
+
+    def options(self) -> ModelOptions:
+        """Return the terms as the model has them."""
+        from identification.model.options import ModelOptions
+
+        return ModelOptions(**self.model_dump())

@@ -1,0 +1,1 @@
+"""Operations on payloads: identify them from runs, and hand them on."""

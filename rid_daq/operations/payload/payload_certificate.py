@@ -1,0 +1,106 @@
+"""`payload certificate`: write the certificate of a payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import AfterValidator, Field
+
+from rid_daq.blocks.block import AnyBlock, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder
+from rid_daq.operations.request import Request
+from rid_daq.terminal.choices import CERTIFICATE
+
+if TYPE_CHECKING:
+    from rid_daq.report.certificate.certificate import Certificate
+
+LONGEST_NAME: Final = 200
+
+
+def _is_name(text: str | None) -> str | None:
+    if text is not None and not 0 < len(text.strip()) <= LONGEST_NAME:
+        raise ValueError(f"must be a name of 1 to {LONGEST_NAME} characters")
+    return text
+
+
+class PayloadCertificateRequest(Request):
+    """Write a payload's certificate: values with intervals, verdict and limits, origin, SHA-256.
+
+    Every file that it lists is compared with its SHA-256 first. A failed verdict is certified as
+    failed; a session that is not finished is refused. The same session gives the same bytes.
+    """
+
+    session: Annotated[
+        str,
+        Field(description="A payload session, or a run with a payload of `payload identify`."),
+        Option(positional=True, metavar="SESSION"),
+    ]
+    output: Annotated[
+        Path | None,
+        Field(description=f"PDF to write; {CERTIFICATE} of the session if not set."),
+        Option(short="o", metavar="FILE", group=FILES, file="output", endings=(".pdf",)),
+    ] = None
+    by: Annotated[
+        str | None,
+        AfterValidator(_is_name),
+        Field(description="Person who answers for it."),
+        Option(metavar="NAME"),
+    ] = None
+    overwrite: Overwrite = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class PayloadCertificateResult:
+    """A certificate that was written.
+
+    Attributes
+    ----------
+    certificate : Certificate
+        Its contents.
+    file : Path
+        The file.
+    """
+
+    certificate: Certificate
+    file: Path
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return file, run and verdict."""
+        return {
+            "file": str(self.file),
+            "run": self.certificate.run_id,
+            "simulated": self.certificate.simulated,
+            "verdict": self.certificate.verdict,
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the certified verdict, and the file."""
+        if self.certificate.simulated:
+            yield Text(text="The cell is simulated; every page says so.")
+        yield Text(text=f"Certified verdict: {self.certificate.verdict.headline}")
+        yield Verdict(passed=True, text=f"Wrote {self.file}")
+
+
+def run(request: PayloadCertificateRequest, _context: Context) -> PayloadCertificateResult:
+    """Write the certificate."""
+    from rid_daq.operations.payload.certified_session import write_certificate
+
+    return PayloadCertificateResult(*write_certificate(request))
+
+
+OPERATION: Final = Operation(
+    name="payload certificate",
+    label="Write a certificate",
+    request=PayloadCertificateRequest,
+    run=run,
+    examples=(
+        "payload certificate latest --by Smith",
+        "payload certificate gripper --output gripper.pdf --json",
+    ),
+)

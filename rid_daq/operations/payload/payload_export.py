@@ -1,0 +1,109 @@
+"""`payload export`: write load data for a robot controller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from identification.choices import LoadFormat
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder
+from rid_daq.operations.payload.shared import PayloadFile
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.payload.load_data import LoadData
+
+
+class PayloadExportRequest(Request):
+    """Write a payload in the format of a robot controller, with units and frame at the top.
+
+    The frame is the flange, which is the tool frame of the robot file. The values are those of the
+    closest physically consistent body. A payload without a passed verdict is not written. The file
+    is read back and compared.
+    """
+
+    payload: PayloadFile
+    to: Annotated[LoadFormat, Field(description="Maker of the controller.")]
+    output: Annotated[
+        Path,
+        Field(description="File to write."),
+        Option(
+            short="o",
+            metavar="FILE",
+            group=FILES,
+            file="output",
+            endings=(
+                *(".src", ".mod", ".ls", ".script", ".txt", ".json", ".urdf", ".dat", ".jbi"),
+                ".xml",
+            ),
+        ),
+    ]
+    overwrite: Overwrite = False
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class PayloadExportResult:
+    """Load data that were written.
+
+    Attributes
+    ----------
+    request : PayloadExportRequest
+        What was asked for.
+    written : LoadData
+        The payload and the text.
+    """
+
+    request: PayloadExportRequest
+    written: LoadData
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the text and what it holds."""
+        estimate = self.written.estimate
+        return {
+            "file": str(self.request.output),
+            "format": self.request.to.value,
+            "robot": estimate.robot.name,
+            "mass_kg": estimate.body.mass_kg,
+            "text": self.written.text,
+            "notes": list(self.written.notes),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the text, notes, the file and the next command."""
+        request = self.request
+        yield Text(text=self.written.text.rstrip("\n"))
+        if self.written.notes:
+            yield Text(text=f"note: {' '.join(self.written.notes)}")
+        yield Verdict(passed=True, text=f"Wrote {request.output}; it reads back as the same")
+        yield Text(
+            text="Enter the load data in the controller, save what it holds then, and compare:"
+        )
+        words = ("payload", "read-back", str(request.payload), "SAVED", "--from", request.to.value)
+        yield Next(words=words)
+
+
+def run(request: PayloadExportRequest, _context: Context) -> PayloadExportResult:
+    """Write the load data."""
+    from rid_daq.operations.payload.load_data import export_payload
+
+    return PayloadExportResult(request, export_payload(request))
+
+
+OPERATION: Final = Operation(
+    name="payload export",
+    label="Write load data",
+    request=PayloadExportRequest,
+    run=run,
+    examples=(
+        "payload export payload.json --to kuka --output load.src",
+        "payload export latest --to ur --output load.script --overwrite",
+    ),
+)

@@ -1,0 +1,113 @@
+"""`payload read-back`: compare the load data of a controller with a payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.ranges import TolerancePercent
+from identification.choices import REPORTED, LoadFormat
+from rid_daq.blocks.block import AnyBlock, Column, Table, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder
+from rid_daq.operations.payload.shared import PayloadFile
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.payload.load_data import ReadBack
+
+
+class PayloadReadBackRequest(Request):
+    """Read load data and compare them with a payload; the exit code is 1 if they differ.
+
+    Mass, centre of gravity (as a share of its distance from the flange) and inertia (as a share of
+    its largest moment) are compared.
+    """
+
+    payload: PayloadFile
+    file: Annotated[
+        Path | None,
+        Field(description="File of load data, as exported or saved from the robot."),
+        Option(positional=True, metavar="FILE", file="input"),
+    ] = None
+    form: Annotated[LoadFormat, Field(description="Maker of the controller."), Option(flag="from")]
+    text: Annotated[str, Field(description="Load data as text, in place of a file.")] = ""
+    tolerance_percent: Annotated[
+        TolerancePercent,
+        Field(description="Largest difference; controllers round what they hold."),
+        Option(flag="tolerance", unit="%"),
+    ] = 0.1
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class PayloadReadBackResult:
+    """Load data that were compared.
+
+    Attributes
+    ----------
+    request : PayloadReadBackRequest
+        What was asked for.
+    compared : ReadBack
+        Measured and read values, and the verdict.
+    """
+
+    request: PayloadReadBackRequest
+    compared: ReadBack
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the load data differ from the payload."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.DONE if self.compared.verdict.passed else ExitCode.VERDICT_FAILED
+
+    def document(self) -> dict[str, object]:
+        """Return what was read, and the verdict."""
+        read = self.compared.found.reported.tolist()
+        return {
+            "file": self.compared.source,
+            "format": self.request.form.value,
+            "verdict": self.compared.verdict,
+            "read": dict(zip(REPORTED, read, strict=True)),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield measured and read values, and the verdict."""
+        from identification.payload.body import REPORTED_UNITS
+
+        compared = self.compared
+        measured, read = compared.measured.reported.tolist(), compared.found.reported.tolist()
+        yield Table(
+            columns=(
+                Column(title="parameter", is_text=True),
+                Column(title="measured", digits=6),
+                Column(title="read", digits=6),
+                Column(title="unit", is_text=True),
+            ),
+            rows=tuple(zip(REPORTED, measured, read, REPORTED_UNITS, strict=True)),
+        )
+        yield Verdict(passed=compared.verdict.passed, text=compared.verdict.headline)
+
+
+def run(request: PayloadReadBackRequest, _context: Context) -> PayloadReadBackResult:
+    """Compare the load data."""
+    from rid_daq.operations.payload.load_data import read_back_payload
+
+    return PayloadReadBackResult(request, read_back_payload(request))
+
+
+OPERATION: Final = Operation(
+    name="payload read-back",
+    label="Compare load data",
+    request=PayloadReadBackRequest,
+    run=run,
+    examples=(
+        "payload read-back payload.json saved.src --from kuka",
+        "payload read-back latest saved.script --from ur --tolerance 0.5 --json",
+    ),
+)
