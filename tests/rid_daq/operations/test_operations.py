@@ -39,12 +39,17 @@ def nested(values: dict[str, object], path: tuple[str, ...], value: object) -> d
     return {**values, path[0]: nested(inner, path[1:], value)}
 
 
+def least_text(kind: Any) -> str:
+    """Return a text that the type of a field accepts."""
+    return str(next(iter(kind))) if isinstance(kind, EnumType) else "a.yaml"
+
+
 def required(name: str) -> dict[str, object]:
     """Return the fewest values of a request, as the command line gives them."""
     values: dict[str, object] = {}
     for each in fields(name):
         if each.info.is_required():
-            text = next(iter(each.type)).value if isinstance(each.type, EnumType) else "a.yaml"
+            text = least_text(each.type)
             values = nested(values, each.path, (text,) if each.is_repeated else text)
     return values
 
