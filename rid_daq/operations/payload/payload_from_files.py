@@ -68,6 +68,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> PayloadIdentified:
         A run cannot be read, or a file not be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
+    known = tuple(map(_known, request.known))
     names = [*request.unloaded, *request.loaded]
     folders = find_runs(request.runs, names)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
@@ -91,7 +92,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> PayloadIdentified:
         procedure=procedure,
         options=options,
         robot=robot,
-        known=tuple(map(_known, request.known)),
+        known=known,
         torque_constant_sigma=_torque_constant_sigma(request.torque_constant_sigma, procedure),
     )
     limits = PayloadLimits(**request.limits.model_dump())
@@ -114,7 +115,7 @@ def _known(quantity: KnownQuantity) -> Known:
     try:
         return Known(**quantity.model_dump())
     except RidDaqError as error:
-        raise ConfigError(f"known {quantity.name}: {error}", code=error.refusal) from None
+        raise ConfigError(f"--known {error}", code=error.refusal) from None
 
 
 def _torque_constant_sigma(asked: float | None, procedure: Procedure) -> float:
