@@ -58,7 +58,7 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
         (
             JobKind.PAYLOAD_IDENTIFY,
             {"loaded": ["b"], "unloaded": ["a"], "limits": {"centre_mm": 1e4}},
-            r"payload_identify: centre_mm: 10000 mm is implausible, expected is 0\.05",
+            r"payload_identify: limits\.centre_mm: 10000 mm is implausible, expected is 0\.05",
         ),
         (
             JobKind.PAYLOAD_IDENTIFY,
@@ -100,7 +100,7 @@ def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> objec
 @pytest.mark.parametrize("name", ["mass_percent", "centre_mm", "residual_percent"])
 def test_a_limit_below_zero_is_refused_at_once(name: str, tmp_path: Path) -> None:
     told = {"loaded": ["b"], "unloaded": ["a"], "limits": {name: -5.0}}
-    with pytest.raises(ConfigError, match=f"payload_identify: limits.{name}: -5.0 is less than"):
+    with raises_code(ConfigError, "RID-REQ-RANGE", f"payload_identify: limits.{name}: -5.0 "):
         check_request(JobKind.PAYLOAD_IDENTIFY, told, tmp_path)
 
 
