@@ -39,9 +39,9 @@ from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
-from rid_daq.live.access import Access
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
 from rid_daq.terminal.console import Console
+from rid_daq.web.access import Access
 
 CLIENTS = 1000
 SEGMENT_S = 3.0

@@ -60,10 +60,10 @@ def serve(
     --listen and --certificate say otherwise; new devices are let in by a code that somebody
     confirms.
     """
-    from rid_daq.live.access import Access
     from rid_daq.service.hosting import ServeRequest, serve_cells
     from rid_daq.service.logs import LOG, log_to_stderr
     from rid_daq.service.systemd_unit import SystemdUnit
+    from rid_daq.web.access import Access
     from rid_daq.workbench.pages import PAGES
 
     console = Console(as_json)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 from collections.abc import AsyncIterator, Callable
 from http import HTTPStatus
 from importlib.resources import files
@@ -14,9 +13,9 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from rid_daq.live.access import STOP_HEADER, Access
-from rid_daq.live.feed import Feed
-from rid_daq.live.guard import Guard
+from rid_daq.web.access import STOP_HEADER, Access, is_loopback
+from rid_daq.web.feed import Feed
+from rid_daq.web.guard import Guard
 
 _FILES = {
     "/": ("page.html", "text/html"),
@@ -107,7 +106,7 @@ async def _lines(feed: Feed) -> AsyncIterator[bytes]:
 def _from_here(request: Request) -> bool:
     if request.state.local:
         return True
-    return request.client is not None and ipaddress.ip_address(request.client.host).is_loopback
+    return request.client is not None and is_loopback(request.client.host)
 
 
 def _not_admitted() -> Response:

@@ -19,10 +19,10 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.ranges import Ranged
 from config.robot.robot import RobotDescription
-from rid_daq.live.access import Access
 from rid_daq.live.picture import ShownMotion
 from rid_daq.terminal.choices import DEFAULT_LISTEN
 from rid_daq.terminal.console import Console
+from rid_daq.web.access import Access
 
 PATIENCE_S = 2.0
 BACKLOG = 128

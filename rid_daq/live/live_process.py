@@ -13,12 +13,12 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.process.own_process import keep_from_collections
 from config.process.termination import leave_terminal
-from rid_daq.live.access import Access
-from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.door import Limits
-from rid_daq.live.feed import Feed
 from rid_daq.live.live_app import live_app
 from rid_daq.live.picture import MotionPicture, ShownMotion
+from rid_daq.web.access import Access
+from rid_daq.web.asgi_server import AsgiServer
+from rid_daq.web.door import Limits
+from rid_daq.web.feed import Feed
 
 PERIOD_S = 0.05
 MOST_DESCRIPTORS = 256

@@ -22,8 +22,8 @@ from config.process.safety_clock import safety_now_s
 from rid_daq.service.pairing import Pairing
 from rid_daq.service.records import Identity, Role, TokenEnd
 from rid_daq.service.refusals import NotAllowedError, NotKnownError
-from rid_daq.service.stop.shown_secrets import SOCKET_PROTOCOL, shown_secrets
 from rid_daq.service.store.tokens import UNUSED_S, TokenStore, hashed
+from rid_daq.web.request_secrets import bearer_of, cookies_of, secrets_of, socket_secret_of
 
 USE_NOTED_EVERY_S: Final = 60.0
 LOCAL: Final = Identity(name="this computer", role=Role.ADMINISTRATOR, person=False, token="")
@@ -143,7 +143,7 @@ class Doorkeeper:
 
     def was_let_in(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request shows a secret that was ever issued, also a revoked one."""
-        return any(map(self.tokens.was_issued, shown_secrets(headers)))
+        return any(map(self.tokens.was_issued, secrets_of(headers)))
 
     def log_in(self, link_secret: str, agent: str = "") -> str:
         """Return the session secret of a browser that has opened the address from the terminal.
@@ -197,19 +197,10 @@ class Doorkeeper:
 
     def secret_of(self, headers: Mapping[str, str]) -> str | None:
         """Return the secret that a request shows, None if it shows none."""
-        kind, _, bearer = headers.get("authorization", "").partition(" ")
-        if kind.lower() == "bearer" and bearer.strip():
-            return bearer.strip()
-        protocols = headers.get("sec-websocket-protocol", "").split(",")
-        for each in protocols:  # the only header of a WebSocket that a page chooses
-            name, dot, secret = each.strip().partition(".")
-            if name == SOCKET_PROTOCOL and dot:
-                return secret
-        if not self.secure:
-            return None
-        cookies = (each.partition("=") for each in headers.get("cookie", "").split(";"))
-        found = (value.strip() for name, _, value in cookies if name.strip() == self._cookie)
-        return next(found, None)
+        chosen = bearer_of(headers) or socket_secret_of(headers)
+        if chosen or not self.secure:
+            return chosen or None
+        return next((value for name, value in cookies_of(headers) if name == self._cookie), None)
 
 
 _SYSTEMS: Final = "Android|iPad|iPhone|Windows|Macintosh|Linux"

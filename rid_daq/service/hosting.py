@@ -16,10 +16,6 @@ from config.errors import ConfigError, LockedError
 from config.process.file_locks import held_file
 from config.process.own_process import keep_from_collections
 from config.process.termination import ending_signals
-from rid_daq.live.access import Access
-from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.door import Limits
-from rid_daq.live.guard import PLOT_POLICY, Guard
 from rid_daq.live.live_page import listen_on
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
@@ -32,6 +28,10 @@ from rid_daq.service.sockets import local_listener
 from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.service.store.state_folder import open_state_folder
 from rid_daq.session.ownership import owned
+from rid_daq.web.access import Access
+from rid_daq.web.asgi_server import AsgiServer
+from rid_daq.web.door import Limits
+from rid_daq.web.guard import PLOT_POLICY, Guard
 
 LIMITS: Final = Limits(
     waiting=1024,

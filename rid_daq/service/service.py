@@ -19,7 +19,6 @@ from acquisition.runs.run_id import new_run_id
 from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import ConfigError, LockedError, PreflightError
 from config.process.safety_clock import safety_now_s
-from rid_daq.live.feed import Feed
 from rid_daq.service.folder_files import Putting
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
@@ -45,6 +44,7 @@ from rid_daq.service.store.leases import LeaseStore
 from rid_daq.service.store.state_folder import open_state_folder
 from rid_daq.service.store.tokens import TokenStore
 from rid_daq.service.workshop import Workshop
+from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
 CELLS_S: Final = 0.2

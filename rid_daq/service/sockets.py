@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import ipaddress
 import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
+
+from rid_daq.web.access import is_loopback
 
 BACKLOG: Final = 128
 _ENDING: Final = "service.sock"
@@ -34,10 +35,7 @@ def local_sockets() -> list[Path]:
 def is_this_computer(address: str) -> bool:
     """Return whether a URL leads to an address that only this computer has."""
     host = urlsplit(address).hostname or ""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return host == "localhost" or is_loopback(host)
 
 
 @contextlib.contextmanager

@@ -16,7 +16,6 @@ from typing import Final
 
 from acquisition.supervision.stop_reason import StopCode
 from config.process.safety_clock import safety_now_s
-from rid_daq.live.feed import Feed
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG, Mishaps
@@ -28,6 +27,7 @@ from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
 from rid_daq.terminal.job_events import Ended, MotionBegun
+from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
 _BY_TERM: Final = (-signal.SIGTERM, 128 + signal.SIGTERM)

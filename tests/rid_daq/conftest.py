@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -68,3 +69,21 @@ def runs(workshop: Path) -> list[str]:
 def result() -> dict[str, Any]:
     """A whole result document with invented numbers: every section of the report is there."""
     return whole_result()
+
+
+@pytest.fixture(scope="session")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A certificate with its key, for servers by TLS."""
+    folder = tmp_path_factory.mktemp("tls")
+    key, cert = folder / "key.pem", folder / "cert.pem"
+    subprocess.run(
+        [
+            *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256"),
+            *("-nodes", "-keyout", str(key), "-out", str(cert), "-days", "2", "-subj", "/CN=live"),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    both = folder / "live.pem"
+    both.write_bytes(cert.read_bytes() + key.read_bytes())
+    return both

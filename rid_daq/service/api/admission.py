@@ -9,13 +9,13 @@ from dataclasses import replace
 from http import HTTPStatus
 from typing import Final
 
-from rid_daq.live.access import Access
-from rid_daq.live.guard import SAFE_METHODS, sender_refusal
-from rid_daq.live.reception import Admitted, Line, Peer, Reply
-from rid_daq.live.request_head import RequestHead
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.web.access import Access
+from rid_daq.web.guard import SAFE_METHODS, sender_refusal
+from rid_daq.web.reception import Admitted, Line, Peer, Reply
+from rid_daq.web.request_head import RequestHead
 
 JSON_BYTES: Final = 64 << 10
 SMALL_BYTES: Final = 4 << 10

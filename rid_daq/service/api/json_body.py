@@ -9,7 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from config.errors import ConfigError
 from config.formats.json_file import parse_json
-from rid_daq.live.guard import SAFE_METHODS
+from rid_daq.web.guard import SAFE_METHODS
 
 FILES: str = "/api/v1/files/"
 

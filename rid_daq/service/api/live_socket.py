@@ -21,8 +21,8 @@ from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.shown_secrets import SOCKET_PROTOCOL
 from rid_daq.service.stop.stop_line import BEAT, BEAT_S, answer_to_stop
+from rid_daq.web.request_secrets import SOCKET_PROTOCOL
 
 router = APIRouter()
 

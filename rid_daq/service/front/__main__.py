@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from config.process.own_process import keep_from_collections
-from rid_daq.live.access import Access
-from rid_daq.live.connection import Connection
-from rid_daq.live.door import Door, Limits
 from rid_daq.service.front.front_desk import FrontDesk
 from rid_daq.service.front.hand_over import HandOver
 from rid_daq.service.front.wire import Wire
 from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.web.access import Access
+from rid_daq.web.connection import Connection
+from rid_daq.web.door import Door, Limits
 
 LIMITS: Final = Limits(waiting=1024, answering=512, body_bytes=1 << 40, answer_s=30.0)
 """What is handed on, the service bounds; here STOP's lines and heads that are not whole are."""

@@ -11,14 +11,10 @@ from collections.abc import Callable, Iterable, Mapping
 
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
-from rid_daq.service.refusals import NotKnownError, UnknownError
-from rid_daq.service.stop.shown_secrets import (
-    STOP_NEEDS_A_TOKEN,
-    UNKNOWN_STOPPER,
-    is_loopback,
-    shown_secrets,
-)
-from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each
+from rid_daq.service.refusals import UnknownError
+from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each, unknown_stopper
+from rid_daq.web.access import is_loopback
+from rid_daq.web.request_secrets import secrets_of
 
 _LOG = logging.getLogger("rid_daq.service.front")
 
@@ -65,10 +61,10 @@ class FrontDesk:
         NotKnownError
             They ask from another computer and show no secret that was ever issued.
         """
-        shown = (hash_of(secret) for secret in shown_secrets(headers))
+        shown = (hash_of(secret) for secret in secrets_of(headers))
         known = next((each for each in shown if each in self._issued), None)
         if known is None and not (local or is_loopback(address)):
-            raise NotKnownError(STOP_NEEDS_A_TOKEN, code=UNKNOWN_STOPPER)
+            raise unknown_stopper()
         return known or ""
 
     def stop(self, target: str, who: str) -> StopAsked:

@@ -12,13 +12,13 @@ from itertools import islice
 from typing import Final
 
 from config.process.own_process import own_python
-from rid_daq.live.access import Access
-from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.reception import Peer
 from rid_daq.service.front.wire import Wire
 from rid_daq.service.logs import LOG
 from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_answer import ALL
+from rid_daq.web.access import Access
+from rid_daq.web.asgi_server import AsgiServer
+from rid_daq.web.reception import Peer
 
 _AT_ONCE: Final = 500
 _PAUSE_S: Final = 0.2

@@ -7,8 +7,8 @@ import contextlib
 import socket
 from typing import Final, cast
 
-from rid_daq.live.connection import Connection
 from rid_daq.service.front.wire import Wire
+from rid_daq.web.connection import Connection
 
 _BUSY: Final = (
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nRetry-After: 1\r\n"

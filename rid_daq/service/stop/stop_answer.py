@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from rid_daq.service.refusals import NotKnownError
+
 ALL: Final = "*"
 """The name that stands for every cell of the service."""
 
@@ -20,6 +22,14 @@ class StopAsked:
     def document(self) -> dict[str, object]:
         """Return it as JSON has it."""
         return {"told": self.told, "sentence": self.sentence}
+
+
+def unknown_stopper() -> NotKnownError:
+    """Return the error for who may not stop: on another computer, without a token."""
+    return NotKnownError(
+        "show a token to stop from another computer; or press the stop there",
+        code="RID-STOP-UNKNOWN",
+    )
 
 
 class Desk(Protocol):

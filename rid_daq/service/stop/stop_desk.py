@@ -10,10 +10,9 @@ from collections.abc import Mapping
 
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.logs import LOG
-from rid_daq.service.refusals import NotKnownError
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.shown_secrets import STOP_NEEDS_A_TOKEN, UNKNOWN_STOPPER, is_loopback
-from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each
+from rid_daq.service.stop.stop_answer import ALL, StopAsked, stop_each, unknown_stopper
+from rid_daq.web.access import is_loopback
 
 
 class StopDesk:
@@ -55,7 +54,7 @@ class StopDesk:
             return "somebody with an old token"
         if local or is_loopback(address):
             return "somebody"
-        raise NotKnownError(STOP_NEEDS_A_TOKEN, code=UNKNOWN_STOPPER)
+        raise unknown_stopper()
 
     def stop(self, target: str, who: str) -> StopAsked:
         """Stop a cell, or all of them (`ALL`).

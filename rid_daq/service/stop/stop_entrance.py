@@ -6,13 +6,13 @@ import re
 from http import HTTPStatus
 from typing import Final
 
-from rid_daq.live.access import STOP_HEADER, Access
-from rid_daq.live.guard import sender_refusal
-from rid_daq.live.reception import Line, Peer, Reply
-from rid_daq.live.request_head import RequestHead
 from rid_daq.service.refusals import NotKnownError, UnknownError
 from rid_daq.service.stop.stop_answer import ALL, Desk
 from rid_daq.service.stop.stop_line import StopLine
+from rid_daq.web.access import STOP_HEADER, Access
+from rid_daq.web.guard import sender_refusal
+from rid_daq.web.reception import Line, Peer, Reply
+from rid_daq.web.request_head import RequestHead
 
 LINE_PATH: Final = "/api/v1/stop-line"
 _STOP_PATH: Final = re.compile(r"/api/v1(?:/cells/([^/]+))?/stop")

@@ -15,8 +15,8 @@ from websockets.server import ServerProtocol
 from websockets.typing import Subprotocol
 
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.stop.shown_secrets import SOCKET_PROTOCOL
 from rid_daq.service.stop.stop_answer import Desk
+from rid_daq.web.request_secrets import SOCKET_PROTOCOL
 
 BEAT_S: Final = 0.25
 BEAT: Final = b'{"type": "beat"}'

@@ -9,9 +9,9 @@ import httpx
 import pytest
 from starlette.types import Receive, Scope, Send
 
-from rid_daq.live.access import STOP_HEADER, Access
-from rid_daq.live.feed import Feed
 from rid_daq.live.live_app import live_app
+from rid_daq.web.access import STOP_HEADER, Access
+from rid_daq.web.feed import Feed
 
 TOKEN = "t" * 40
 HERE, ELSEWHERE = "127.0.0.1", "192.0.2.7"

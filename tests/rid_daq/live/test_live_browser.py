@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from rid_daq.live.access import Access
+from rid_daq.web.access import Access
 from tests.rid_daq.conftest import PATIENCE_MS
 from tests.rid_daq.live.test_live_server import TOKEN, Served
 

@@ -27,9 +27,9 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from acquisition.task.states import TaskState
 from config.load import load_cell
-from rid_daq.live.access import Access
 from rid_daq.live.live_process import LIMITS, MOST_DESCRIPTORS, run_live_page
 from rid_daq.live.picture import MotionPicture, ShownMotion
+from rid_daq.web.access import Access
 
 TOKEN = "t" * 40
 PATIENCE_S = 120.0

@@ -11,9 +11,6 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from rid_daq.live.access import Access
-from rid_daq.live.reception import Admitted, Line, Peer, Reply
-from rid_daq.live.request_head import RequestHead
 from rid_daq.service.api.admission import (
     FILE_BYTES,
     JSON_BYTES,
@@ -28,6 +25,9 @@ from rid_daq.service.hosting import LIMITS
 from rid_daq.service.records import Role
 from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_entrance import StopEntrance
+from rid_daq.web.access import Access
+from rid_daq.web.reception import Admitted, Line, Peer, Reply
+from rid_daq.web.request_head import RequestHead
 from tests.rid_daq.service.test_stop_path import Place, place, run
 
 HERE = Peer(local=False, address="127.0.0.1")

@@ -9,9 +9,9 @@ import random
 import pytest
 
 from benchmarks.framing_streams import Streams
-from rid_daq.live.door import Limits
 from rid_daq.service.records import Role
 from rid_daq.service.service import CellService
+from rid_daq.web.door import Limits
 from tests.rid_daq.service.test_stop_path import Place, place, run
 
 STREAMS = 300

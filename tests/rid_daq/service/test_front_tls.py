@@ -13,7 +13,6 @@ import pytest
 from websockets.sync.client import connect
 
 from rid_daq.service.sockets import socket_of
-from tests.rid_daq.live.conftest import certificate  # noqa: F401
 from tests.rid_daq.service.conftest import serving
 from tests.rid_daq.service.moving import front_process, served_port, until
 
@@ -23,7 +22,7 @@ STOPPING = {"X-Rid-Daq": "stop"}
 
 def test_by_tls_too_everything_is_handed_on(
     tmp_path: Path,
-    certificate: Path,  # noqa: F811
+    certificate: Path,
 ) -> None:
     with serving(tmp_path, "--certificate", str(certificate)) as served:
         with served.client as client:

@@ -20,21 +20,20 @@ from websockets.typing import Origin
 
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
-from rid_daq.live.access import Access
-from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.door import Limits
-from rid_daq.live.guard import Guard
-from rid_daq.live.reception import Line, Peer, Reply
-from rid_daq.live.request_head import RequestHead
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
 from rid_daq.service.doorkeeper import Doorkeeper
 from rid_daq.service.records import JobState, Role
 from rid_daq.service.refusals import StoreBusyError
 from rid_daq.service.service import CellService
-from rid_daq.service.stop.shown_secrets import is_loopback
 from rid_daq.service.stop.stop_entrance import StopEntrance
 from rid_daq.service.store.state_folder import STATE_FOLDER
+from rid_daq.web.access import Access, is_loopback
+from rid_daq.web.asgi_server import AsgiServer
+from rid_daq.web.door import Limits
+from rid_daq.web.guard import Guard
+from rid_daq.web.reception import Line, Peer, Reply
+from rid_daq.web.request_head import RequestHead
 from tests.rid_daq.service.conftest import Worker, job
 
 PATIENCE_S = 120.0

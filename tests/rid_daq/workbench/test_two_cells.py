@@ -12,11 +12,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from config.load import load_cell
 from tests.rid_daq.conftest import PATIENCE_MS
-from tests.rid_daq.live.conftest import certificate
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import take_cell
-
-__all__ = ["certificate"]
 
 pytestmark = pytest.mark.slow
 

@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from rid_daq.terminal.choices import DEFAULT_LISTEN
+from rid_daq.web.request_secrets import bearer_of
 
 LEAST_TOKEN_CHARACTERS = 32
 MOST_TOKEN_BYTES = 1000
@@ -188,10 +189,20 @@ class Access:
 
     def admits(self, headers: Mapping[str, str], session: str | None) -> bool:
         """Return whether a request shows the token as bearer, or the session in its address."""
-        kind, _, bearer = headers.get("authorization", "").partition(" ")
-        if kind.lower() == "bearer" and self.knows(bearer.strip()):
+        bearer = bearer_of(headers)
+        if bearer and self.knows(bearer):
             return True
         return session is not None and hmac.compare_digest(session.encode(), self.session.encode())
+
+
+def is_loopback(address: str) -> bool:
+    """Return whether an IP address is one of this computer's own."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return False
+    mapped = getattr(found, "ipv4_mapped", None)
+    return found.is_loopback or (mapped is not None and mapped.is_loopback)
 
 
 def _parse_listen(listen: str) -> tuple[str, int]:

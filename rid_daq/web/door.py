@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rid_daq.live.reception import Reception
-from rid_daq.live.room import Room
+from rid_daq.web.reception import Reception
+from rid_daq.web.room import Room
 
 if TYPE_CHECKING:
-    from rid_daq.live.connection import Connection
+    from rid_daq.web.connection import Connection
 
 
 @dataclass(frozen=True)

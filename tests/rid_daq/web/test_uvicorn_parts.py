@@ -12,7 +12,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from rid_daq.live.uvicorn_parts import HttpProtocol, Uvicorn
+from rid_daq.web.uvicorn_parts import HttpProtocol, Uvicorn
 
 MALFORMED = b"HEAD / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\nno chunk\r\n"
 

@@ -26,8 +26,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import connect, unix_connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
-from rid_daq.live.asgi_server import AsgiServer
-from rid_daq.live.door import Limits
+from rid_daq.web.asgi_server import AsgiServer
+from rid_daq.web.door import Limits
 
 PATIENCE_S = 120.0
 SHORT = Limits(waiting=4, answering=4, streams=2, request_s=0.3, answer_s=0.3, stream_s=0.6)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from rid_daq.live.access import Access
-from rid_daq.live.guard import PAGE_POLICY, PLOT_POLICY, Guard
+from rid_daq.web.access import Access
+from rid_daq.web.guard import PAGE_POLICY, PLOT_POLICY, Guard
 
 HOST = ("host", "127.0.0.1:8642")
 JSON = ("content-type", "application/json")

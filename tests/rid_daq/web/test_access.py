@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from config.errors import ConfigError
-from rid_daq.live.access import Access
+from rid_daq.web.access import Access
 from tests.builders.raised_codes import raises_code
 
 TOKEN = "a" * 40

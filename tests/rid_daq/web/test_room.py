@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rid_daq.live.room import Room
-from rid_daq.live.turns import NoTurnError, Turns
+from rid_daq.web.room import Room
+from rid_daq.web.turns import NoTurnError, Turns
 
 
 def test_the_oldest_of_the_owner_with_the_most_goes() -> None:

@@ -16,11 +16,11 @@ from http import HTTPStatus
 from h11 import LocalProtocolError
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from rid_daq.live.connection import Connection
-from rid_daq.live.door import Door, Limits
-from rid_daq.live.reception import Peer, Reception
-from rid_daq.live.turns import NoTurnError, Turn, Turns
-from rid_daq.live.uvicorn_parts import Uvicorn
+from rid_daq.web.connection import Connection
+from rid_daq.web.door import Door, Limits
+from rid_daq.web.reception import Peer, Reception
+from rid_daq.web.turns import NoTurnError, Turn, Turns
+from rid_daq.web.uvicorn_parts import Uvicorn
 
 LAST_WORDS_S = 0.5
 _BACKLOG = 1024

@@ -10,9 +10,9 @@ import time
 from http import HTTPStatus
 from typing import Final, cast
 
-from rid_daq.live.door import Door
-from rid_daq.live.reception import Admitted, Line, Peer, Reply
-from rid_daq.live.request_head import RequestHead
+from rid_daq.web.door import Door
+from rid_daq.web.reception import Admitted, Line, Peer, Reply
+from rid_daq.web.request_head import RequestHead
 
 _END_OF_HEAD = b"\r\n\r\n"
 _LINGER_S: Final = 1.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Protocol
 
-from rid_daq.live.request_head import RequestHead
+from rid_daq.web.request_head import RequestHead
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rid_daq.live.feed import MOST_EVENTS, Feed
+from rid_daq.web.feed import MOST_EVENTS, Feed
 
 
 async def take(view: AsyncIterator[bytes], count: int) -> list[bytes]:

@@ -1,0 +1,1 @@
+"""The web server: bounded, guarded against unknown pages, and what it shows viewers."""
