@@ -4,13 +4,6 @@ import { duration, element, table } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
 import { answerJob, ask, beginJob, lease, now, on, page } from "./service.js";
 
-const KINDS = {
-  check: "Check", reset: "Reset", axes: "Axis test", jog: "Jog", plate_zero: "Zero the plate",
-  record: "Record", payload: "Payload session", stream: "Stream", design: "Design", identify: "Identify",
-  validate: "Validate", friction: "Friction", loop: "Velocity loop", retime: "Retime", compensate: "Compensate",
-  refine: "Refine", recover: "Recover", tracking: "Tracking", compare: "Compare", payload_identify: "Payload", export: "Export",
-  payload_export: "Load data", payload_read_back: "Read back", payload_certificate: "Certificate",
-};
 const ENDS = {
   done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
   interrupted: ["bad", "Interrupted"],
@@ -18,7 +11,8 @@ const ENDS = {
 const URGENT = { urgent: true }; // a job's questions do not wait behind lists and figures
 const over = (job) => job.state in ENDS;
 
-export const kindWords = (kind) => KINDS[kind] ?? kind;
+// The name of a kind of job as its command has it: "payload_export" is "Payload export".
+const kindWords = (kind) => kind.charAt(0).toUpperCase() + kind.slice(1).replaceAll("_", " ");
 
 // new JobPanel(section, { next: (job, document) => [element, ...] })
 export class JobPanel {

@@ -174,7 +174,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     page.get_by_role("link", name="Compensation", exact=True).click()
     page.locator("#loop-run").select_option(run)
     page.locator("#measure").click()
-    expect(page.locator("#job .verdict.end")).to_have_text("Velocity loop: done")
+    expect(page.locator("#job .verdict.end")).to_have_text("Loop: done")
     rows = page.locator("#loops-result tbody tr")
     expect(rows).to_have_count(3)
     expect(rows.first).to_contain_text("axis1")
