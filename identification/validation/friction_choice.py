@@ -147,16 +147,39 @@ def _best(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
             and found.exceeds(least=LEAST_GAIN * len(extra))
         ):
             good.append((extra, fit))
-    if not good:
-        return ()
+    return preferred_terms(good, now, joint) if good else ()
+
+
+def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -> Terms:
+    """Return the fewest terms that predict a joint not distinctly worse than the best ones do.
+
+    Of as many terms, those come first that are distinct from zero whatever the error gains; of
+    these, the ones with the smallest error.
+
+    Parameters
+    ----------
+    trials : sequence of (terms, fit)
+        Terms that may be added, and the solution with them; at least one.
+    now : Fit
+        The solution without them.
+    joint : int
+        The joint, from 0.
+    """
 
     def gain(trial: tuple[Terms, Fit]) -> float:
         return Gain.between(now.errors[:, joint], trial[1].errors[:, joint]).mean
 
-    good.sort(key=lambda trial: (len(trial[0]), -gain(trial)))
-    first = simplest([fit.errors[:, joint] for _, fit in good])
-    fewest = len(good[first][0])
-    return max((trial for trial in good if len(trial[0]) == fewest), key=gain)[0]
+    ordered = sorted(trials, key=lambda trial: (len(trial[0]), -gain(trial)))
+    count = len(ordered[simplest([fit.errors[:, joint] for _, fit in ordered])][0])
+    fewest = [trial for trial in ordered if len(trial[0]) == count]
+    best = fewest[0]
+    distinct = [
+        (terms, fit)
+        for terms, fit in fewest
+        if all(abs(fit.distance(joint, term)) > DISTINCT_SIGMAS for term in terms)
+        and not Gain.between(fit.errors[:, joint], best[1].errors[:, joint]).exceeds()
+    ]
+    return (distinct or fewest)[0][0]
 
 
 def _is_braking(fit: Fit, joint: int) -> bool:
