@@ -50,19 +50,24 @@ def drawing() -> str:
             if other[0] != parts[0]:
                 packages[parts[0]].add(other[0])
             elif len(parts) > 2 and _is_room(other) and other[1] != parts[1]:
-                rooms.setdefault(".".join(parts[:2]), set()).add(".".join(other[:2]))
+                rooms.setdefault(_room(parts), set()).add(_room(other))
         if len(parts) > 2:
-            rooms.setdefault(".".join(parts[:2]), set())
+            rooms.setdefault(_room(parts), set())
     lines = ["```mermaid", "flowchart TB"]
     for package in PACKAGES:
         lines.append(f"  subgraph {package}")
         own = {room for room in rooms if room.split(".")[0] == package}
-        lines += [f"    {_node(room)}[{room.split('.')[1]}]" for room in sorted(own)]
+        lines += [f"    {_node(room)}[{room.partition('.')[2]}]" for room in sorted(own)]
         inside = _reduced({room: rooms[room] for room in own})
         lines += [f"    {_node(a)} --> {_node(b)}" for a, b in inside]
         lines.append("  end")
     lines += [f"  {a} ==> {b}" for a, b in _reduced(packages)]
     return "\n".join([*lines, "```", ""])
+
+
+def _room(parts: list[str]) -> str:
+    """Return the room of a module; operations on the service stand above it, others below."""
+    return ".".join(parts[: 3 if parts[:3] == ["rid_daq", "operations", "service"] else 2])
 
 
 def _node(room: str) -> str:

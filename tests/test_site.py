@@ -14,7 +14,7 @@ from playwright.sync_api import Browser
 from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.command_line.root import COMMANDS
-from rid_daq.commands import docs
+from rid_daq.operations.start import docs
 from tests.rid_daq.conftest import browser
 
 __all__ = ["browser"]  # a fixture

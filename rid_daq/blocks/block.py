@@ -46,13 +46,14 @@ class Interval(ConfigModel):
 class Column(ConfigModel):
     """A column of a table: its title, the unit of its numbers, and their significant digits.
 
-    A column of texts is aligned to the left.
+    A column of texts is aligned to the left. A narrow terminal leaves an optional column out.
     """
 
     title: str
     unit: str = ""
     digits: int = 4
     is_text: bool = False
+    is_optional: bool = False
 
     @property
     def head(self) -> str:
@@ -109,9 +110,10 @@ class Table(ConfigModel):
 
 
 class Next(ConfigModel):
-    """A command of this program that is a sensible next step, as words."""
+    """A command of this program that is a sensible next step, as words; `lead` is before them."""
 
     kind: Literal["next"] = "next"
+    lead: str = "Next"
     words: Annotated[tuple[str, ...], Strict(False)]
 
 

@@ -13,7 +13,7 @@ import typer
 from click.shell_completion import CompletionItem
 
 from config.process.shortage import require_memory
-from rid_daq.command_line.typer_commands import TYPER, WITHOUT_NUMERICS
+from rid_daq.command_line.typer_commands import TYPER
 from rid_daq.operations.operation import NUMERICS_BYTES
 from rid_daq.terminal.option_sections import SectionedCommand
 
@@ -40,7 +40,6 @@ class TyperBridge(click.Command):
         function = getattr(module, name)
         single.command(name=name, cls=SectionedCommand)(function)
         self.command: Any = typer.main.get_command(single)
-        self._numerics = words not in WITHOUT_NUMERICS
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep the words as they are."""
@@ -55,8 +54,7 @@ class TyperBridge(click.Command):
         SystemExit
             With its exit code.
         """
-        if self._numerics:
-            require_memory(NUMERICS_BYTES)
+        require_memory(NUMERICS_BYTES)
         width = ctx.max_content_width
         self.command(args=ctx.args, prog_name=ctx.command_path, max_content_width=width)
 

@@ -27,35 +27,12 @@ from rid_daq.report_page.write import write_result
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.choices import DEMO_PERIOD_S
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 FLOOR_RATIO_LIMIT = 1.3
 INSIDE_SHARE_LIMIT = 0.9
 # By how many times the distance from the path must shrink, in the mean and at its worst.
 PATH_LIMITS = (("circle", (10.0, 6.0)), ("path never used for tuning", (6.0, 4.0)))
-
-
-@dataclass(frozen=True)
-class DemoRequest:
-    """What `rid-daq demo` was asked for.
-
-    Attributes
-    ----------
-    runs : Path
-        The folder of the run folders.
-    seed : int
-        Of motions and noise.
-    periods, points : int
-        Periods to measure, and random points of the validation motion.
-    paths : bool
-        Whether paths are driven, with and without compensation.
-    """
-
-    runs: Path
-    seed: int = 1
-    periods: int = 16
-    points: int = 20
-    paths: bool = True
 
 
 @dataclass(frozen=True)
@@ -67,8 +44,23 @@ class Demo:
     report: Path
 
 
-def run_demo(request: DemoRequest, console: Console) -> Demo:
+def run_demo(
+    runs: Path, console: Context, *, seed: int, periods: int, points: int, paths: bool
+) -> Demo:
     """Run the whole story twice on the bundled cell, judge it, and write the report.
+
+    Parameters
+    ----------
+    runs : Path
+        The folder of the run folders.
+    console : Context
+        Shows the progress.
+    seed : int
+        Random seed of motions and noise.
+    periods, points : int
+        Periods to measure, and random points of the validation motion.
+    paths : bool
+        True if paths are driven, with and without compensation.
 
     Raises
     ------
@@ -77,16 +69,16 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
     """
     started_s = time.monotonic()
     loaded = load_cell(DEMO_CELL)
-    folder = RunFolder.create(request.runs, "demo", kind="demo", software=software_versions())
-    console.say(f"Simulated cell {loaded.config.name}, seed {request.seed}: no hardware is moved.")
+    folder = RunFolder.create(runs, "demo", kind="demo", software=software_versions())
+    console.say(f"Simulated cell {loaded.config.name}, seed {seed}: no hardware is moved.")
     with unfinished(folder):
         excitation = design_two_harmonic(
             loaded.robot,
-            TwoHarmonicOptions(DEMO_PERIOD_S, seed=request.seed, periods=request.periods),
+            TwoHarmonicOptions(DEMO_PERIOD_S, seed=seed, periods=periods),
             loaded.config.cycle_time_s,
         )
         validation = MultipointMotion(
-            kind="multipoint", robot=loaded.robot.name, points=request.points, seed=request.seed
+            kind="multipoint", robot=loaded.robot.name, points=points, seed=seed
         )
         for name, content in loaded.files.items():
             folder.write(name, content)
@@ -97,16 +89,12 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
         total_s = sum(
             motion.plan(loaded.robot, cycle_s).duration_s for motion in (excitation, validation)
         )
-        chapter = (
-            PathMotions.of_cell(loaded.robot, loaded.config, request.seed)
-            if request.paths
-            else None
-        )
-        timed = TimingMotions.of_robot(loaded.robot, excitation) if request.paths else None
+        chapter = PathMotions.of_cell(loaded.robot, loaded.config, seed) if paths else None
+        timed = TimingMotions.of_robot(loaded.robot, excitation) if paths else None
         for part in (chapter, timed):
             total_s += 0.0 if part is None else part.duration_s(loaded.robot, cycle_s)
         motions = Motions(excitation, validation, chapter, timed)
-        stories = run_stories(folder, motions, total_s, request.seed, console)
+        stories = run_stories(folder, motions, total_s, seed, console)
         on, off = stories[True], stories[False]
         truth = (
             TruthCase.compared("With effects that no model has", on.estimate),
@@ -117,7 +105,7 @@ def run_demo(request: DemoRequest, console: Console) -> Demo:
         title = f"rid-daq demo on the simulated cell {loaded.config.name}"
         result = Result.new(title, loaded.robot.name).updated(
             cell=CellSection.of(loaded.config),
-            seed=request.seed,
+            seed=seed,
             runs=on.runs,
             average=on.average,
             estimate=on.estimate,

@@ -18,7 +18,7 @@ from config.errors import DriverError, RidDaqError
 from config.process.shortage import as_named
 from config.process.termination import TERMINATION, signals_blocked
 from rid_daq.demo.demo_story import Motions, Story, run_story
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 from rid_daq.terminal.exit_codes import ExitCode
 
 _END_PATIENCE_S = 30.0
@@ -27,7 +27,7 @@ _ONE_THREAD: dict[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "
 
 
 def run_stories(
-    folder: RunFolder, motions: Motions, total_s: float, seed: int, console: Console
+    folder: RunFolder, motions: Motions, total_s: float, seed: int, console: Context
 ) -> dict[bool, Story]:
     """Tell the story with and without the effects that no model has.
 

@@ -67,12 +67,25 @@ GROUPS: Final = {
 """The first words of operations whose names have two."""
 
 CATALOGUE: Final = {
+    "demo": Entry(
+        "start",
+        "Begin",
+        "the whole story on the bundled simulated cell, with a report, no hardware",
+    ),
+    "init": Entry("start", "Begin", "write a commented cell, robot and motion to start from"),
+    "docs": Entry("start", "Begin", "the documentation, in the browser: guides, reference, theory"),
     "check": Entry(
         "cell", "Cell", "preflight: every device, every safety setting; any red means no motion"
     ),
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
     ),
+    "drives backup": Entry("cell.drives", "", "every setting of a cell's drives into a file"),
+    "drives restore": Entry("cell.drives", "", "the drives hold what a backup says"),
+    "drives rollback": Entry("cell.drives", "", "what a run wrote to the drives, undone"),
+    "drives fit": Entry("cell.drives", "", "the keys that a drive's data sheet needs"),
+    "mock": Entry("cell", "Cell", "serve a cell's simulated devices on their bus until stopped"),
+    "stop": Entry("cell", "Cell", "quick stop of whatever session is running on this machine"),
     "validate": Entry("identify", "Identify", "predict another run's torques and judge the error"),
     "friction": Entry("identify", "Identify", "measure friction alone, from runs made for it"),
     "design": Entry(
@@ -98,7 +111,14 @@ CATALOGUE: Final = {
     "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),
     "refine": Entry("path", "Path", "correct a feedforward by the error that remained with it"),
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
+    "runs": Entry("runs", "Runs", "list the runs, and check that their files are unchanged"),
     "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
+    "serve": Entry(
+        "service", "Service", "cells as a service: jobs, runs and a workbench in the browser"
+    ),
+    "token": Entry(
+        "service", "Service", "let a program or a device in to a service of this computer"
+    ),
 }
 """Every operation by its name: the words of its command. Its module is `identifier` of it.
 

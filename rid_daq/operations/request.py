@@ -147,7 +147,7 @@ class ShownField:
         if self.is_repeated and not self.option.positional and not self.option.separator:
             text += " Repeatable."
         known = isinstance(default, (int, float, str, Path)) and not isinstance(default, bool)
-        return f"{text} Default: {default}." if known and default != "" else text
+        return f"{text} Default: {default}." if known and str(default) not in ("", ".") else text
 
 
 def option_of(info: FieldInfo) -> Option:

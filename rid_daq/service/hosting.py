@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import resource
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -46,37 +46,26 @@ DESCRIPTORS: Final = 4096
 """Open files that the service asks the system for: a thousand slow clients must not take all."""
 
 
-@dataclass(frozen=True)
-class ServeRequest:
-    """What `rid-daq serve` was asked for.
-
-    Attributes
-    ----------
-    cells : tuple of str
-        Bundled names or cell files.
-    folder : Path
-        Where runs, motions and models lie.
-    access : Access
-        Where pages are served, and by which certificate.
-    pace : float
-        How many times the clock's pace simulated cells keep.
-    """
-
-    cells: tuple[str, ...]
-    folder: Path
-    access: Access
-    pace: float = 1.0
-
-
 def serve_cells(
-    request: ServeRequest, pages: Sequence[APIRouter], ready: Callable[[str, Path], None]
+    cells: Sequence[str],
+    folder: Path,
+    access: Access,
+    pace: float,
+    pages: Sequence[APIRouter],
+    ready: Callable[[str, Path], None],
 ) -> None:
     """Serve cells until this process is told to end; then nothing moves any more.
 
     Parameters
     ----------
-    request : ServeRequest
-        What is served, and where.
+    cells : sequence of str
+        Bundled names or cell files.
+    folder : Path
+        Folder of runs, motions and models.
+    access : Access
+        Where pages are served, and by which certificate.
+    pace : float
+        Times real time at which simulated cells run.
     pages : sequence of APIRouter
         Routes beside the API.
     ready : callable
@@ -91,18 +80,18 @@ def serve_cells(
     RecordingError
         What the service keeps cannot be read or written.
     """
-    folder = request.folder.resolve()
+    folder = folder.resolve()
     if not folder.is_dir():
         raise ConfigError(f"{folder}: is no folder; make it first", code="RID-FILE-NOT-FOLDER")
-    cells = [ServedCell(reference, request.pace) for reference in request.cells]
+    served = [ServedCell(reference, pace) for reference in cells]
     with contextlib.ExitStack() as stack:
         stack.enter_context(_only_one(folder))
-        for cell in cells:
+        for cell in served:
             stack.enter_context(owned(cell.loaded.config))
-        listener = stack.enter_context(listen_on(request.access))
-        access = replace(request.access, port=listener.getsockname()[1])
+        listener = stack.enter_context(listen_on(access))
+        access = replace(access, port=listener.getsockname()[1])
         local, address = stack.enter_context(local_listener(folder))
-        service = CellService(folder, cells)
+        service = CellService(folder, served)
         secure = access.certificate is not None
         doorkeeper = Doorkeeper(service.tokens, access.port, secure=secure)
         app = make_api(service, doorkeeper, pages)

@@ -180,13 +180,14 @@ class Console:
         Parameters
         ----------
         document
-            Its numbers, for programs.
+            Its numbers, for programs; nothing is written for them if it is empty.
         blocks
             What people see of it.
         """
         from rid_daq.terminal.shown_blocks import show  # blocks are models: a help needs none
 
-        self.document(document)
+        if document:
+            self.document(document)
         show(blocks, self)
 
     def as_text(self, document: Mapping[str, object] | BaseModel) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from acquisition.hold_to_run.pilot import Keys
     from acquisition.task.service_beat import ServiceBeat
+    from rid_daq.blocks.block import AnyBlock
 
 T = TypeVar("T")
 
@@ -29,6 +30,16 @@ class Context(Protocol):
         ...
 
     @property
+    def as_json(self) -> bool:
+        """True if programs read what is shown, and not people."""
+        ...
+
+    @property
+    def is_terminal(self) -> bool:
+        """True if a person sees on a terminal what is shown."""
+        ...
+
+    @property
     def can_ask(self) -> bool:
         """True if a person can be asked."""
         ...
@@ -45,6 +56,10 @@ class Context(Protocol):
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Show the verdict of one step of several."""
+        ...
+
+    def result(self, document: Mapping[str, object], blocks: Iterable[AnyBlock]) -> None:
+        """Show what programs and people must know before the operation ends, such as an address."""
         ...
 
     def ask(

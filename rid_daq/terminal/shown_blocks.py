@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rid_daq.blocks.block import AnyBlock, Heading, Next, Table, Text, Verdict
 from rid_daq.blocks.plot import Plot
 
 if TYPE_CHECKING:
     from rid_daq.terminal.console import Console
+
+ROOMY: Final = 120
+"""Columns of a terminal on which a table shows its optional columns."""
 
 
 def show(blocks: Iterable[AnyBlock], console: Console) -> None:
@@ -29,9 +32,16 @@ def show(blocks: Iterable[AnyBlock], console: Console) -> None:
             case Verdict():
                 console.verdict(block.passed, block.text)
             case Table():
-                heads = [column.head for column in block.columns]
-                console.table(heads, list(block.cells()), block.failed, block.key)
+                _show_table(block, console)
             case Next():
-                console.next_step(*block.words)
+                console.next_step(*block.words, lead=block.lead)
             case Plot():
                 pass  # a report has it
+
+
+def _show_table(table: Table, console: Console) -> None:
+    roomy = console.columns is None or console.columns >= ROOMY
+    kept = [n for n, column in enumerate(table.columns) if roomy or not column.is_optional]
+    heads = [table.columns[n].head for n in kept]
+    rows = [[cells[n] for n in kept] for cells in table.cells()]
+    console.table(heads, rows, table.failed, table.key)

@@ -38,7 +38,7 @@ for _ in sys.stdin:
 
 PERSON = """
 import ctypes, os, signal, sys
-import rid_daq.commands.stop, mock_hw.host.runtime_directory, mock_hw.bus.served_bus
+import rid_daq.operations.cell.stop, mock_hw.host.runtime_directory, mock_hw.bus.served_bus
 from config.load import load_cell
 from rid_daq.app import _end_once, run
 from rid_daq.session.session import hold_cell

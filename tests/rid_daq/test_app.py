@@ -83,7 +83,7 @@ def test_the_list_of_commands_is_shown_without_importing_any(
         (["rusn"], "Did you mean 'runs'"),
         (["record"], "Missing argument 'CELL'"),
         (["demo", "--sed", "1"], "No such option"),
-        (["demo", "--seed", "one"], "Invalid value for '--seed'"),
+        (["record", "ir361", "m.yaml", "--seed", "one"], "Invalid value for '--seed'"),
     ],
 )
 def test_a_mistyped_command_line_is_usage(

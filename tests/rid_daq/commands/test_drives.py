@@ -18,7 +18,8 @@ from drivers.cell import open_cell
 from drivers.settings.saved_drive import DriveBackup, SavedDrive
 from drivers.settings.write_log import DRIVE_WRITES
 from rid_daq.app import run
-from rid_daq.jobs.mock_job import MockRequest, serve_cell
+from rid_daq.operations.cell.mock import MockRequest
+from rid_daq.operations.cell.served_devices import serve_cell
 
 pytestmark = pytest.mark.slow
 
@@ -92,7 +93,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     cell, motion = folder / "cell.yaml", folder / "validation.yaml"
     cell.write_text(cell.read_text().replace("channel: my_cell", "channel: test_drives"))
     motion.write_text(motion.read_text().replace("points: 20", "points: 2"))
-    with serve_cell(MockRequest(str(cell), lockstep=True)):
+    with serve_cell(MockRequest(cell=str(cell), lockstep=True)):
         yield folder
 
 

@@ -181,7 +181,7 @@ def test_of_several_arms_each_is_named_in_a_command(
         (["--urdf", "{}/none.urdf"], "none.urdf: cannot read: No such file"),
         (["--urdf", "{}/two.urdf", "--base", "leg"], "there is no link 'leg'; links are base,"),
         (["--urdf", "{}/two.urdf", "--base", "fore", "--tip", "base"], "does not hang on 'fore'"),
-        (["--tip", "hand"], "give it with --urdf"),
+        (["--tip", "hand"], "--tip: has no effect without --urdf"),
         (["--urdf", "{}/two.urdf", "--effort", "1,2,3"], "--effort has 3 values: give one, or one"),
         (["--urdf", "{}/two.urdf", "--range", "-1"], "--range -1: give one number above 0"),
     ],

@@ -14,7 +14,8 @@ from config.errors import ConfigError
 from config.load import load_cell
 from mock_hw.host.runtime_directory import plate_path, runtime_directory
 from rid_daq.app import run
-from rid_daq.jobs.mock_job import MockRequest, serve_cell
+from rid_daq.operations.cell.mock import MockRequest
+from rid_daq.operations.cell.served_devices import serve_cell
 from tests.builders.raised_codes import raises_code
 
 Serve = Callable[[str], AbstractContextManager[None]]
@@ -35,7 +36,7 @@ def serve(files: Path) -> Serve:
 
     @contextmanager
     def served(devices: str) -> Iterator[None]:
-        with serve_cell(MockRequest(str(files / "cell.yaml"), lockstep=True, devices=devices)):
+        with serve_cell(MockRequest(cell=str(files / "cell.yaml"), lockstep=True, devices=devices)):
             yield
 
     return served
@@ -82,7 +83,7 @@ def test_drives_that_are_not_there_are_told_by_their_nodes(
 
 
 def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> None:
-    request = MockRequest(str(files / "cell.yaml"), lockstep=True, devices="ir361")
+    request = MockRequest(cell=str(files / "cell.yaml"), lockstep=True, devices="ir361")
     with serve_cell(request) as served:
         mine, other = load_cell(str(files / "cell.yaml")).config, load_cell("ir361").config
         assert served.channel == str(runtime_directory() / f"{mine.can.channel}.sock")
@@ -138,6 +139,6 @@ def test_devices_that_are_not_simulated_are_refused(files: Path, tmp_path: Path)
     assert run(["init", str(tmp_path / "real")]) == 0
     cell = tmp_path / "real" / "cell.yaml"
     change(cell, "simulated: true\n", "")
-    request = MockRequest(str(files / "cell.yaml"), devices=str(cell))
+    request = MockRequest(cell=str(files / "cell.yaml"), devices=str(cell))
     with raises_code(ConfigError, "RID-CELL-NOT-SIMULATED"), serve_cell(request):
         pass

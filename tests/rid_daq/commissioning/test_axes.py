@@ -15,7 +15,8 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
-from rid_daq.jobs.mock_job import MockRequest, serve_cell
+from rid_daq.operations.cell.mock import MockRequest
+from rid_daq.operations.cell.served_devices import serve_cell
 from tests.builders.screens import noted, require_fitting
 from tests.builders.typist import Typist
 
@@ -66,7 +67,7 @@ def test_a_wrong_gear_in_the_robot_file_is_found_by_what_the_robot_does(
     (tmp_path / "cell.yaml").write_text(cell.replace("robot: ir361", "robot: robot.yaml", 1))
     (tmp_path / "true.yaml").write_text(cell + "servo: {lacks: [6091h]}\n")
     true = str(tmp_path / "true.yaml")
-    devices = MockRequest(str(tmp_path / "cell.yaml"), lockstep=True, seed=1, devices=true)
+    devices = MockRequest(cell=str(tmp_path / "cell.yaml"), lockstep=True, seed=1, devices=true)
     words = ["axes", str(tmp_path / "cell.yaml"), "--unattended", "--joint", "axis1", "--json"]
     with serve_cell(devices):
         assert run([*words, "--runs", str(tmp_path / "r")]) == 1

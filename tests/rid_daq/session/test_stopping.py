@@ -212,7 +212,7 @@ def test_everyone_is_asked_before_anyone_is_waited_for_and_one_failure_stops_no_
     "text", ["name: cell-7\n", 'name: "cell-7"\naxes: [broken', "# x\nname:\tcell-7 # mine\n"]
 )
 def test_a_cell_file_names_its_cell_whatever_else_is_wrong_in_it(text: str, tmp_path: Path) -> None:
-    from rid_daq.commands.stop import _cell_name
+    from rid_daq.operations.cell.stop import _cell_name
 
     file = tmp_path / "cell.yaml"
     file.write_text(text)

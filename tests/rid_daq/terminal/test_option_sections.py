@@ -26,13 +26,6 @@ def test_many_options_are_shown_in_sections_each_of_them_once(
     assert "Live page:" not in shown
 
 
-def test_few_options_stay_one_list(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["runs", "--help"]) == 0
-    shown = capsys.readouterr().out
-    assert "\nOptions:\n" in shown
-    assert "Files and services:" not in shown
-
-
 def test_every_option_that_stands_in_a_section_is_one_of_the_program() -> None:
     page = REFERENCE.read_text(encoding="utf-8")
     names = [name for section in SHARED.values() for name in section]

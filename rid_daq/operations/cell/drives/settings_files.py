@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
 from drivers.cell import open_cell
 from drivers.servo.drive_settings import (
-    RestoredSetting,
     read_drive,
     refuse_other_drive,
     restore_drive,
@@ -21,61 +19,13 @@ from drivers.servo.drive_settings import (
 from drivers.servo.service import DriveService
 from drivers.settings.saved_drive import DriveBackup, SavedDrive
 from drivers.settings.write_log import WriteLog
+from rid_daq.operations.cell.drives.restored import RestoredDrives, RestoreRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.session.cells import reachable_cell
 from rid_daq.session.drive_writes import held_before, new_write_log
 
 STORE_TIMEOUT_S = 10.0
-
-
-@dataclass(frozen=True)
-class RestoreRequest:
-    """How what drives held is put back.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    runs : Path
-        The folder of the run folders; what is written to the drives is kept beside them.
-    dry_run : bool
-        Whether to say only what differs.
-    store : bool
-        Whether the drives keep it beyond their power (1010h).
-    """
-
-    cell: str
-    runs: Path
-    dry_run: bool = False
-    store: bool = False
-
-
-@dataclass(frozen=True)
-class DrivesRestored:
-    """What became of it.
-
-    Attributes
-    ----------
-    cell : str
-        The cell's name.
-    joints : dict of int to str
-        The joint of every node.
-    settings : tuple of RestoredSetting
-        What differed, or is not known.
-    write_log : Path or None
-        What was written, and what was there; None where nothing was.
-    """
-
-    cell: str
-    joints: dict[int, str]
-    settings: tuple[RestoredSetting, ...]
-    write_log: Path | None
-
-    @property
-    def left(self) -> tuple[RestoredSetting, ...]:
-        """What does not hold what was saved."""
-        return tuple(each for each in self.settings if not each.restored)
 
 
 def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
@@ -104,12 +54,12 @@ def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
     return backup
 
 
-def restore_backup(path: Path, request: RestoreRequest) -> DrivesRestored:
+def restore_backup(path: Path, request: RestoreRequest) -> RestoredDrives:
     """Make a cell's drives hold what a backup says; parameters and errors as `roll_back`."""
     return _restore(DriveBackup.read(path).drives, request)
 
 
-def roll_back(run: str, request: RestoreRequest) -> DrivesRestored:
+def roll_back(run: str, request: RestoreRequest) -> RestoredDrives:
     """Make a cell's drives hold what they held before a run.
 
     Parameters
@@ -132,7 +82,7 @@ def roll_back(run: str, request: RestoreRequest) -> DrivesRestored:
     return _restore(held_before(request.runs, run), request)
 
 
-def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> DrivesRestored:
+def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDrives:
     loaded = load_cell(request.cell)
     joints = {axis.node_id: axis.joint for axis in loaded.config.axes}
     strange = [str(drive.node_id) for drive in saved if drive.node_id not in joints]
@@ -158,7 +108,8 @@ def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> DrivesRest
             for port in service.ports(STORE_TIMEOUT_S):
                 store_settings(port)
     written = write_log is not None and write_log.path.exists()
-    return DrivesRestored(
+    return RestoredDrives(
+        request,
         loaded.config.name,
         joints,
         tuple(settings),

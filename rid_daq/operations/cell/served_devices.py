@@ -24,47 +24,11 @@ from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
+from rid_daq.operations.cell.mock import MockRequest
 from rid_daq.runs.output_file import require_writable
 from rid_daq.session.cells import is_served, refuse_one_process
 
 LOOK_S: Final = 2.0
-
-
-@dataclass(frozen=True)
-class MockRequest:
-    """What `rid-daq mock` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a simulated cell's file.
-    lockstep : bool
-        Whether the commanding program moves time on, not the clock.
-    seed : int
-        Of everything random.
-    payload : str or None
-        What the robot carries, by its name in the plant file.
-    log, faults : Path or None
-        Where all frames are written; a fault script.
-    devices : str or None
-        The simulated cell whose devices are served in place of this cell's own; None for its own.
-    pace : float or None
-        In lock-step, how many simulated seconds a second has at most.
-    """
-
-    cell: str
-    lockstep: bool = False
-    seed: int = 0
-    payload: str | None = None
-    log: Path | None = None
-    faults: Path | None = None
-    devices: str | None = None
-    pace: float | None = None
-
-    @property
-    def in_lockstep(self) -> bool:
-        """Whether simulated time waits for the commanding program."""
-        return self.lockstep or self.pace is not None
 
 
 @dataclass(frozen=True)
@@ -157,7 +121,7 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
         loaded.config,
         loaded.robot,
         plant if request.payload is None else plant.with_payload(request.payload),
-        realtime=not request.in_lockstep,
+        realtime=not request.is_in_lockstep,
         pace=request.pace,
         seed=request.seed,
         directory=runtime_directory(),

@@ -1,0 +1,91 @@
+"""`drives backup`: write every setting of a cell's drives into a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import FILES, CellName, Option, Overwrite
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from drivers.settings.saved_drive import DriveBackup
+
+
+class DrivesBackupRequest(Request):
+    """Write down every setting of a cell's drives; nothing is written to them.
+
+    If an axis names a data sheet (EDS), all objects of its drive that may be written are saved,
+    otherwise those that CiA 301 and 402 define.
+    """
+
+    cell: CellName
+    output: Annotated[
+        Path,
+        Field(description="File to write (JSON)."),
+        Option(short="o", metavar="FILE", group=FILES, file="output"),
+    ]
+    overwrite: Overwrite = False
+
+
+@dataclass(frozen=True)
+class DrivesBackup:
+    """A backup that was written.
+
+    Attributes
+    ----------
+    request : DrivesBackupRequest
+        The request.
+    backup : DriveBackup
+        The settings.
+    """
+
+    request: DrivesBackupRequest
+    backup: DriveBackup
+    exit_code: int = 0
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Number of settings by node."""
+        return {drive.node_id: len(drive.values) for drive in self.backup.drives}
+
+    def document(self) -> dict[str, object]:
+        """Return the file and the number of settings of every node."""
+        file = str(self.request.output)
+        return {"cell": self.backup.cell, "file": file, "settings": self.counts}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the file and the command that compares it with the drives."""
+        cell, output = self.request.cell, str(self.request.output)
+        counts = (f"{count} settings of node {node}" for node, count in self.counts.items())
+        yield Text(text=f"{output}: wrote {', '.join(counts)}.")
+        yield Next(words=("drives", "restore", cell, output, "--dry-run"))
+
+
+def run(request: DrivesBackupRequest, _context: Context) -> DrivesBackup:
+    """Read the settings and write the file."""
+    from rid_daq.operations.cell.drives.settings_files import backup_drives
+
+    kept = backup_drives(request.cell, request.output, overwrite=request.overwrite)
+    return DrivesBackup(request, kept)
+
+
+OPERATION: Final = Operation(
+    name="drives backup",
+    label="Back up drives",
+    request=DrivesBackupRequest,
+    run=run,
+    examples=(
+        "drives backup ir361 --output drives.json",
+        "drives backup cell.yaml -o drives.json --overwrite",
+    ),
+    opens_cell=True,
+    is_job=False,
+    module="rid_daq.operations.cell.drives.settings_files",
+)

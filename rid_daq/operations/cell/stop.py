@@ -1,0 +1,192 @@
+"""`stop`: quick stop of a session that runs on this machine."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.errors import ConfigError
+from config.formats.bounded_file import read_file
+from rid_daq.blocks.block import AnyBlock, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import Option
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.session.running_sessions import RunningSession
+    from rid_daq.session.stopping import Stopped
+
+MOST_LISTED: Final = 9
+_NAME: Final = re.compile(r"^name:[ \t]*[\"']?([\w.-]+)", re.MULTILINE)
+
+
+class StopRequest(Request):
+    """Stop the session that runs on this machine: a quick stop of all axes, then power off.
+
+    It works from any terminal of the same user (root: of every user), however busy the session is,
+    and the session keeps what it has recorded. If several sessions run, name the cell, or choose
+    from the list; without a terminal none is stopped then, and the exit code is 2. Exit code 0
+    says that the stop was seen; 1 that no session runs, 4 that one did not answer. It is not an
+    emergency stop.
+    """
+
+    cell: Annotated[
+        str | None,
+        Field(
+            description="Cell to stop: its name or its file (default: the only session that runs)."
+        ),
+        Option(positional=True, metavar="[CELL]"),
+    ] = None
+    every: Annotated[
+        bool, Field(description="Stop every session on this computer."), Option(flag="all")
+    ] = False
+
+
+@dataclass(frozen=True)
+class StopOutcome:
+    """The sessions that were asked to stop.
+
+    Attributes
+    ----------
+    cell : str or None
+        Name of the cell that was to be stopped; None for any.
+    results : sequence of tuple
+        Every session and what came of the stop.
+    running : sequence of RunningSession
+        Sessions that still run, if none was asked to stop.
+    """
+
+    cell: str | None
+    results: Sequence[tuple[RunningSession, Stopped]]
+    running: Sequence[RunningSession]
+
+    @property
+    def exit_code(self) -> int:
+        """1 if no session runs, 4 if one did not answer."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        if not self.results:
+            return ExitCode.VERDICT_FAILED
+        seen = all(result.seen for _, result in self.results)
+        return ExitCode.DONE if seen else ExitCode.COMMUNICATION
+
+    def document(self) -> dict[str, object]:
+        """Return every session and what came of the stop."""
+        return {
+            "sessions": [
+                {
+                    "process": session.pid,
+                    "command": session.command,
+                    "cell": session.cell,
+                    "stopped": result.seen,
+                    "text": result.sentence,
+                    "at_rest": result.rest_at,
+                }
+                for session, result in self.results
+            ]
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield what came of every stop, and what to do next."""
+        if not self.results:
+            where = "" if self.cell is None else f" on cell {self.cell}"
+            text = f"No session runs{where} on this machine: nothing was stopped."
+            yield Verdict(passed=False, text=text)
+            for each in self.running:
+                text = f"Still running: {each.words}; {_advice(each)}."
+                yield Verdict(passed=False, text=text)
+            return
+        for session, result in self.results:
+            text = f"S{session.words[1:]}: {result.sentence}"
+            yield Verdict(passed=result.seen, text=text)
+        if self.exit_code:
+            yield Text(text="Use the cell's emergency stop if anything still moves.")
+            return
+        yield Text(
+            text="What was recorded is kept. Find out why it had to stop. Then check the cell"
+            " before the next motion."
+        )
+
+
+def run(request: StopRequest, context: Context) -> StopOutcome:
+    """Stop the sessions that are meant."""
+    from rid_daq.session.running_sessions import running_sessions
+    from rid_daq.session.stopping import stop_sessions
+
+    if request.cell is not None and request.every:
+        raise ConfigError(
+            f"stop {request.cell} --all: give a cell or --all, not both", code="RID-STOP-ALL"
+        )
+    name = None if request.cell is None else _cell_name(request.cell)
+    sessions = running_sessions(name)
+    if name is None and not request.every:
+        sessions = _chosen(sessions, context)
+    results = stop_sessions(sessions)
+    return StopOutcome(name, results, () if results else running_sessions())
+
+
+def _cell_name(cell: str) -> str:
+    """Return the name in a cell file, whatever else is wrong there, or what was given."""
+    from config.formats.yaml_tree import MAX_BYTES
+
+    try:
+        text = read_file(Path(cell), MAX_BYTES).decode("utf-8", errors="replace")
+    except OSError:
+        return cell
+    named = _NAME.search(text)
+    return cell if named is None else named[1]
+
+
+def _advice(session: RunningSession) -> str:
+    return f"`rid-daq stop {session.cell}` stops it" if session.cell else "its cell is not known"
+
+
+def _chosen(sessions: list[RunningSession], context: Context) -> list[RunningSession]:
+    """Return the only session that can be stopped, or the one that a person chooses.
+
+    Raises
+    ------
+    ConfigError
+        Several run and nobody can be asked, or none of them was chosen.
+    """
+    several = [session for session in sessions if session.refusal is None]
+    if len(several) < 2:
+        return sessions
+    listed = several[:MOST_LISTED]
+    if not (context.is_terminal and context.can_ask):
+        listing = "\n".join(f"  {session.words}; {_advice(session)}" for session in several)
+        raise ConfigError(
+            f"{len(several)} sessions run, and none was stopped. Name the cell, or give --all:\n"
+            f"{listing}",
+            code="RID-STOP-WHICH",
+        )
+    context.say("Several sessions run. Press the number of the one to stop:")
+    for number, session in enumerate(listed, 1):
+        context.say(f"  {number}  {session.words}")
+    context.say("  0  all of them")
+    from rid_daq.terminal.pressed_key import read_key
+
+    key = read_key()
+    if key == "0":
+        return sessions
+    if key.isascii() and key.isdigit() and int(key) <= len(listed):
+        return [listed[int(key) - 1]]
+    raise ConfigError(
+        f"{key!r} is none of the numbers: no session was stopped", code="RID-STOP-WHICH"
+    )
+
+
+OPERATION: Final = Operation(
+    name="stop",
+    label="Quick stop",
+    request=StopRequest,
+    run=run,
+    examples=("stop ir361", "stop --all"),
+    is_job=False,
+    numerics=False,
+)

@@ -1,0 +1,172 @@
+"""`runs`: list the runs, and check that their files are unchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from config.errors import ConfigError, RecordingError
+from rid_daq.blocks.block import AnyBlock, Column, Table, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, RunsFolder
+from rid_daq.operations.request import Request
+
+
+class RunsRequest(Request):
+    """List the runs, oldest first; with --verify, check that no file was changed.
+
+    Files that do not belong to a run are named, and are no problem. With --verify, the exit code is
+    7 if a file was changed or is gone.
+    """
+
+    verify: Annotated[bool, Field(description="Compare every file with the run's manifest.")] = (
+        False
+    )
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class ListedRun:
+    """A run of the list; `problems` and `strays` are None if its files were not compared."""
+
+    run: str
+    label: str
+    kind: str
+    status: str
+    created_utc: str
+    folder: str
+    facts: Mapping[str, object]
+    problems: list[str] | None
+    strays: list[str] | None
+
+    def document(self) -> dict[str, object]:
+        """Return what is known of it."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+@dataclass(frozen=True)
+class RunsResult:
+    """The runs of a folder.
+
+    Attributes
+    ----------
+    request : RunsRequest
+        The request.
+    listed : tuple of ListedRun
+        The runs, oldest first.
+    damaged : tuple of tuple
+        Name and problem of every run whose manifest cannot be read.
+    """
+
+    request: RunsRequest
+    listed: tuple[ListedRun, ...]
+    damaged: tuple[tuple[str, str], ...]
+
+    @property
+    def problems(self) -> tuple[tuple[str, str], ...]:
+        """Run and problem of every file that was changed or is gone."""
+        found = tuple((each.run, text) for each in self.listed for text in each.problems or ())
+        return found + self.damaged if self.request.verify else ()
+
+    @property
+    def failure(self) -> RecordingError | None:
+        """The problems; None if there are none."""
+        if not self.problems:
+            return None
+        lines = "\n".join(f"  {run}: {problem}" for run, problem in self.problems)
+        text = f"problems in the run folders: {len(self.problems)}\n{lines}"
+        return RecordingError(text, code="RID-RUN-DAMAGED")
+
+    @property
+    def exit_code(self) -> int:
+        """7 if a file was changed or is gone."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.STORAGE if self.problems else ExitCode.DONE
+
+    def document(self) -> dict[str, object]:
+        """Return the runs, and the problems of damaged ones."""
+        return {
+            "runs": [each.document() for each in self.listed],
+            "damaged": [problem for _, problem in self.damaged],
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the table, files that belong to no run, and the verdict."""
+        if self.listed:
+            yield self._table()
+        elif not self.damaged:
+            hint = "`rid-daq demo` or `rid-daq record` make some."
+            yield Text(text=f"{self.request.runs}: no runs yet. {hint}")
+        for each in self.listed:
+            if each.strays:
+                names = ", ".join(each.strays)
+                yield Text(text=f"note: {each.run}: not of the run, and left alone: {names}")
+        if self.request.verify:
+            count = len(self.listed) + len(self.damaged)
+            whole = count - len({run for run, _ in self.problems})
+            text = f"Whole, as they were written: {whole} of {count} runs."
+            yield Verdict(passed=not self.problems, text=text)
+            return
+        for _, problem in self.damaged:
+            yield Verdict(passed=False, text=f"damaged: {problem}")
+
+    def _table(self) -> Table:
+        titles = ("run", "created (UTC)", "kind", "status", "label")
+        columns = [Column(title=title, is_text=True) for title in titles]
+        return Table(
+            columns=(*columns, Column(title="more", is_text=True, is_optional=True)),
+            rows=tuple(
+                (
+                    each.run,
+                    each.created_utc[:16].replace("T", " "),
+                    each.kind,
+                    each.status,
+                    each.label,
+                    ", ".join(f"{name} {value}" for name, value in each.facts.items()),
+                )
+                for each in self.listed
+            ),
+            failed=tuple(each.status != "complete" or bool(each.problems) for each in self.listed),
+        )
+
+
+def run(request: RunsRequest, _context: Context) -> RunsResult:
+    """List the runs, and compare their files if asked."""
+    from acquisition.runs.catalogue import damaged_runs, list_runs
+
+    listed = tuple(
+        ListedRun(
+            run=manifest.run_id,
+            label=manifest.label,
+            kind=manifest.kind,
+            status=manifest.status,
+            created_utc=manifest.created_utc,
+            folder=str(found.path),
+            facts=manifest.facts,
+            problems=list(found.verify()) if request.verify else None,
+            strays=list(found.strays()) if request.verify else None,
+        )
+        for found, manifest in list_runs(request.runs)
+    )
+    damaged = tuple((each.run_id, str(problem)) for each, problem in damaged_runs(request.runs))
+    if request.verify and not listed and not damaged:
+        raise ConfigError(
+            f"{request.runs}: there are no runs, so nothing can be verified",
+            code="RID-RUN-UNKNOWN",
+        )
+    return RunsResult(request, listed, damaged)
+
+
+OPERATION: Final = Operation(
+    name="runs",
+    label="Runs",
+    request=RunsRequest,
+    run=run,
+    examples=("runs --runs lab/runs", "runs --verify"),
+    is_job=False,
+    numerics=False,
+)

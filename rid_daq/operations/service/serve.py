@@ -1,0 +1,175 @@
+"""`serve`: cells as a service, with a workbench in the browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import Text
+from rid_daq.operations.ended import Ended
+from rid_daq.operations.operation import Context, Operation, OperationResult
+from rid_daq.operations.option import Option
+from rid_daq.operations.request import Request
+from rid_daq.terminal.choices import DEFAULT_LISTEN
+
+if TYPE_CHECKING:
+    from rid_daq.service.systemd_unit import SystemdUnit
+
+
+class ServeRequest(Request):
+    """Serve cells: state, jobs and runs to browsers and programs, until Ctrl-C or SIGTERM.
+
+    Jobs run in processes of their own; a stop needs no living service (`rid-daq stop`). At the end
+    all motion is stopped and the drives are switched off. Only this computer is served unless
+    --listen and --certificate say otherwise; new devices are let in by a code that a person
+    confirms.
+    """
+
+    cells: Annotated[
+        tuple[str, ...],
+        Field(min_length=1, description="Bundled names or cell files."),
+        Option(positional=True, metavar="CELL..."),
+    ]
+    folder: Annotated[
+        Path,
+        Field(
+            description="Folder of runs, motions and models, in which the service keeps its jobs"
+            " (default: the current one)."
+        ),
+        Option(metavar="DIR"),
+    ] = Path()
+    listen: Annotated[
+        str,
+        Field(
+            description="Address of the pages; one that other machines can reach needs"
+            " --certificate."
+        ),
+        Option(metavar="ADDRESS:PORT"),
+    ] = DEFAULT_LISTEN
+    certificate: Annotated[
+        Path | None,
+        Field(description="Certificate and key (PEM): pages by TLS."),
+        Option(metavar="FILE"),
+    ] = None
+    pace: Annotated[
+        float,
+        Field(ge=0.1, le=20.0, description="Run simulated cells at N times real time."),
+        Option(metavar="N"),
+    ] = 1.0
+    install: Annotated[
+        bool,
+        Field(
+            description="Write a systemd unit that serves this at every start of the computer, and"
+            " end."
+        ),
+    ] = False
+
+    @property
+    def arguments(self) -> list[str]:
+        """The words behind `rid-daq serve` that serve the same from any folder."""
+        cells = [str(Path(cell).resolve()) if Path(cell).is_file() else cell for cell in self.cells]
+        words = [*cells, "--folder", str(self.folder.resolve()), "--listen", self.listen]
+        words += ["--pace", f"{self.pace:g}"]
+        certificate = self.certificate
+        return (
+            words if certificate is None else [*words, "--certificate", str(certificate.resolve())]
+        )
+
+
+@dataclass(frozen=True)
+class UnitWritten:
+    """A systemd unit that was written, and the command that starts it."""
+
+    unit: Path
+    next: str
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the unit and the command."""
+        return {"unit": str(self.unit), "next": self.next}
+
+    def blocks(self) -> Iterator[Text]:
+        """Yield the unit and the command."""
+        yield Text(text=f"Wrote {self.unit}")
+        yield Text(text=f"Next: {self.next}")
+
+
+@dataclass(frozen=True)
+class ServiceReady:
+    """A service that serves.
+
+    Attributes
+    ----------
+    url : str
+        Address of its workbench.
+    socket : Path
+        Its socket for programs of this computer.
+    cells : tuple of str
+        What it serves.
+    """
+
+    url: str
+    socket: Path
+    cells: tuple[str, ...]
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the addresses and the cells."""
+        return {"url": self.url, "socket": str(self.socket), "cells": list(self.cells)}
+
+    def blocks(self) -> Iterator[Text]:
+        """Yield the address of the workbench."""
+        yield Text(text=f"Workbench: {self.url}")
+        yield Text(
+            text="Its stop button is software, not an emergency stop. Ctrl-C ends the service."
+        )
+
+
+def run(request: ServeRequest, context: Context) -> OperationResult:
+    """Serve the cells until a signal, or write the systemd unit."""
+    from rid_daq.service.hosting import serve_cells
+    from rid_daq.service.logs import log_to_stderr
+    from rid_daq.service.systemd_unit import SystemdUnit
+    from rid_daq.web.access import Access
+    from rid_daq.workbench.pages import PAGES
+
+    access = Access.of_service(request.listen, request.certificate)
+    unit = SystemdUnit.of(request.cells, request.folder, request.arguments)
+    if request.install:
+        return UnitWritten(unit.path, unit.install())
+    log_to_stderr()
+    _keep_current(unit)
+
+    def ready(link: str, address: Path) -> None:
+        begun = ServiceReady(link, address, request.cells)
+        context.result(begun.document(), begun.blocks())
+
+    serve_cells(request.cells, request.folder, access, request.pace, PAGES, ready)
+    return Ended()
+
+
+def _keep_current(unit: SystemdUnit) -> None:
+    from rid_daq.service.logs import LOG
+
+    if unit.keep_current():
+        LOG.warning("wrote %s anew; run systemctl daemon-reload", unit.path)
+
+
+OPERATION: Final = Operation(
+    name="serve",
+    label="Service",
+    request=ServeRequest,
+    run=run,
+    examples=(
+        "serve ir361 --folder lab",
+        "serve cell.yaml --listen 192.168.1.5:8642 --certificate service.pem",
+    ),
+    opens_cell=True,
+    moves=True,
+    is_job=False,
+    module="rid_daq.service.hosting",
+)

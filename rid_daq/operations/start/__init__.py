@@ -1,0 +1,1 @@
+"""Operations with which a person starts: the demo, files to begin with, the documentation."""

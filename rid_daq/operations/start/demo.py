@@ -1,0 +1,142 @@
+"""`demo`: the whole story on the bundled simulated cell, with a report, no hardware."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.ranges import Periods, Seed
+from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder
+from rid_daq.operations.request import Request
+from rid_daq.terminal.choices import DEMO_PERIOD_S
+
+if TYPE_CHECKING:
+    from rid_daq.demo.demo import Demo
+    from rid_daq.report.sections.validation import ValidationSection
+
+
+class DemoRequest(Request):
+    """Run the whole story on the bundled simulated cell; no hardware is needed or moved.
+
+    Design an excitation, record it, record a validation motion, average, identify, validate and
+    report. It is done twice side by side: on a robot with effects that no model has, and on one
+    without, where the true parameters must lie inside their intervals. The first then measures its
+    velocity loops and drives a circle and a path, before and after pre-compensation; and a
+    pick-and-place path, before and after it is timed to the limits of torques and base.
+    """
+
+    seed: Annotated[
+        Seed,
+        Field(description="Random seed of motions and noise; it decides every number."),
+    ] = 1
+    periods: Annotated[
+        Periods, Field(description=f"Periods of {DEMO_PERIOD_S:g} s to measure.")
+    ] = 16
+    points: Annotated[
+        int, Field(ge=2, le=100_000, description="Random points of the validation motion.")
+    ] = 20
+    paths: Annotated[
+        bool,
+        Field(description="Drive paths, with and without compensation."),
+        Option(negatable=True),
+    ] = True
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """The demo's result and report.
+
+    Attributes
+    ----------
+    done : Demo
+        What the demo made.
+    """
+
+    done: Demo
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a number is outside of its limit."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.DONE if self.done.result.verdict.passed else ExitCode.VERDICT_FAILED
+
+    def document(self) -> dict[str, object]:
+        """Return the result, its folder and its report."""
+        document = self.done.result.model_dump(mode="json", by_alias=True)
+        folder, report = self.done.folder.path, self.done.report
+        return {**document, "folder": str(folder), "report": str(report)}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the errors of the validation, a sentence per chapter, the verdict, the report."""
+        result, judged = self.done.result, self.done.result.verdict
+        yield Text(text="")
+        if result.validation is not None:
+            yield _validation(result.validation)
+        for case in result.truth or ():
+            yield Text(text=case.sentence)
+        for motion in () if result.tracking is None else result.tracking.motions:
+            before = "–" if motion.before is None else f"{1e3 * motion.before.mean_m:.3f}"
+            after = f"{1e3 * motion.after.mean_m:.3f}"
+            yield Text(
+                text=f"{motion.sentence} Mean distance {before} mm before, {after} mm after"
+                " pre-compensation, at the motor encoders."
+            )
+        driven = None if result.retiming is None else result.retiming.driven
+        if driven is not None:
+            yield Text(text=driven.words)
+        if result.timing is not None and result.timing.elapsed_s is not None:
+            yield Text(text=f"Took {result.timing.elapsed_s:.1f} s.")
+        yield Verdict(passed=judged.passed, text=judged.headline)
+        yield Text(text=f"Report: {self.done.report}")
+        if judged.passed:
+            yield Next(words=("docs", "first-hour"), lead="Next, the same step by step")
+
+
+def _validation(section: ValidationSection) -> Table:
+    titles = ("axis", "rms torque", "error", "floor", "error/floor")
+    return Table(
+        columns=tuple(Column(title=title, is_text=True) for title in titles),
+        rows=tuple(
+            (
+                axis.joint,
+                f"{axis.rms_torque or 0.0:.2f} {axis.unit}",
+                f"{axis.rms_error or 0.0:.3f} {axis.unit}",
+                f"{axis.floor or 0.0:.3f} {axis.unit}",
+                f"{axis.error_over_floor or 0.0:.3f}",
+            )
+            for axis in section.axes
+        ),
+    )
+
+
+def run(request: DemoRequest, context: Context) -> DemoResult:
+    """Run the demo."""
+    from rid_daq.demo.demo import run_demo
+
+    done = run_demo(
+        request.runs,
+        context,
+        seed=request.seed,
+        periods=request.periods,
+        points=request.points,
+        paths=request.paths,
+    )
+    return DemoResult(done)
+
+
+OPERATION: Final = Operation(
+    name="demo",
+    label="Demo",
+    request=DemoRequest,
+    run=run,
+    examples=("demo --seed 7", "demo --no-paths --periods 8"),
+    is_job=False,
+    module="rid_daq.demo.demo",
+)

@@ -1,0 +1,229 @@
+"""`init`: write a commented cell, robot and motions to start from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from config.errors import ConfigError, RecordingError, system_errors
+from config.formats.number import parse_numbers
+from config.formats.whole_file import write_whole
+from rid_daq.blocks.block import AnyBlock, Text, Verdict
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import Option
+from rid_daq.operations.request import Request
+from rid_daq.terminal.console import as_command
+
+URDF_FILES: Final = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml")
+FROM_URDF: Final = "URDF"
+
+
+class InitRequest(Request):
+    """Write a commented cell, robot and two motions to start from.
+
+    They run as they are, on a simulated cell. Change them towards your own robot. With --urdf the
+    robot, its limits and its links come from that file. --range, --velocity, --acceleration and
+    --effort take one number for all joints, or one per joint with commas between; without them they
+    follow from the robot's size. The cell of a URDF is rehearsed in simulated time: checked, and
+    moved for some seconds, more slowly if the motion is stopped. If it does not run, the exit code
+    is 1.
+    """
+
+    folder: Annotated[
+        Path,
+        Field(description="Folder to write to; it may exist already."),
+        Option(positional=True, metavar="DIR"),
+    ]
+    urdf: Annotated[
+        Path | None,
+        Field(description="Make robot and cell from this URDF."),
+        Option(group=FROM_URDF, metavar="FILE"),
+    ] = None
+    base: Annotated[
+        str | None,
+        Field(description="Link of the URDF that does not move."),
+        Option(group=FROM_URDF, metavar="LINK", needs="urdf"),
+    ] = None
+    tip: Annotated[
+        str | None,
+        Field(description="Link of the URDF that is the tool point."),
+        Option(group=FROM_URDF, metavar="LINK", needs="urdf"),
+    ] = None
+    position: Annotated[
+        str | None,
+        Field(description="Range of joints from minus to plus, if the URDF states none."),
+        Option(group=FROM_URDF, flag="range", metavar="RAD", unit="rad or m", needs="urdf"),
+    ] = None
+    velocity: Annotated[
+        str | None,
+        Field(description="Speed limit, if the URDF states none."),
+        Option(group=FROM_URDF, metavar="RAD/S", unit="rad/s or m/s", needs="urdf"),
+    ] = None
+    acceleration: Annotated[
+        str | None,
+        Field(description="Acceleration limit, if the URDF states none."),
+        Option(group=FROM_URDF, metavar="RAD/S2", unit="rad/s² or m/s²", needs="urdf"),
+    ] = None
+    effort: Annotated[
+        str | None,
+        Field(description="Torque limit, if the URDF states none."),
+        Option(group=FROM_URDF, metavar="NM", unit="N m or N", needs="urdf"),
+    ] = None
+    rehearsal: Annotated[
+        bool,
+        Field(description="Try the cell of a URDF before it is written."),
+        Option(group=FROM_URDF, negatable=True),
+    ] = True
+
+
+@dataclass(frozen=True)
+class InitResult:
+    """The files that were written.
+
+    Attributes
+    ----------
+    folder : Path
+        Their folder.
+    files : tuple of str
+        Their names.
+    notes : tuple of str
+        Assumptions about the robot, one sentence each.
+    rehearsed : bool
+        True if the cell was tried.
+    obstacle : str
+        What stopped the rehearsal; empty if nothing did.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    rehearsed: bool = False
+    obstacle: str = ""
+
+    @property
+    def exit_code(self) -> int:
+        """1 if the rehearsal was stopped."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        return ExitCode.VERDICT_FAILED if self.obstacle else ExitCode.DONE
+
+    def document(self) -> dict[str, object]:
+        """Return the files and the outcome of the rehearsal."""
+        return {
+            "folder": str(self.folder),
+            "files": list(self.files),
+            "notes": list(self.notes),
+            "rehearsed": self.rehearsed and not self.obstacle,
+            "obstacle": self.obstacle,
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the files, the notes, the outcome of the rehearsal and the next commands."""
+        yield Text(text=f"{self.folder}: wrote {', '.join(self.files)}.")
+        for note in self.notes:
+            yield Text(text=f"  {note}")
+        if self.obstacle:
+            text = f"The simulated cell did not run in its rehearsal: {self.obstacle}"
+            yield Verdict(passed=False, text=text)
+            return
+        if self.rehearsed:
+            yield Verdict(passed=True, text="Rehearsed: the simulated cell was checked and moved.")
+        cell, motion = self.folder / "cell.yaml", self.folder / "motion.yaml"
+        if "motion.yaml" in self.files:
+            yield Text(text="Next, on the simulated cell that they describe:")
+            yield Text(text=f"  {as_command('check', cell)}")
+        else:
+            yield Text(text="Next, after a look at limits and rotors in robot.yaml:")
+            yield Text(text=f"  {as_command('design', cell, '-o', motion)}")
+        yield Text(text=f"  {as_command('record', cell, motion)}")
+
+
+def run(request: InitRequest, _context: Context) -> InitResult:
+    """Make the files, try a URDF's cell, and write them."""
+    files, made = _starter(request) if request.urdf is None else _of_urdf(request, request.urdf)
+    _refuse_present(request.folder, files)
+    where = f"{request.folder}: cannot make the folder"
+    with system_errors(RecordingError, where, code="RID-FILE-WRITE"):
+        request.folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        write_whole(request.folder / name, text.encode())
+    return made
+
+
+def _starter(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
+    """Return the bundled files, by name, and what is said of them."""
+    folder = resources.files("rid_daq") / "starter"
+    names = ("cell.yaml", "robot.yaml", "motion.yaml", "validation.yaml")
+    files = {name: (folder / name).read_text(encoding="utf-8") for name in names}
+    return files, InitResult(request.folder, names)
+
+
+def _of_urdf(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
+    """Return the files of a URDF, by name, and what is said of them."""
+    from config.robot.urdf_limits import LimitDefaults
+    from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_files, starting_robot
+
+    limits = {
+        "--range": request.position,
+        "--velocity": request.velocity,
+        "--acceleration": request.acceleration,
+        "--effort": request.effort,
+    }
+    defaults = LimitDefaults(*(_numbers(flag, text) for flag, text in limits.items()))
+    robot = starting_robot(UrdfRequest(urdf, request.folder, request.base, request.tip, defaults))
+    _refuse_present(request.folder, URDF_FILES)
+    if not request.rehearsal:
+        files = starting_files(urdf, robot)
+        return files, InitResult(request.folder, tuple(files), robot.notes)
+    from rid_daq.recording.starter_rehearsal import rehearsed
+
+    tried = rehearsed(urdf, robot)
+    notes, names = tried.made.notes, tuple(tried.files)
+    return tried.files, InitResult(request.folder, names, notes, True, tried.obstacle)
+
+
+def _refuse_present(folder: Path, names: Iterable[str]) -> None:
+    present = [name for name in names if (folder / name).exists()]
+    if present:
+        raise ConfigError(
+            f"{folder}: {', '.join(present)} is already there; nothing was written."
+            " Give another folder, or move the files away.",
+            code="RID-FILE-EXISTS",
+        )
+
+
+def _numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Return the positive numbers of an option; none if it is not given.
+
+    Raises
+    ------
+    ConfigError
+        It has something else.
+    """
+    try:
+        values = parse_numbers(text) if text is not None else ()
+    except ConfigError:
+        values = (math.nan,)
+    if not all(math.isfinite(value) and value > 0.0 for value in values):
+        raise ConfigError(
+            f"{option} {text}: give one number above 0, or one per joint: 3.1,3.1,2.5",
+            code="RID-OPTION-SYNTAX",
+        )
+    return values
+
+
+OPERATION: Final = Operation(
+    name="init",
+    label="Files to start from",
+    request=InitRequest,
+    run=run,
+    examples=("init my-cell --json", "init arm --urdf arm.urdf --base base_link --tip tool0"),
+    is_job=False,
+    numerics=False,
+)
