@@ -1,9 +1,10 @@
 """`Deflection`: how far gears bend the tool away from where the motors' encoders see it.
 
 Encoders at the motors do not see the angle tau/k by which a gear of stiffness k gives way under
-the torque tau that it transmits. The estimate takes the measured motor torques for tau: friction
-and the motors' own inertia are part of them, although the gear does not transmit them. Play, and
-bending of links and bearings, are not part of the estimate.
+the torque tau that it transmits. Without a model the estimate takes the measured motor torques for
+tau: friction and the motors' own inertia are part of them, although the gear does not transmit
+them. An identified model gives tau without them. Play, and bending of links and bearings, are not
+part of the estimate.
 """
 
 from __future__ import annotations
@@ -12,11 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.motion.samples import Phase
+from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 from dynamics.geometry.kinematics import Chain, forward
+from dynamics.model.robot_model import load_torque
+from identification.choices import BAND_HZ
+from identification.equations.deconvolution import smoothed_recording
+from identification.estimation.estimate import Estimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +73,8 @@ def deflection(
     position : ndarray, shape (samples, n)
         Joint positions by the motors' encoders [rad or m].
     torque_nm : ndarray, shape (samples, n)
-        Actuator torques at the gears' outputs [N m or N].
+        Torques of the actuators, or those that their gears transmit, at the gears' outputs [N m or
+        N].
     """
     stiffness = [joint.stiffness_nm_rad for joint in robot.joints]
     known = np.array([each is not None for each in stiffness])
@@ -80,3 +88,40 @@ def deflection(
     chain = Chain.from_description(robot)
     moved = forward(chain, position - bent) - forward(chain, position)
     return Deflection(bent, np.asarray(np.linalg.norm(moved, axis=1)), known)
+
+
+def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """Return positions of a motion's main part, and the torques that the gears transmit there.
+
+    The torques are those of links and springs by the model, without friction and without the
+    inertia of rotors that the model tells from that of the links. What the arm carries beyond the
+    model is not in them.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The identified robot.
+    recording : Recording
+        A run, its approach included.
+
+    Returns
+    -------
+    position, torque_nm : ndarray, shape (samples, n)
+        Positions, low-passed [rad or m], and torques at the gears' outputs [N m or N].
+
+    Raises
+    ------
+    DataQualityError
+        The recording is too short or has too many gaps for accelerations.
+    """
+    signals = smoothed_recording(recording, BAND_HZ)
+    main_s = recording.time_s[recording.phase == Phase.MAIN]
+    rows = (signals.time_s >= main_s[0]) & (signals.time_s <= main_s[-1])
+    if not rows.any():
+        raise DataQualityError(
+            f"the motion lies within {2.0 / BAND_HZ:g} s of the recording's ends or gaps: too"
+            " little for accelerations, so leave the model out",
+            code="RID-RECORDING-SHORT",
+        )
+    motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
+    return motion[0], load_torque(estimate.model, *motion, estimate.standard_values)

@@ -5,18 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.motion.samples import Phase
-from compensation.feedforward.deflection import Deflection, deflection
+from compensation.feedforward.deflection import (
+    Deflection,
+    deflection,
+    transmitted_torques,
+)
 from compensation.feedforward.tracking_error import TrackingError, tracking_error
 from config.arrays import BoolArray
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
+from identification.estimation.estimate import Estimate
 from rid_daq.report.sections.tracking import FollowedMotion, FollowedRun
 from rid_daq.runs.motion_runs import MotionRun
 from rid_daq.runs.run_data import RunData
 
 
-def followed(after: MotionRun, before: MotionRun | None, robot: RobotDescription) -> FollowedMotion:
+def followed(
+    after: MotionRun,
+    before: MotionRun | None,
+    robot: RobotDescription,
+    estimate: Estimate | None = None,
+) -> FollowedMotion:
     """Compare what was reached with what was wanted, in one run or two of a motion.
 
     Parameters
@@ -27,6 +37,8 @@ def followed(after: MotionRun, before: MotionRun | None, robot: RobotDescription
         The same motion without, where there is such a run.
     robot : RobotDescription
         The stiffness of its gears.
+    estimate : Estimate, optional
+        Model of the torques that the gears transmit; without it the measured ones of the motors.
 
     Raises
     ------
@@ -37,7 +49,9 @@ def followed(after: MotionRun, before: MotionRun | None, robot: RobotDescription
 
     def run_of(run: MotionRun) -> FollowedRun:
         data = run.data
-        return FollowedRun(error_of(data), _period(data), step_s, deflection_of(data, robot))
+        return FollowedRun(
+            error_of(data), _period(data), step_s, deflection_of(data, robot, estimate)
+        )
 
     return FollowedMotion.of(
         after.motion.describe(),
@@ -66,10 +80,14 @@ def error_of(data: RunData) -> TrackingError:
     return tracking_error(chain, recording.target_position[main], recording.position[main])
 
 
-def deflection_of(data: RunData, robot: RobotDescription) -> Deflection | None:
+def deflection_of(
+    data: RunData, robot: RobotDescription, estimate: Estimate | None = None
+) -> Deflection | None:
     """Return the estimated bending of the gears in a run's main part; None if none is known."""
     recording, main = data.recording, _main(data)
-    return deflection(robot, recording.position[main], recording.torque_nm[main])
+    if estimate is None:
+        return deflection(robot, recording.position[main], recording.torque_nm[main])
+    return deflection(robot, *transmitted_torques(estimate, recording))
 
 
 def _main(data: RunData) -> BoolArray:

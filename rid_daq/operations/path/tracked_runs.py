@@ -7,8 +7,11 @@ from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
+from config.robot.robot import RobotDescription
+from identification.estimation.estimate import Estimate
+from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
-from rid_daq.report.sections.tracking import TrackingSection
+from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import followed
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
@@ -45,9 +48,11 @@ def track_runs(request: TrackingRequest) -> Tracked:
     ------
     ConfigError
         The runs are of several robots, or one of `against` is of another motion; or before and
-        after are the same run, or were taken for each other.
+        after are the same run, or were taken for each other. The model is of another robot.
     DataQualityError
         Two of `against` are of one motion, or a run does not say where the robot should have been.
+    EstimationError
+        A joint stood still when the model was identified.
     """
     driven, others = (
         [
@@ -77,11 +82,52 @@ def track_runs(request: TrackingRequest) -> Tracked:
             )
     for one, before in pairs:
         _require_order(one, before)
-    section = TrackingSection.of([followed(*pair, robot) for pair in pairs], robot)
+    estimate = None if request.model is None else estimate_for(request.model, robot)
+    torques = MOTOR_TORQUES
+    if estimate is not None:
+        robot, differing = _with_stiffness(robot, estimate.robot)
+        notes += differing
+        torques = _torque_words(estimate)
+    motions = [followed(*pair, robot, estimate) for pair in pairs]
+    section = TrackingSection.of(motions, robot, torques=torques)
     result = result_of(first.data, notes).updated(
         title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
     )
     return Tracked(pairs, section, notes, write_result(first.data.folder, result))
+
+
+def _torque_words(estimate: Estimate) -> str:
+    """Say which torques of a model bend the gears."""
+    words = "the model's torques of the links (gravity and inertia, no friction"
+    names = estimate.robot.joint_names
+    told = {f"{kind}{number}" for number in range(1, len(names) + 1) for kind in ("Im", "Ia")}
+    told &= set(estimate.base.names)
+    lumped = [
+        name
+        for number, name in enumerate(names, start=1)
+        if told.isdisjoint((f"Im{number}", f"Ia{number}"))
+    ]
+    if lumped:
+        words += (
+            f"; of {', '.join(lumped)} the rotors' inertia too, which the model cannot separate"
+        )
+    return words + ")"
+
+
+def _with_stiffness(
+    robot: RobotDescription, model: RobotDescription
+) -> tuple[RobotDescription, list[str]]:
+    """Return a robot with the stiffness that its model states, and notes on what differs."""
+    joints, notes = [], []
+    for own, other in zip(robot.joints, model.joints, strict=True):
+        stated, newer = own.stiffness_nm_rad, other.stiffness_nm_rad
+        if stated is not None and newer is not None and stated != newer:
+            notes.append(
+                f"stiffness_nm_rad of {own.name}: {stated:g} in the run's robot file, {newer:g} in"
+                " the model; the model's is used"
+            )
+        joints.append(own.model_copy(update={"stiffness_nm_rad": newer or stated}))
+    return robot.model_copy(update={"joints": tuple(joints)}), notes
 
 
 def _require_order(after: MotionRun, before: MotionRun | None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
@@ -34,6 +35,15 @@ class TrackingRequest(Request):
         ),
         Option(metavar="RUN"),
     ] = ()
+    model: Annotated[
+        Path | None,
+        Field(
+            description="Model file that `identify` wrote: its torques of the links, without"
+            " friction, and its stiffness_nm_rad give the bending of the gears (default: the"
+            " measured motor torques and the run's robot file)."
+        ),
+        Option(metavar="MODEL", file="input"),
+    ] = None
     unfinished: Unfinished = False
     runs: RunsFolder = DEFAULT_RUNS
 
@@ -144,5 +154,6 @@ OPERATION: Final = Operation(
     examples=(
         "tracking compensated --against plain",
         "tracking circle-ff square-ff --against circle --against square --json",
+        "tracking compensated --model model.json",
     ),
 )

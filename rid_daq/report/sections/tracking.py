@@ -32,6 +32,9 @@ ENCODERS_AT_MOTORS: Final = (
     "The path is computed from the encoders at the motors: it does not contain the bending of gears"
     " and links, so the tool itself can be farther away."
 )
+MOTOR_TORQUES: Final = (
+    "the measured motor torques (gravity, friction and the motors' own inertia included)"
+)
 STILL_M = 1e-9
 """A tool point that moves less stands still."""
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
@@ -213,7 +216,7 @@ class TrackingSection(Section):
     unseen : str
         What the encoders do not see, and its size if known.
     with_stiffness, without_stiffness : tuple of str
-        Joints whose gear's stiffness the robot file has, and those that are missing.
+        Joints whose gear's stiffness robot file or model has, and those that are missing.
     """
 
     sentence: str
@@ -225,9 +228,16 @@ class TrackingSection(Section):
 
     @classmethod
     def of(
-        cls, motions: Sequence[FollowedMotion], robot: RobotDescription, more: str = ""
+        cls,
+        motions: Sequence[FollowedMotion],
+        robot: RobotDescription,
+        more: str = "",
+        torques: str = MOTOR_TORQUES,
     ) -> TrackingSection:
-        """Return the section of some motions of a robot; `more` is said besides."""
+        """Return the section of some motions of a robot; `more` is said besides.
+
+        `torques` says from which torques the bending was estimated.
+        """
         return cls(
             sentence="Distance between the tool point wanted and reached at the same instant, by"
             " the robot file's kinematics; joint errors are wanted minus reached." + more,
@@ -235,7 +245,7 @@ class TrackingSection(Section):
                 joint=robot.joint_names, unit=[units(joint)[0] for joint in robot.joints]
             ),
             motions=tuple(motions),
-            unseen=f"{ENCODERS_AT_MOTORS} {_bending_words(motions, robot)}",
+            unseen=f"{ENCODERS_AT_MOTORS} {_bending_words(motions, robot, torques)}",
             with_stiffness=_joints_with_stiffness(robot, known=True),
             without_stiffness=_joints_with_stiffness(robot, known=False),
         )
@@ -266,7 +276,7 @@ def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str
     )
 
 
-def _bending_words(motions: Sequence[FollowedMotion], robot: RobotDescription) -> str:
+def _bending_words(motions: Sequence[FollowedMotion], robot: RobotDescription, torques: str) -> str:
     """Say how much the gears bend the tool, as far as their stiffness is known."""
     bent = [motion.after.bending for motion in motions if motion.after.bending is not None]
     missing = _joints_with_stiffness(robot, known=False)
@@ -275,8 +285,7 @@ def _bending_words(motions: Sequence[FollowedMotion], robot: RobotDescription) -
     largest, rms = (max(getattr(each, key) for each in bent) for key in ("max_m", "rms_m"))
     words = (
         f"Estimated bending of the gears at the tool: {number(1e3 * largest, 2)} mm at most,"
-        f" {number(1e3 * rms, 2)} mm RMS, from stiffness_nm_rad and the measured motor torques"
-        " (gravity, friction and the motors' own inertia included)."
+        f" {number(1e3 * rms, 2)} mm RMS, from stiffness_nm_rad and {torques}."
     )
     lacking = f" No stiffness is known of {', '.join(missing)}." if missing else ""
     return words + lacking
@@ -365,35 +374,17 @@ class DrivenTiming(Section):
     def checks(self) -> list[Check]:
         """Return what a timed path is held to when it is driven."""
         before, after = self.before, self.after
-        shorter = 1.0 - after.moving_s / before.moving_s
+        shorter = 100.0 * (1.0 - after.moving_s / before.moving_s)
+        torque, base = 100.0 * max(after.torque_share), 100.0 * self.base_share
+        mean, largest = after.mean_m / before.mean_m, after.max_m / before.max_m
         return [
-            Check.of("timed path shorter by", 100.0 * shorter, "≥", SHORTER_PERCENT, "%"),
+            Check.of("timed path shorter by", shorter, "≥", SHORTER_PERCENT, "%"),
             Check.of(
-                "its largest measured torque, of the limit",
-                100.0 * max(after.torque_share),
-                "≤",
-                MEASURED_PERCENT,
-                "%",
+                "its largest measured torque, of the limit", torque, "≤", MEASURED_PERCENT, "%"
             ),
+            Check.of("its largest measured base reaction, of the limit", base, "≤", 100.0, "%"),
+            Check.of("its mean path error, of that before", mean, "≤", CLOSE_AS_BEFORE, "times"),
             Check.of(
-                "its largest measured base reaction, of the limit",
-                100.0 * self.base_share,
-                "≤",
-                100.0,
-                "%",
-            ),
-            Check.of(
-                "its mean path error, of that before",
-                after.mean_m / before.mean_m,
-                "≤",
-                CLOSE_AS_BEFORE,
-                "times",
-            ),
-            Check.of(
-                "its largest path error, of that before",
-                after.max_m / before.max_m,
-                "≤",
-                CLOSE_AS_BEFORE,
-                "times",
+                "its largest path error, of that before", largest, "≤", CLOSE_AS_BEFORE, "times"
             ),
         ]

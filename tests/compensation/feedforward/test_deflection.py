@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,15 @@ import pytest
 
 from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.samples import Phase
-from compensation.feedforward.deflection import deflection
+from acquisition.recording.recording import Recording
+from compensation.feedforward.deflection import deflection, transmitted_torques
 from config.arrays import FloatArray
-from config.errors import ConfigError
+from config.errors import ConfigError, DataQualityError
 from config.load import load_cell, load_robot, read_named
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, forward, jacobian
 from mock_hw.plant.plant import Plant
+from tests.builders.known_model import known
 from tests.builders.raised_codes import raises_code
 
 STIFFNESS = (5e4, 6e4, 2e4)
@@ -46,8 +49,8 @@ def bent_arm() -> Plant:
     return Plant(CELL.robot, CELL.plant.model_copy(update={"unmodelled": changed}))
 
 
-def driven_circle(plant: Plant) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Drive a circle; return positions by the motors' encoders, motor torques, true positions."""
+def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
+    """Drive a circle; return what motors and their encoders say, and the true positions."""
     circle = CircleMotion(
         kind="circle",
         robot="ir361",
@@ -74,20 +77,55 @@ def driven_circle(plant: Plant) -> tuple[FloatArray, FloatArray, FloatArray]:
         joints.append(plant.position)
         command = v + POSITION_GAIN * (q - at)
         plant.advance(CYCLE_S, command, command, on, off)
-    main = planned.phase == Phase.MAIN
-    return np.array(motors)[main], np.array(torques)[main], np.array(joints)[main]
+    count = len(planned.position)
+    recording = Recording(
+        joint_names=CELL.robot.joint_names,
+        time_s=CYCLE_S * np.arange(count, dtype=np.float64),
+        position=np.array(motors),
+        torque_nm=np.array(torques),
+        valid=np.ones(count, dtype=np.bool_),
+        phase=planned.phase,
+        sample_index=np.arange(count),
+        source="import",
+    )
+    return recording, np.array(joints)
 
 
 def test_the_estimate_is_of_the_size_of_the_true_bending() -> None:
-    motors, torques, joints = driven_circle(bent_arm())
+    recording, joints = driven_circle(bent_arm())
     chain = Chain.from_description(CELL.robot)
-    true = np.linalg.norm(forward(chain, joints) - forward(chain, motors), axis=1)
-    found = deflection(robot_with(*STIFFNESS), motors, torques)
-    assert found is not None
+    main = recording.phase == Phase.MAIN
+    motors, torques = recording.position[main], recording.torque_nm[main]
+    true = np.linalg.norm(forward(chain, joints[main]) - forward(chain, motors), axis=1)
     true_rms = float(np.sqrt(np.mean(true**2)))
     assert 1e-3 < true_rms < 3e-3  # a tracking error by the encoders shows none of it
+    robot = robot_with(*STIFFNESS)
+    found = deflection(robot, motors, torques)
+    assert found is not None
     assert true_rms < found.rms_m < 1.3 * true_rms  # friction and rotors make it larger
     assert true.max() < found.max_m < 1.4 * true.max()
+
+
+def test_a_model_gives_the_torques_that_gears_transmit() -> None:
+    """Axis 3's rotor has a parameter of its own; those of the others count as links' inertia."""
+    recording, joints = driven_circle(bent_arm())
+    main = recording.phase == Phase.MAIN
+    true = (recording.position - joints)[main]
+    found = deflection(robot_with(*STIFFNESS), *transmitted_torques(known(CELL, {}), recording))
+    assert found is not None
+    assert len(found.joint) == pytest.approx(np.count_nonzero(main), abs=2)
+    assert found.joint[:, 1:].mean(axis=0) == pytest.approx(true[:, 1:].mean(axis=0), rel=0.01)
+    assert found.joint[:, 2].std() == pytest.approx(true[:, 2].std(), rel=0.05)
+    measured = recording.torque_nm[main] / STIFFNESS
+    assert measured[:, 2].std() > 10.0 * true[:, 2].std()  # friction, above all
+
+
+def test_torques_by_a_model_need_more_than_the_ends_of_a_recording() -> None:
+    recording, _ = driven_circle(bent_arm())
+    phase = np.full(len(recording.phase), Phase.APPROACH, dtype=np.uint8)
+    phase[:10] = Phase.MAIN
+    with raises_code(DataQualityError, "RID-RECORDING-SHORT"):
+        transmitted_torques(known(CELL, {}), replace(recording, phase=phase))
 
 
 POSE = np.array([[0.2, -0.3, 0.5], [0.1, 0.4, 0.9]])

@@ -110,6 +110,15 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert ": error reduced " in page
     assert "does not contain the bending" in page
     assert "tuned on it" in page
+    stiff = json.loads((workshop / "model.json").read_text())
+    stiff["robot"]["joints"][2]["stiffness_nm_rad"] = 2e4
+    (workshop / "stiff.json").write_text(json.dumps(stiff))
+    words = ["tracking", "compensated", "--model", str(workshop / "stiff.json"), "--json", *runs]
+    assert run(words) == 0
+    found = document(capsys)
+    assert found["with_stiffness"] == ["axis3"]
+    assert 1e-4 < found["motions"][0]["bending"]["rms_m"] < 5e-3
+    assert "of axis1, axis2 the rotors' inertia too" in found["unseen"]
     assert run(["tracking", "circle", "--against", "compensated", *runs]) == 2
     assert "was driven without compensation: turn them round: " in capsys.readouterr().err
     assert run(["tracking", "circle", "--against", "circle", *runs]) == 2
