@@ -91,7 +91,12 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
                 name, number, f"{len(line)} characters; a line has at most {MAX_LINE_CHARACTERS}"
             )
         if "\0" in line:
-            refuse(name, number, "a zero byte: this is no text; save the file as UTF-8")
+            refuse(
+                name,
+                number,
+                "a zero byte: this is no text; save the file as UTF-8",
+                "RID-FILE-TYPE",
+            )
         if line[0] == "[":
             begun = True
             title = _title(line, name, number)
@@ -105,13 +110,14 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
                 name,
                 number,
                 f"{shown(line)} stands before the first [section]; is it a data sheet (EDS, DCF)?",
+                "RID-FILE-TYPE",
             )
     return sections
 
 
-def refuse(name: str, line: int, problem: str) -> NoReturn:
+def refuse(name: str, line: int, problem: str, code: str = "RID-EDS-INVALID") -> NoReturn:
     """Raise a `ConfigError` that says file and line."""
-    raise ConfigError(f"{name}:{line}: {problem}", code="RID-EDS-INVALID")
+    raise ConfigError(f"{name}:{line}: {problem}", code=code)
 
 
 def shown(text: str) -> str:
@@ -145,6 +151,7 @@ def _begin(sections: dict[str, EdsSection], title: str, name: str, number: int) 
             name,
             number,
             f"[{title}] stands here a second time, first in line {earlier.line}; remove one",
+            "RID-FILE-DUPLICATE",
         )
     if len(sections) == MAX_SECTIONS:
         refuse(name, number, f"more than {MAX_SECTIONS} objects; is it the file of one device?")
@@ -169,6 +176,7 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
             number,
             f"{shown(key)} stands in [{section.name}] a second time with another value, first in"
             f" line {earlier.line}; remove one",
+            "RID-FILE-DUPLICATE",
         )
     section.entries.setdefault(lower, EdsEntry(key, text, number))
 

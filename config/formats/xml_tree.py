@@ -179,7 +179,7 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         raise ConfigError(
             f"{name}:{parser.CurrentLineNumber}: a document type or entity is declared; a robot"
             " needs none: delete the declaration",
-            code="RID-URDF-STRUCTURE",
+            code="RID-URDF-ENTITY",
         )
 
     parser.StartElementHandler = start

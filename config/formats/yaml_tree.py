@@ -101,12 +101,14 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
         raise ConfigError(
             f"{name}: not valid YAML: {str(error).splitlines()[0]}", code="RID-FILE-SYNTAX"
         ) from None
-    except (RecursionError, ValueError):
+    except RecursionError:
         raise ConfigError(
-            f"{name}: not valid YAML: nested too deeply or not readable", code="RID-FILE-SYNTAX"
+            f"{name}: not valid YAML: nested too deeply", code="RID-FILE-SIZE"
         ) from None
+    except ValueError:
+        raise ConfigError(f"{name}: not valid YAML: not readable", code="RID-FILE-SYNTAX") from None
     if root is None:
-        raise ConfigError(f"{name}:1:1: the file is empty", code="RID-FILE-SYNTAX")
+        raise ConfigError(f"{name}:1:1: the file is empty", code="RID-FILE-EMPTY")
     positions: dict[Path, tuple[int, int]] = {}
     data = _Builder(name, positions).build(root, (), 0)
     return YamlTree(name, data, positions)
@@ -133,9 +135,11 @@ class _Builder:
     def build(self, node: yaml.Node, path: Path, depth: int) -> Any:
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            self._refuse(node, f"more than {MAX_NODES} values after expanding aliases")
+            self._refuse(
+                node, f"more than {MAX_NODES} values after expanding aliases", "RID-FILE-SIZE"
+            )
         if depth > MAX_DEPTH:
-            self._refuse(node, f"nested more than {MAX_DEPTH} deep")
+            self._refuse(node, f"nested more than {MAX_DEPTH} deep", "RID-FILE-SIZE")
         self._positions.setdefault(path, (node.start_mark.line + 1, node.start_mark.column + 1))
         if isinstance(node, yaml.MappingNode):
             self._plain_tag(node, "tag:yaml.org,2002:map")
@@ -151,10 +155,14 @@ class _Builder:
         result: dict[str, Any] = {}
         for key_node, value_node in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
-                self._refuse(key_node, "a key must be a plain word")
+                self._refuse(key_node, "a key must be a plain word", "RID-FILE-SYNTAX")
             key = key_node.value
             if key in result:
-                self._refuse(key_node, f"the key {key!r} stands here a second time; remove one")
+                self._refuse(
+                    key_node,
+                    f"the key {key!r} stands here a second time; remove one",
+                    "RID-FILE-DUPLICATE",
+                )
             child = (*path, key)
             self._positions[child] = (key_node.start_mark.line + 1, key_node.start_mark.column + 1)
             result[key] = self.build(value_node, child, depth + 1)
@@ -166,7 +174,9 @@ class _Builder:
             self._plain_tag(node, "tag:yaml.org,2002:str")
             return text
         if node.tag.startswith("!") or "python" in node.tag or node.tag.endswith(":binary"):
-            self._refuse(node, f"the tag {node.tag!r} is not allowed; write the plain value")
+            self._refuse(
+                node, f"the tag {node.tag!r} is not allowed; write the plain value", "RID-FILE-TAG"
+            )
         if text in {"", "~", "null", "Null", "NULL"}:
             return None
         if text in {"true", "True", "TRUE"}:
@@ -175,12 +185,14 @@ class _Builder:
             return False
         if _INTEGER.fullmatch(text):
             if len(text) > 20:
-                self._refuse(node, f"the number {text[:20]}… has too many digits")
+                self._refuse(
+                    node, f"the number {text[:20]}… has too many digits", "RID-FILE-NUMBER"
+                )
             return int(text)
         if _FLOAT.fullmatch(text):
             number = float(text)
             if not math.isfinite(number):
-                self._refuse(node, f"{text} is too large for a number")
+                self._refuse(node, f"{text} is too large for a number", "RID-FILE-NUMBER")
             return number
         self._traps(node, text)
         return text
@@ -188,26 +200,36 @@ class _Builder:
     def _traps(self, node: yaml.Node, text: str) -> None:
         if text.lower() in _OLD_BOOLEANS:
             self._refuse(
-                node, f"{text} could mean a word or a boolean; write true, false or '{text}'"
+                node,
+                f"{text} could mean a word or a boolean; write true, false or '{text}'",
+                "RID-FILE-AMBIGUOUS",
             )
         if _LEADING_ZERO.fullmatch(text):
-            self._refuse(node, f"{text} could mean octal; write it without the leading zero")
+            self._refuse(
+                node,
+                f"{text} could mean octal; write it without the leading zero",
+                "RID-FILE-AMBIGUOUS",
+            )
         if _SEXAGESIMAL.fullmatch(text):
-            self._refuse(node, f"{text} could mean base 60; write a plain number, or '{text}'")
+            self._refuse(
+                node,
+                f"{text} could mean base 60; write a plain number, or '{text}'",
+                "RID-FILE-AMBIGUOUS",
+            )
         if _OTHER_BASE.fullmatch(text) or _GROUPED.fullmatch(text):
-            self._refuse(node, f"{text}: write the number in plain decimal digits")
+            self._refuse(
+                node, f"{text}: write the number in plain decimal digits", "RID-FILE-NUMBER"
+            )
         if _NOT_FINITE.fullmatch(text):
-            self._refuse(node, f"{text} is not a finite number")
+            self._refuse(node, f"{text} is not a finite number", "RID-FILE-NUMBER")
 
     def _plain_tag(self, node: yaml.Node, expected: str) -> None:
         if node.tag != expected:
-            self._refuse(node, f"the tag {node.tag!r} is not allowed; remove it")
+            self._refuse(node, f"the tag {node.tag!r} is not allowed; remove it", "RID-FILE-TAG")
 
-    def _refuse(self, node: yaml.Node, problem: str) -> None:
+    def _refuse(self, node: yaml.Node, problem: str, code: str) -> None:
         mark = node.start_mark
-        raise ConfigError(
-            f"{self._name}:{mark.line + 1}:{mark.column + 1}: {problem}", code="RID-FILE-SYNTAX"
-        )
+        raise ConfigError(f"{self._name}:{mark.line + 1}:{mark.column + 1}: {problem}", code=code)
 
 
 def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | None = None) -> str:

@@ -3,7 +3,7 @@
 `python -m tests.builders.sentence_assertions` prints the number for each folder of tests, and
 their sum; `--list` prints each place. Counted are `match=` of `pytest.raises`, and asserts that
 find a literal of two or more words in the text of an error, or in what a command wrote to stderr;
-of `raises_code`, details of three or more words.
+of `raises_code` and `raises_invalid`, details of three or more words.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 ERROR_TEXTS: Final = ("str(", "message", "err", "refus", "caught", ".output")
+_DETAILS_FROM: Final = {"raises_code": 2, "raises_invalid": 1}
 
 
 def sentence_assertions(tests: Path) -> Iterator[tuple[Path, int]]:
@@ -32,8 +33,9 @@ def sentence_assertions(tests: Path) -> Iterator[tuple[Path, int]]:
 def _pins_sentence(node: ast.AST) -> bool:
     if isinstance(node, ast.Call):
         name = ast.unparse(node.func)
-        if name == "raises_code":
-            return any(_is_sentence(detail, words=3) for detail in node.args[2:])
+        if name in _DETAILS_FROM:
+            details = node.args[_DETAILS_FROM[name] :]
+            return any(_is_sentence(detail, words=3) for detail in details)
         return name.endswith("raises") and any(each.arg == "match" for each in node.keywords)
     return isinstance(node, ast.Assert) and any(
         isinstance(part, ast.Compare)

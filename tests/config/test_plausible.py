@@ -50,8 +50,8 @@ def loaded(folder: Path, kind: str, text: str) -> None:
         load_cell(str(folder / "cell.yaml"))
 
 
-def refusal(folder: Path, kind: str, text: str) -> str:
-    with pytest.raises(ConfigError) as caught:
+def refusal(folder: Path, kind: str, text: str, *values: str) -> str:
+    with raises_code(ConfigError, "RID-FILE-VALUE", *values) as caught:
         loaded(folder, kind, text)
     return str(caught.value)
 
@@ -93,71 +93,74 @@ position: [[0.0, 0.0, 0.0], [0.5, 0.2, 0.1]]
 """
 
 MISTAKES = [
-    ("robot", "position_max: 2.7", "position_max: 155.0", "155 degrees would be 2.705 rad"),
-    ("robot", "velocity: 2.6", "velocity: 149.0", "149 degrees/s would be 2.601 rad/s"),
-    ("robot", "a_m: 0.480", "a_m: 480.0", "480 mm would be 0.48 m"),
-    ("robot", "alpha_rad: 1.5707963267948966", "alpha_rad: 90.0", "90 degrees would be 1.571 rad"),
-    ("robot", "0.0, 9.81]", "0.0, 981.0]", "981 cm/s² would be 9.81 m/s²"),
-    ("robot", "torque: 600.0", "torque: 600000.0", "600000 N mm would be 600 N m"),
-    ("robot", "gear_ratio: 121.0", "gear_ratio: 0.00826", "its inverse would be 121.1"),
-    ("robot", "l_m: 0.488", "l_m: 488", "488 mm would be 0.488 m"),
-    ("robot", "name: ir361", "name: a\ntool_rpy_rad: [0.0, 90.0, 0.0]", "90 degrees would be"),
-    ("cell", "error_rad: 0.1", "error_rad: 5.7", "5.7 degrees would be 0.09948 rad"),
-    ("cell", "position_gain_per_s: 15.0", "position_gain_per_s: 0.01", "0.01 1/ms would be 10 1/s"),
-    ("cell", "deceleration_rad_s2: 12.0", "deceleration_rad_s2: 1.0e-30", "expected is 0.1 to"),
-    ("cell", "deceleration_rad_s2: 12.0", "deceleration_rad_s2: 0.01", "expected is 0.1 to"),
-    ("cell", "cutoff_hz: 40.0", "cutoff_hz: 0.04", "0.04 kHz would be 40 Hz"),
-    ("cell", "a_m: 0.120", "a_m: 120.0", "120 mm would be 0.12 m"),
-    ("cell", "percent: [5.0,", "percent: [0.05,", "0.05 parts of 1 would be 5 %"),
+    ("robot", "position_max: 2.7", "position_max: 155.0", ("155 degrees", "2.705 rad")),
+    ("robot", "velocity: 2.6", "velocity: 149.0", ("149 degrees/s", "2.601 rad/s")),
+    ("robot", "a_m: 0.480", "a_m: 480.0", ("480 mm", "0.48 m")),
+    ("robot", "alpha_rad: 1.5707963267948966", "alpha_rad: 90.0", ("90 degrees", "1.571 rad")),
+    ("robot", "0.0, 9.81]", "0.0, 981.0]", ("981 cm/s²", "9.81 m/s²")),
+    ("robot", "torque: 600.0", "torque: 600000.0", ("600000 N mm", "600 N m")),
+    ("robot", "gear_ratio: 121.0", "gear_ratio: 0.00826", ("its inverse", "121.1")),
+    ("robot", "l_m: 0.488", "l_m: 488", ("488 mm", "0.488 m")),
+    ("robot", "name: ir361", "name: a\ntool_rpy_rad: [0.0, 90.0, 0.0]", ("90 degrees",)),
+    ("cell", "error_rad: 0.1", "error_rad: 5.7", ("5.7 degrees", "0.09948 rad")),
+    ("cell", "position_gain_per_s: 15.0", "position_gain_per_s: 0.01", ("0.01 1/ms", "10 1/s")),
+    ("cell", "deceleration_rad_s2: 12.0", "deceleration_rad_s2: 1.0e-30", ("0.1 to",)),
+    ("cell", "deceleration_rad_s2: 12.0", "deceleration_rad_s2: 0.01", ("0.1 to",)),
+    ("cell", "cutoff_hz: 40.0", "cutoff_hz: 0.04", ("0.04 kHz", "40 Hz")),
+    ("cell", "a_m: 0.120", "a_m: 120.0", ("120 mm", "0.12 m")),
+    ("cell", "percent: [5.0,", "percent: [0.05,", ("0.05 parts of 1", "5 %")),
     (
         "cell",
         "0.0, 0.0, 0.0]\n  rotation",
         "0.0, 0.0, 250.0]\n  rotation",
-        "250 mm would be 0.25 m",
+        ("250 mm", "0.25 m"),
     ),
-    ("motion", "speed_m_s: 0.1", "speed_m_s: 100.0", "100 mm/s would be 0.1 m/s"),
-    ("motion", "near: [0.0", "near: [90.0", "90 degrees would be 1.571 rad"),
-    ("map", "rate_hz: 500.0", "rate_hz: 0.5", "0.5 kHz would be 500 Hz"),
-    ("map", "period_s: 10.0", "period_s: 10000.0", "10000 ms would be 10 s"),
-    ("map", "per_a: 95.0", "per_a: 95000.0", "expected is 0.001 to 5000 N m/A"),
-    ("map", "offset: 1.5", "offset: 90.0", "90 degrees would be 1.571 rad"),
-    ("map", "gear_ratio: 101.0", "gear_ratio: 0.0099", "its inverse would be 101"),
-    ("map", "position: 7.0", "position: 400.0", "400 degrees would be 6.981 rad"),
-    ("map", "speed: 4.0", "speed: 230.0", "230 degrees/s would be 4.014 rad/s"),
-    ("map", "torque: 800.0", "torque: 800000.0", "800000 N mm would be 800 N m"),
-    ("bag", "offset: 0.5", "offset: 45.0", "45 degrees would be 0.7854 rad"),
-    ("bag", "gear_ratio: 2.0", "gear_ratio: 0.02", "its inverse would be 50"),
-    ("table", "0.5, 0.2, 0.1", "90.0, 0.2, 0.1", "90 degrees would be 1.571 rad"),
-    ("table", "[0.0, 1.0]", "[0.0, 20000.0]", "20000 ms would be 20 s"),
-    ("motion", "[0.9, 0.0, 1.0]", "[900.0, 0.0, 1000.0]", "mm would be 1.345 m"),
+    ("motion", "speed_m_s: 0.1", "speed_m_s: 100.0", ("100 mm/s", "0.1 m/s")),
+    ("motion", "near: [0.0", "near: [90.0", ("90 degrees", "1.571 rad")),
+    ("map", "rate_hz: 500.0", "rate_hz: 0.5", ("0.5 kHz", "500 Hz")),
+    ("map", "period_s: 10.0", "period_s: 10000.0", ("10000 ms", "10 s")),
+    ("map", "per_a: 95.0", "per_a: 95000.0", ("0.001 to", "5000 N m/A")),
+    ("map", "offset: 1.5", "offset: 90.0", ("90 degrees", "1.571 rad")),
+    ("map", "gear_ratio: 101.0", "gear_ratio: 0.0099", ("its inverse", "101")),
+    ("map", "position: 7.0", "position: 400.0", ("400 degrees", "6.981 rad")),
+    ("map", "speed: 4.0", "speed: 230.0", ("230 degrees/s", "4.014 rad/s")),
+    ("map", "torque: 800.0", "torque: 800000.0", ("800000 N mm", "800 N m")),
+    ("bag", "offset: 0.5", "offset: 45.0", ("45 degrees", "0.7854 rad")),
+    ("bag", "gear_ratio: 2.0", "gear_ratio: 0.02", ("its inverse", "50")),
+    ("table", "0.5, 0.2, 0.1", "90.0, 0.2, 0.1", ("90 degrees", "1.571 rad")),
+    ("table", "[0.0, 1.0]", "[0.0, 20000.0]", ("20000 ms", "20 s")),
+    ("motion", "[0.9, 0.0, 1.0]", "[900.0, 0.0, 1000.0]", ("mm", "1.345 m")),
 ]
 
 
-@pytest.mark.parametrize(("kind", "right", "wrong", "words"), MISTAKES)
+@pytest.mark.parametrize(("kind", "right", "wrong", "values"), MISTAKES)
 def test_a_value_in_another_unit_is_refused_with_that_unit(
-    kind: str, right: str, wrong: str, words: str, tmp_path: Path
+    kind: str, right: str, wrong: str, values: tuple[str, ...], tmp_path: Path
 ) -> None:
     written = {"motion": MOTION, "map": MAP, "bag": BAG, "table": TABLE}
     text = written.get(kind) or bundled(f"{kind}s")
     kind = {"bag": "map", "table": "motion"}.get(kind, kind)
     assert right in text
     loaded(tmp_path, kind, text)
-    message = refusal(tmp_path, kind, text.replace(right, wrong, 1))
-    assert words in message
+    message = refusal(tmp_path, kind, text.replace(right, wrong, 1), *values)
     assert re.search(r"\.yaml:\d+:\d+: [a-z]", message)
 
 
 @pytest.mark.parametrize(
-    ("right", "wrong", "words"),
+    ("right", "wrong", "values"),
     [
-        ("mass_kg: 5.8444", "mass_kg: 5844.4", "5844.4 g would be 5.844 kg"),
-        ("mass_kg: 1.2 ", "mass_kg: 1200.0 ", "with a mass in g"),
-        ("[0.022, 0.014, 0.020,", "[22000.0, 14000.0, 20000.0,", "kg cm² would be"),
-        ("centre_m: [0.0537,", "centre_m: [53.7,", "mm would be"),
+        ("mass_kg: 5.8444", "mass_kg: 5844.4", ("5844.4 g", "5.844 kg")),
+        (
+            "mass_kg: 1.2 ",
+            "mass_kg: 1200.0 ",
+            ("links.5.radius_of_gyration_m: 0.00127475 m", "mass in g"),
+        ),
+        ("[0.022, 0.014, 0.020,", "[22000.0, 14000.0, 20000.0,", ("kg cm²",)),
+        ("centre_m: [0.0537,", "centre_m: [53.7,", ("53.7016 mm", "0.0537 m")),
     ],
 )
 def test_a_body_s_grams_and_square_millimetres_are_recognised(
-    right: str, wrong: str, words: str, tmp_path: Path
+    right: str, wrong: str, values: tuple[str, ...], tmp_path: Path
 ) -> None:
     text = bundled("plants", "kr15")
     assert right in text
@@ -165,9 +168,8 @@ def test_a_body_s_grams_and_square_millimetres_are_recognised(
         bundled("cells", "kr15").replace("plant: kr15", "plant: plant.yaml")
     )
     (tmp_path / "plant.yaml").write_text(text.replace(right, wrong, 1))
-    with raises_code(ConfigError, "RID-FILE-VALUE") as caught:
+    with raises_code(ConfigError, "RID-FILE-VALUE", *values):
         load_cell(str(tmp_path / "cell.yaml"))
-    assert words in str(caught.value)
 
 
 def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
@@ -177,7 +179,7 @@ def test_all_of_a_file_s_problems_are_told_at_once(tmp_path: Path) -> None:
     first, second = refusal(
         tmp_path, "robot", text.replace("a_m: 0.480", "a_m: 480.0")
     ).splitlines()[:2]
-    assert "kinematics.rows.2.a_m: 480 m is implausible, expected is 0 to 20 m" in first
+    assert all(part in first for part in ("kinematics.rows.2.a_m: 480 m", "0 to 20 m"))
     assert "joints.0.limits.position_min: -155 rad" in second
 
 
@@ -191,8 +193,8 @@ def test_a_value_that_is_meant_is_named_in_its_file(tmp_path: Path) -> None:
 def test_a_map_s_own_unit_is_the_unit_of_its_zero(tmp_path: Path) -> None:
     in_degrees = MAP.replace("columns: 7", "columns: 7\nunits: {position: deg}")
     loaded(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 90.0"))
-    message = refusal(tmp_path, "map", in_degrees.replace("offset: 1.5", "offset: 9000.0"))
-    assert "joints.0.zero_offset: 9000 deg is implausible, expected is 0 to 900 deg" in message
+    nine_thousand = in_degrees.replace("offset: 1.5", "offset: 9000.0")
+    refusal(tmp_path, "map", nine_thousand, "joints.0.zero_offset:", "9000 deg", "0 to", "900 deg")
     motor = MAP.replace("columns: 7", "columns: 7\nside: motor")
     loaded(tmp_path, "map", motor.replace("offset: 1.5", "offset: 90.0"))
     meant = "implausible_on_purpose: [joints.0.zero_offset]\n"
@@ -202,23 +204,26 @@ def test_a_map_s_own_unit_is_the_unit_of_its_zero(tmp_path: Path) -> None:
 def test_a_table_s_file_is_held_to_the_same_ranges(tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_text("time_s,axis1,axis2,axis3\n0,0,0,0\n1,90,0,0\n")
     text = "kind: joint_table\nrobot: ir361\nfile: path.csv\n"
-    message = refusal(tmp_path, "motion", text)
-    assert "path.csv: position: 90 rad or m is implausible" in message
-    assert "90 degrees would be 1.571 rad" in message
+    with raises_code(
+        ConfigError, "RID-TABLE-INVALID", "path.csv: position:", "90 degrees", "1.571 rad"
+    ):
+        loaded(tmp_path, "motion", text)
     loaded(tmp_path, "motion", f"{text}implausible_on_purpose: [position]\n")
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "values"),
     [
-        ("joints.1.limits.torqe", "no key 'joints.1.limits.torqe' has a range; did you mean"),
-        ("name", "no key 'name' has a range"),
-        ("joints.1.limits.torque", "joints.1.limits.torque is plausible: take its name out"),
+        ("joints.1.limits.torqe", ("'joints.1.limits.torqe'", "joints.1.limits.torque")),
+        ("name", ("'name'",)),
+        ("joints.1.limits.torque", ("joints.1.limits.torque", "plausible")),
     ],
 )
-def test_a_name_that_overrules_nothing_is_refused(name: str, words: str, tmp_path: Path) -> None:
+def test_a_name_that_overrules_nothing_is_refused(
+    name: str, values: tuple[str, ...], tmp_path: Path
+) -> None:
     text = bundled("robots") + f"\nimplausible_on_purpose: [{name}]\n"
-    assert words in refusal(tmp_path, "robot", text)
+    refusal(tmp_path, "robot", text, " implausible_on_purpose", *values)
 
 
 def test_a_linear_axis_is_held_to_metres(tmp_path: Path) -> None:
@@ -226,8 +231,8 @@ def test_a_linear_axis_is_held_to_metres(tmp_path: Path) -> None:
     text = text.replace("spring: {joint: axis2, l_m: 0.488, r_m: 0.100}", "")
     text = text.replace("position_max: 2.7", "position_max: 14.0")
     loaded(tmp_path, "robot", text)
-    message = refusal(tmp_path, "robot", text.replace("position_max: 14.0", "position_max: 2700.0"))
-    assert "2700 mm would be 2.7 m" in message
+    millimetres = text.replace("position_max: 14.0", "position_max: 2700.0")
+    refusal(tmp_path, "robot", millimetres, "2700 mm", "2.7 m")
 
 
 ARM = """
@@ -319,39 +324,38 @@ def test_a_command_refuses_limits_in_degrees(
     robot.write_text(robot.read_text().replace("position_max: 2.7", "position_max: 155.0"))
     assert run(["check", str(tmp_path / "cell" / "cell.yaml")]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "155 rad is implausible, expected is 0 to 15 rad" in said
-    assert "155 degrees would be 2.705 rad" in said
+    for value in ("RID-FILE-VALUE", "155 rad", "15 rad", "155 degrees", "2.705 rad"):
+        assert value in said
 
 
 OPTIONS = [
-    ("identify a --loaded a --load-mass 2805", "2805 g would be 2.805 kg"),
-    ("identify a --band 0.05", "0.05 kHz would be 50 Hz"),
-    ("identify a --standstill 5", "5 degrees/s would be 0.08727 rad/s"),
-    ("validate m.json a --mass 0.05", "expected is 0.1 to 100000 kg"),
-    ("payload identify --loaded a --mass-limit 0.05", "0.05 parts of 1 would be 5 %"),
-    ("payload identify --loaded a --centre-limit 0.01", "0.01 m would be 10 mm"),
+    ("identify a --loaded a --load-mass 2805", ("2805 g", "2.805 kg")),
+    ("identify a --band 0.05", ("0.05 kHz", "50 Hz")),
+    ("identify a --standstill 5", ("5 degrees/s", "0.08727 rad/s")),
+    ("validate m.json a --mass 0.05", ("0.1 to", "100000 kg")),
+    ("payload identify --loaded a --mass-limit 0.05", ("0.05 parts of 1", "5 %")),
+    ("payload identify --loaded a --centre-limit 0.01", ("0.01 m", "10 mm")),
     (
         "payload identify --loaded a --torque-constant-sigma 0.01",
-        "0.01 parts of 1 would be 1 %",
+        ("0.01 parts of 1", "1 %"),
     ),
-    ("payload identify --loaded a --known m=2805", "2805 g would be 2.805 kg"),
-    ("payload identify --loaded a --known m=2.805+-5", "5 g would be 0.005 kg"),
-    ("payload identify --loaded a --known cz=60", "60 mm would be 0.06 m"),
-    ("payload identify --loaded a --known Ixx=9000", "9000 kg cm² would be 0.9 kg m²"),
-    ("payload kr15 --until-mass 50", "50 g would be 0.05 kg"),
-    ("payload kr15 --rehearsal 0.25", "0.25 parts of 1 would be 25 %"),
-    ("payload kr15 --known m=9579", "9579 g would be 9.579 kg"),
-    ("sensitivity kr15 --share 0.05", "0.05 parts of 1 would be 5 %"),
-    ("sensitivity kr15 --bias 12000", "12000 N mm would be 12 N m"),
+    ("payload identify --loaded a --known m=2805", ("2805 g", "2.805 kg")),
+    ("payload identify --loaded a --known m=2.805+-5", ("5 g", "0.005 kg")),
+    ("payload identify --loaded a --known cz=60", ("60 mm", "0.06 m")),
+    ("payload identify --loaded a --known Ixx=9000", ("9000 kg cm²", "0.9 kg m²")),
+    ("payload kr15 --until-mass 50", ("50 g", "0.05 kg")),
+    ("payload kr15 --rehearsal 0.25", ("0.25 parts of 1", "25 %")),
+    ("payload kr15 --known m=9579", ("9579 g", "9.579 kg")),
+    ("sensitivity kr15 --share 0.05", ("0.05 parts of 1", "5 %")),
+    ("sensitivity kr15 --bias 12000", ("12000 N mm", "12 N m")),
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), OPTIONS)
+@pytest.mark.parametrize(("words", "values"), OPTIONS)
 def test_a_command_s_number_in_another_unit_is_refused_by_its_option(
-    words: str, said: str, capsys: pytest.CaptureFixture[str]
+    words: str, values: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words.split()) == 2
     error = " ".join(capsys.readouterr().err.split())
-    assert "is implausible" in error
-    assert said in error
-    assert re.search(r"rid-daq: --[a-z-]+", error)
+    assert re.search(r"rid-daq: --[a-z-]+\b.*: [\d.]+ .*\[RID-(OPTION|REQ)-RANGE\]", error)
+    assert all(value in error for value in values), error

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from config.cell.plate import CHANNEL_NAMES, PlateConfig
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import load_cell, to_yaml, validate
+from tests.builders.raised_codes import line_of, raises_code
 
 PLATE = """\
 plate:
@@ -36,11 +36,12 @@ def cell_with(tmp_path: Path, plate: str) -> str:
     return str(path)
 
 
-def refusal(tmp_path: Path, old: str, new: str) -> str:
+def refused(tmp_path: Path, old: str, new: str, key: str, *details: str) -> None:
     assert old in PLATE
-    with pytest.raises(ConfigError) as caught:
-        load_cell(cell_with(tmp_path, PLATE.replace(old, new)))
-    return str(caught.value)
+    path = cell_with(tmp_path, PLATE.replace(old, new))
+    line = line_of(Path(path), key.rpartition(".")[2])
+    with raises_code(ConfigError, "RID-FILE-VALUE", f"{path}:{line}:", f" {key}: ", *details):
+        load_cell(path)
 
 
 def test_a_plate_is_read_and_written_back(tmp_path: Path) -> None:
@@ -60,29 +61,29 @@ def test_full_scale_is_the_range(tmp_path: Path) -> None:
 
 
 def test_seven_channels_are_refused(tmp_path: Path) -> None:
-    message = refusal(tmp_path, "[-7.5, -7.5, -7.5, -7.5,", "[-7.5, -7.5, -7.5,")
-    assert "plate.amplifier.sensitivity_pc_n: " in message
-    assert "8 items" in message
+    seven = ("[-7.5, -7.5, -7.5, -7.5,", "[-7.5, -7.5, -7.5,")
+    refused(tmp_path, *seven, "plate.amplifier.sensitivity_pc_n", "8 items", "7")
 
 
 def test_millimetres_are_recognised(tmp_path: Path) -> None:
-    assert "120 mm would be 0.12 m" in refusal(tmp_path, "a_m: 0.12", "a_m: 120.0")
+    refused(tmp_path, "a_m: 0.12", "a_m: 120.0", "plate.a_m", "120 mm", "0.12 m")
 
 
 def test_a_sensor_plane_above_the_surface_is_refused(tmp_path: Path) -> None:
-    assert "plate.az0_m: " in refusal(tmp_path, "-0.054", "0.054")
+    refused(tmp_path, "-0.054", "0.054", "plate.az0_m")
 
 
 def test_a_low_pass_that_lets_images_through_is_refused(tmp_path: Path) -> None:
-    message = refusal(tmp_path, "low_pass_hz: 300.0", "low_pass_hz: 600.0")
-    assert "above half of rate_hz (500 Hz)" in message
+    low_pass = ("low_pass_hz: 300.0", "low_pass_hz: 600.0")
+    refused(tmp_path, *low_pass, "plate.amplifier", "low_pass_hz", "600", "500 Hz")
 
 
 def test_a_dead_sensor_is_named(tmp_path: Path) -> None:
-    assert "fy14 is 0" in refusal(tmp_path, "[-7.5, -7.5, -7.5,", "[-7.5, -7.5, 0.0,")
+    dead = ("[-7.5, -7.5, -7.5,", "[-7.5, -7.5, 0.0,")
+    refused(tmp_path, *dead, "plate.amplifier", "sensitivity_pc_n", "fy14")
 
 
 def test_crosstalk_that_cannot_be_undone_is_refused(tmp_path: Path) -> None:
     rows = ", ".join(["[1, 0, 0, 0, 0, 0, 0, 0]"] * 8).replace("1", "1.0").replace(" 0", " 0.0")
-    message = refusal(tmp_path, "  amplifier:", f"  sensitivity: [{rows}]\n  amplifier:")
-    assert "cannot be undone" in message
+    crosstalk = ("  amplifier:", f"  sensitivity: [{rows}]\n  amplifier:")
+    refused(tmp_path, *crosstalk, "plate", "sensitivity")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import ConfigError
-from config.formats.yaml_tree import MAX_BYTES, dump_yaml, parse_yaml
+from config.formats.yaml_tree import MAX_BYTES, MAX_DEPTH, MAX_NODES, dump_yaml, parse_yaml
 from tests.builders.raised_codes import raises_code
 
 
@@ -38,29 +38,31 @@ def test_every_value_knows_its_line_and_column() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "position", "says"),
+    ("text", "position", "code", "value"),
     [
-        (b"node_id: 010", "1:10", "octal"),
-        (b"time: 1:30", "1:7", "base 60"),
-        (b"enabled: no", "1:10", "boolean"),
-        (b"enabled: On", "1:10", "boolean"),
-        (b"count: 0x10", "1:8", "decimal"),
-        (b"count: 1_000", "1:8", "decimal"),
-        (b"limit: .inf", "1:8", "finite"),
-        (b"limit: 1e999", "1:8", "too large"),
-        (b"a: 1\nb: 2\na: 3", "3:1", "second time"),
-        (b"a: !!python/object/apply:os.system ['ls']", "1:4", "tag"),
-        (b"a: !!python/name:os.system", "1:4", "tag"),
-        (b"a: !secret x", "1:4", "tag"),
-        (b"a: !!set {x, y}", "1:4", "tag"),
-        (b"? [a, b]\n: 1", "1:3", "plain word"),
-        (b"a: [1, 2", "1:9", "not valid YAML"),
-        (b"a: 1\n\tb: 2", "2:1", "not valid YAML"),
-        (b"", "1:1", "empty"),
+        (b"node_id: 010", "1:10", "RID-FILE-AMBIGUOUS", "010"),
+        (b"time: 1:30", "1:7", "RID-FILE-AMBIGUOUS", "'1:30'"),
+        (b"enabled: no", "1:10", "RID-FILE-AMBIGUOUS", "'no'"),
+        (b"enabled: On", "1:10", "RID-FILE-AMBIGUOUS", "'On'"),
+        (b"count: 0x10", "1:8", "RID-FILE-NUMBER", "0x10"),
+        (b"count: 1_000", "1:8", "RID-FILE-NUMBER", "1_000"),
+        (b"limit: .inf", "1:8", "RID-FILE-NUMBER", ".inf"),
+        (b"limit: 1e999", "1:8", "RID-FILE-NUMBER", "1e999"),
+        (b"a: 1\nb: 2\na: 3", "3:1", "RID-FILE-DUPLICATE", "'a'"),
+        (b"a: !!python/object/apply:os.system ['ls']", "1:4", "RID-FILE-TAG", "apply:os.system"),
+        (b"a: !!python/name:os.system", "1:4", "RID-FILE-TAG", "name:os.system"),
+        (b"a: !secret x", "1:4", "RID-FILE-TAG", "'!secret'"),
+        (b"a: !!set {x, y}", "1:4", "RID-FILE-TAG", ":set'"),
+        (b"? [a, b]\n: 1", "1:3", "RID-FILE-SYNTAX", "key"),
+        (b"a: [1, 2", "1:9", "RID-FILE-SYNTAX", "YAML"),
+        (b"a: 1\n\tb: 2", "2:1", "RID-FILE-SYNTAX", "YAML"),
+        (b"", "1:1", "RID-FILE-EMPTY", ""),
     ],
 )
-def test_a_trap_is_refused_where_it_stands(text: bytes, position: str, says: str) -> None:
-    with pytest.raises(ConfigError, match=says) as caught:
+def test_a_trap_is_refused_where_it_stands(
+    text: bytes, position: str, code: str, value: str
+) -> None:
+    with raises_code(ConfigError, code, value) as caught:
         parse_yaml(text, "cell.yaml")
     assert str(caught.value).startswith(f"cell.yaml:{position}: ")
 
@@ -68,21 +70,21 @@ def test_a_trap_is_refused_where_it_stands(text: bytes, position: str, says: str
 def test_an_alias_bomb_is_refused_before_it_unfolds() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [" + ", ".join([f"*a{n - 1}"] * 10) + "]" for n in range(1, 10)]
-    with raises_code(ConfigError, "RID-FILE-SYNTAX"):
+    with raises_code(ConfigError, "RID-FILE-SIZE", "bomb.yaml:", str(MAX_NODES)):
         parse_yaml("\n".join(lines).encode(), "bomb.yaml")
 
 
 def test_an_alias_to_itself_is_refused() -> None:
-    with raises_code(ConfigError, "RID-FILE-SYNTAX", "deep"):
+    with raises_code(ConfigError, "RID-FILE-SIZE", "loop.yaml:1:4:", str(MAX_DEPTH)):
         parse_yaml(b"a: &a [*a]", "loop.yaml")
 
 
 def test_deep_nesting_and_size_are_refused() -> None:
-    with raises_code(ConfigError, "RID-FILE-SYNTAX", "deep"):
+    with raises_code(ConfigError, "RID-FILE-SIZE", "deep.yaml:1:44:", str(MAX_DEPTH)):
         parse_yaml(b"a: " + b"[" * 100 + b"]" * 100, "deep.yaml")
-    with raises_code(ConfigError, "RID-FILE-SYNTAX", "deeply"):
+    with raises_code(ConfigError, "RID-FILE-SIZE", "deep.yaml:"):
         parse_yaml(b"[" * 100_000, "deep.yaml")
-    with raises_code(ConfigError, "RID-FILE-SIZE"):
+    with raises_code(ConfigError, "RID-FILE-SIZE", f"{MAX_BYTES + 1} bytes"):
         parse_yaml(b" " * (MAX_BYTES + 1), "large.yaml")
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from config.errors import ConfigError, ShortageError
 from config.process.shortage import as_named, as_shortage, require_memory
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.mark.parametrize(
@@ -60,5 +61,5 @@ def test_an_error_of_ours_stays_itself_and_a_mistake_is_raised() -> None:
 
 def test_what_cannot_be_finished_is_not_begun() -> None:
     require_memory(1 << 20)
-    with pytest.raises(ShortageError, match=f"{1 << 40} MB more are needed"):
+    with raises_code(ShortageError, "RID-SYSTEM-SHORTAGE", f"{1 << 40} MB"):
         require_memory(1 << 60)

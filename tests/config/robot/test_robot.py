@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from config.formats.yaml_tree import parse_yaml
 from config.load import bundled_names, load_robot, to_yaml, validate
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import RobotDescription
+from tests.builders.raised_codes import raises_code
 
 ROBOT = """\
 name: two
@@ -33,10 +32,10 @@ def read(addition: str = "", *, joint: str = "") -> RobotDescription:
     return validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)
 
 
-def refusal(*args: Any, **kwargs: Any) -> str:
-    with pytest.raises(ConfigError) as caught:
-        read(*args, **kwargs)
-    return str(caught.value)
+def refused(where: str, *details: str, addition: str = "", joint: str = "") -> None:
+    with raises_code(ConfigError, "RID-FILE-VALUE", *details) as caught:
+        read(addition, joint=joint)
+    assert str(caught.value).startswith(f"robot.yaml:{where}: ")
 
 
 class TestFriction:
@@ -49,36 +48,34 @@ class TestFriction:
 
     @pytest.mark.parametrize("twice", ["coulomb", "offset"])
     def test_asymmetric_stands_for_coulomb_and_offset(self, twice: str) -> None:
-        message = refusal(joint=f"friction: [asymmetric, {twice}]")
-        assert message.startswith("robot.yaml:6:")
-        assert f"joints.0: friction names asymmetric and {twice}" in message
+        terms = f"friction: [asymmetric, {twice}]"
+        refused("6:5: joints.0", "friction", "asymmetric", twice, joint=terms)
 
     def test_names_a_term_once(self) -> None:
-        assert "twice" in refusal(joint="friction: [viscous, viscous]")
+        refused("6:5: joints.0", "friction", "twice", joint="friction: [viscous, viscous]")
 
     def test_lists_what_there_is(self) -> None:
-        message = refusal(joint="friction: [coulomb, stribek]")
-        assert message.startswith("robot.yaml:8:")
-        assert "'stribeck'" in message
+        terms = "friction: [coulomb, stribek]"
+        refused("8:25: joints.0.friction.1", "'stribeck'", "'stribek'", joint=terms)
 
 
 class TestDrive:
     def test_armature_and_rotor_are_one_inertia(self) -> None:
-        message = refusal(joint="armature: true\n    rotor: {link: 0, axis: [0.0, 0.0, 1.0]}")
-        assert "joints.0: armature and rotor say the same inertia twice" in message
+        both = "armature: true\n    rotor: {link: 0, axis: [0.0, 0.0, 1.0]}"
+        refused("6:5: joints.0", "armature", "rotor", joint=both)
 
     def test_efficiency_and_load_friction_are_one_loss(self) -> None:
-        message = refusal(joint="efficiency: 0.8\n    friction: [coulomb, load]")
-        assert "efficiency and the friction term load say the same" in message
+        both = "efficiency: 0.8\n    friction: [coulomb, load]"
+        refused("6:5: joints.0", "efficiency", "load", joint=both)
 
     @pytest.mark.parametrize("efficiency", ["0.0", "1.1", "true"])
     def test_efficiency_is_a_share(self, efficiency: str) -> None:
-        assert refusal(joint=f"efficiency: {efficiency}").startswith("robot.yaml:8:5: joints.0.eff")
+        refused("8:5: joints.0.efficiency", joint=f"efficiency: {efficiency}")
 
 
 class TestSpring:
     def test_a_physical_one_needs_its_distances(self) -> None:
-        assert "fourier does without" in refusal("spring: {joint: a, l_m: 0.4}")
+        refused("11:1: spring", "l_m", "r_m", addition="spring: {joint: a, l_m: 0.4}")
         assert read("spring: {joint: a, l_m: 0.4, r_m: 0.1}").spring is not None
 
     def test_a_fourier_series_does_not(self) -> None:
@@ -87,7 +84,8 @@ class TestSpring:
         assert spring.form == "fourier"
 
     def test_sits_on_a_joint(self) -> None:
-        assert "joints are a, b" in refusal("spring: {joint: c, form: fourier}")
+        nowhere = "spring: {joint: c, form: fourier}"
+        refused("1:1", "spring.joint 'c'", " a, b", addition=nowhere)
 
 
 class TestCoupling:
@@ -96,12 +94,10 @@ class TestCoupling:
 
     @pytest.mark.parametrize("matrix", ["[[1.0, 0.0]]", "[[1.0, 0.0], [1.0]]"])
     def test_has_a_row_and_a_column_a_joint(self, matrix: str) -> None:
-        message = refusal(f"coupling: {matrix}")
-        assert message.startswith("robot.yaml:11:1: coupling: ")
-        assert "2 rows of 2 numbers" in message
+        refused("11:1: coupling", "2 rows", "2 numbers", addition=f"coupling: {matrix}")
 
     def test_can_be_inverted(self) -> None:
-        assert "cannot be inverted" in refusal("coupling: [[1.0, 1.0], [1.0, 1.0]]")
+        refused("11:1: coupling", "q = C alpha", addition="coupling: [[1.0, 1.0], [1.0, 1.0]]")
 
 
 class TestDrawings:
@@ -111,18 +107,19 @@ class TestDrawings:
         assert [link.uncertainty for link in robot.cad] == [0.1, 0.3]
 
     def test_are_there_for_every_link(self) -> None:
-        message = refusal("cad: [{mass_kg: 3.0}]")
-        assert message.startswith("robot.yaml:11:1: cad: cad has 1 links for 2 joints")
+        refused("11:1: cad", "1 links", "2 joints", addition="cad: [{mass_kg: 3.0}]")
 
     @pytest.mark.parametrize(
-        "inertia",
-        ["1.0, 0.0, 0.0, 1.0, 0.0, 2.1", "1.0, 2.0, 0.0, 1.0, 0.0, 1.0"],
+        ("inertia", "moments"),
+        [
+            ("1.0, 0.0, 0.0, 1.0, 0.0, 2.1", "1, 1, 2.1"),
+            ("1.0, 2.0, 0.0, 1.0, 0.0, 1.0", "-1, 1, 3"),
+        ],
         ids=["triangle", "negative"],
     )
-    def test_state_an_inertia_that_a_body_can_have(self, inertia: str) -> None:
-        message = refusal(f"cad: [{{mass_kg: 3.0}}, {{mass_kg: 3.0, inertia_kg_m2: [{inertia}]}}]")
-        assert "cad.1" in message
-        assert "principal moments" in message
+    def test_state_an_inertia_that_a_body_can_have(self, inertia: str, moments: str) -> None:
+        links = f"cad: [{{mass_kg: 3.0}}, {{mass_kg: 3.0, inertia_kg_m2: [{inertia}]}}]"
+        refused("11:23: cad.1", "inertia_kg_m2", moments, addition=links)
 
     def test_a_thin_rod_is_a_body(self) -> None:
         inertia = "inertia_kg_m2: [0.0, 0.0, 0.0, 0.1, 0.0, 0.1]"
@@ -144,11 +141,15 @@ class TestCalibration:
 
     def test_has_a_row_a_joint_and_hayatis_angle_in_the_modified_convention_only(self) -> None:
         rows = "kinematics:\n  convention: standard_dh\n  rows: [{}, {}]\n  calibration: "
-        for calibration, says in (("[{}]", "1 rows of offsets"), ("[{beta_rad: 0.1}, {}]", "beta")):
+        for calibration, names in (
+            ("[{}]", ("calibration", "1 rows", "2 rows")),
+            ("[{beta_rad: 0.1}, {}]", ("beta_rad", "modified_dh")),
+        ):
             text = ROBOT.replace("##a", "gear_ratio: 1.0").replace("##", "")
             start, end = text.index("kinematics:"), text.index("joints:")
             text = f"{text[:start]}{rows}{calibration}\n{text[end:]}"
-            with pytest.raises(ConfigError, match=says):
+            where = "robot.yaml:2:1: kinematics: "
+            with raises_code(ConfigError, "RID-FILE-VALUE", where, *names):
                 validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)
 
 
@@ -191,5 +192,6 @@ def test_more_than_16_joints_are_refused_with_file_and_line() -> None:
     joints = "".join(f"  - {{name: j{n}, limits: {limits}}}\n" for n in range(17))
     rows = ", ".join(["{}"] * 17)
     text = f"name: r\nkinematics: {{convention: modified_dh, rows: [{rows}]}}\njoints:\n{joints}"
-    with pytest.raises(ConfigError, match=r"robot\.yaml:\d+:\d+: joints: .*at most 16"):
+    where = "robot.yaml:3:1: joints: "
+    with raises_code(ConfigError, "RID-FILE-VALUE", where, "16 items", "17"):
         validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)

@@ -1,0 +1,28 @@
+"""The assertions on sentences only get fewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from tests.builders.sentence_assertions import ROOT, sentence_assertions
+
+TESTS: Final = ROOT / "tests"
+AT_MOST: Final = 302
+"""How many there are: this number only falls."""
+
+
+def test_assertions_on_sentences_only_get_fewer() -> None:
+    places = [f"{path.relative_to(ROOT)}:{line}" for path, line in sentence_assertions(TESTS)]
+    assert len(places) <= AT_MOST, places
+
+
+def test_each_kind_of_sentence_is_counted(tmp_path: Path) -> None:
+    (tmp_path / "test_some.py").write_text(
+        'with pytest.raises(Error, match="x"): pass\n'
+        'with raises_code(Error, "RID-FILE-READ", "is not there"): pass\n'
+        'with raises_invalid("key", "is not there"): pass\n'
+        'assert "cannot open" in str(caught.value)\n'
+        'with raises_code(Error, "RID-FILE-READ", "cell.yaml:41"): pass\n'
+    )
+    assert [line for _, line in sentence_assertions(tmp_path)] == [1, 2, 3, 4]
