@@ -22,7 +22,7 @@ from acquisition.hold_to_run.line import LineCheck
 from acquisition.hold_to_run.pilot import LOOK_S, Pilot
 from benchmarks.held_key_links import Page, Told, Way
 from config.load import load_cell
-from rid_daq.commissioning.jog_job import Jogging
+from rid_daq.operations.cell.jogging import Jogging
 from rid_daq.service.api.challenges import Challenges
 from rid_daq.terminal.console import Console
 from rid_daq.worker.orders import Orders

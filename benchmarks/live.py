@@ -40,7 +40,6 @@ from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
-from rid_daq.terminal.console import Console
 from rid_daq.web.access import Access
 
 CLIENTS = 1000
@@ -126,7 +125,7 @@ def bench() -> Iterator[Bench]:
     ours, theirs = context.Pipe()
     with (
         tempfile.TemporaryDirectory() as folder,
-        live_page(Console(), LiveOptions(True, "127.0.0.1:0")) as page,
+        live_page(LiveOptions(True, "127.0.0.1:0")) as page,
         SimulatedCell(
             CellSimulation(config, loaded.robot, plant, realtime=True, seed=1)
         ) as simulated,

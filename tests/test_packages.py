@@ -82,7 +82,7 @@ def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) ->
     assert loaded_by(module, heavy) == "set()"
 
 
-@pytest.mark.parametrize("command", ["identify", "record"])
+@pytest.mark.parametrize("command", ["identify"])
 def test_a_command_starts_without_what_takes_a_second_to_import(command: str) -> None:
     heavy = ("scipy.stats", "scipy.signal", "uvicorn", "starlette")
     assert loaded_by(f"rid_daq.commands.{command}", heavy) == "set()"

@@ -97,7 +97,9 @@ class OperationCommand(click.Command):
             value = given[key]
             if value is None or value == ():
                 continue
-            if typing.get_origin(fields[0].type) is dict:
+            if fields[0].option.value is not None:
+                value = fields[0].option.value
+            elif typing.get_origin(fields[0].type) is dict:
                 value = dict(_pair(fields[0], text) for text in value)
             elif fields[0].option.separator:
                 value = _separated(fields[0], value)
@@ -151,7 +153,7 @@ def _parameter(key: str, shown: ShownField) -> click.Parameter:
             type=value,
         )
     names = [f"-{option.short}"] if option.short else []
-    if shown.type is bool:
+    if shown.type is bool or option.value is not None:
         no = f"/--no-{shown.flag[2:]}" if option.negatable else ""
         flag = f"{shown.flag}{no}"
         return click.Option([*names, flag, key], is_flag=True, default=None, help=shown.help)

@@ -13,7 +13,7 @@ from acquisition.session.outcome import RecordOutcome
 from config.arrays import FloatArray
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, RunSession
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class HeldRun:
     unattended: str = ""
 
 
-def record_held(session: RunSession, console: Console, asked: HeldRun) -> RecordedRun:
+def record_held(session: RunSession, context: Context, asked: HeldRun) -> RecordedRun:
     """Record a run that moves only while a key is held.
 
     Raises
@@ -71,7 +71,7 @@ def record_held(session: RunSession, console: Console, asked: HeldRun) -> Record
 
     def drive(record: Record) -> RecordOutcome:
         with (
-            _keys(console, asked, dead_man) as keys,
+            _keys(context, asked, dead_man) as keys,
             Pilot(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
         ):
             return record(motion)
@@ -83,7 +83,7 @@ def record_held(session: RunSession, console: Console, asked: HeldRun) -> Record
 
 
 @contextlib.contextmanager
-def _keys(console: Console, asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
+def _keys(context: Context, asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]:
     if asked.unattended:
         yield HeldForGood(asked.unattended)
         return
@@ -92,5 +92,5 @@ def _keys(console: Console, asked: HeldRun, dead_man: DeadMan) -> Iterator[Keys]
         if asked.tapped(key):
             dead_man.finish()
 
-    with console.keys(tapped) as keys:
+    with context.keys(tapped) as keys:
         yield keys

@@ -21,7 +21,6 @@ from config.ranges import Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.live.picture import ShownMotion
 from rid_daq.terminal.choices import DEFAULT_LISTEN
-from rid_daq.terminal.console import Console
 from rid_daq.web.access import Access
 
 PATIENCE_S = 2.0
@@ -79,7 +78,7 @@ class LivePage:
 
 
 @contextlib.contextmanager
-def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | None]:
+def live_page(options: LiveOptions) -> Iterator[LivePage | None]:
     """Yield a page whose address has been told, where one is wanted.
 
     Raises
@@ -101,7 +100,7 @@ def live_page(console: Console, options: LiveOptions) -> Iterator[LivePage | Non
         access = replace(access, port=listener.getsockname()[1])
         click.echo(
             f"Live page: {access.url}\nIts stop button is software, not an emergency stop.",
-            err=console.as_json,
+            err=True,
         )
         yield LivePage(access, listener)
 

@@ -87,6 +87,17 @@ CATALOGUE: Final = {
     "mock": Entry("cell", "Cell", "serve a cell's simulated devices on their bus until stopped"),
     "stop": Entry("cell", "Cell", "quick stop of whatever session is running on this machine"),
     "validate": Entry("identify", "Identify", "predict another run's torques and judge the error"),
+    "axes": Entry(
+        "cell", "Cell", "test direction, encoder and gear of every axis, before the first motion"
+    ),
+    "jog": Entry(
+        "cell", "Cell", "move one joint at a time, or go to the home pose, while a key is held"
+    ),
+    "plate zero": Entry("cell", "", "the plate's offsets: read, turn axis 1 by half a turn, read"),
+    "record": Entry("experiment", "Experiment", "run a motion on a cell and record it"),
+    "stream": Entry(
+        "path", "Path", "follow a path more closely, live: from a file or from another program"
+    ),
     "friction": Entry("identify", "Identify", "measure friction alone, from runs made for it"),
     "design": Entry(
         "experiment",

@@ -48,6 +48,8 @@ class Option:
         True if the command line does not have it.
     separator : str
         What separates several values in one word of the command line.
+    value : object
+        What the field becomes if its option is given, which then takes no value.
     """
 
     group: str = OPTIONS
@@ -63,6 +65,7 @@ class Option:
     needs: str = ""
     hidden: bool = False
     separator: str = ""
+    value: object = None
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

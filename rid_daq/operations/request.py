@@ -147,6 +147,7 @@ class ShownField:
         if self.is_repeated and not self.option.positional and not self.option.separator:
             text += " Repeatable."
         known = isinstance(default, (int, float, str, Path)) and not isinstance(default, bool)
+        known = known and self.option.value is None
         return f"{text} Default: {default}." if known and str(default) not in ("", ".") else text
 
 
@@ -218,7 +219,7 @@ def _refused(
     path = tuple(map(str, first["loc"])) + tuple(filter(None, [context.get("where")]))
     names = {each.path: each.flag for each in shown_fields(request)} if flags else {}
     name = _name(path, names)
-    needs = names.get((str(context.get("needs")),), context.get("needs"))
+    needs = names.get((*path[:-1], str(context.get("needs"))), context.get("needs"))
     text = _problem(first, needs)
     code = OUT_OF_RANGE if _is_of_range(first) else INVALID
     return ConfigError(": ".join(filter(None, (shown, name, text))), code=code)

@@ -14,13 +14,14 @@ from acquisition.runs.manifest import RunStatus
 from acquisition.session.outcome import RecordOutcome
 from acquisition.supervision.stop_reason import StopCode
 from config.errors import DataQualityError, RecordingError
+from rid_daq.blocks.block import AnyBlock, Text
+from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import REPORT
 from rid_daq.report.sections.timing import loop_sentence
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import RunQuality
-from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 from rid_daq.terminal.motion_progress import place_words
 
@@ -162,21 +163,28 @@ class RecordedRun:
             "statistics": self.outcome.statistics.to_dict(),
         }
 
-    def print_verdict(self, console: Console) -> bool:
-        """Say what it has lost, how it ended and where it is; return whether it can be used."""
-        trouble = self.stop_sentence
-        if self.quality is not None:
-            for sentence in self.quality.sentences():
-                console.say(sentence)
-            if not self.quality.good:
-                trouble = f"{_NOT_GOOD}: {self.quality.trouble}"
-        if trouble:
-            console.verdict(False, trouble)
-            console.say(f"Kept: {self.outcome.rows} rows in {self.folder.path}")
+    @property
+    def trouble(self) -> str:
+        """Why the run cannot be used; empty if it can."""
+        if self.quality is None or self.quality.good:
+            return self.stop_sentence
+        return f"{_NOT_GOOD}: {self.quality.trouble}"
+
+    @property
+    def is_usable(self) -> bool:
+        """True if the motion was complete and enough of it was recorded."""
+        return not self.trouble
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield what was lost, how the motion ended, and where the run is."""
+        for sentence in [] if self.quality is None else self.quality.sentences():
+            yield Text(text=sentence)
+        if self.trouble:
+            yield VerdictBlock(passed=False, text=self.trouble)
+            yield Text(text=f"Kept: {self.outcome.rows} rows in {self.folder.path}")
         else:
-            console.verdict(True, f"Recorded: {self.folder.path}")
-        console.say(f"Report: {self.report}")
-        return not trouble
+            yield VerdictBlock(passed=True, text=f"Recorded: {self.folder.path}")
+        yield Text(text=f"Report: {self.report}")
 
 
 def stop_words(outcome: RecordOutcome) -> str:

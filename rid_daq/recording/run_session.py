@@ -44,7 +44,7 @@ from rid_daq.session.cells import Simulation, mountable_cell
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
-from rid_daq.terminal.console import Console, Progress
+from rid_daq.terminal.context import Context, Progress
 from rid_daq.terminal.motion_progress import progress_shown, total_of
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Watch(Protocol):
 
 
 class Display(Protocol):
-    """Shows how a motion goes: a `Console`, or what stands for one."""
+    """Shows how a motion goes: a `Context`, or what stands for one."""
 
     @abstractmethod
     def say(self, text: str = "") -> None:
@@ -333,7 +333,7 @@ class RunSession:
 def require_ready(
     loaded: LoadedCell,
     runs: Path,
-    console: Console,
+    context: Context,
     axis_test: AxisTestRule,
     *,
     cleared: bool,
@@ -354,7 +354,7 @@ def require_ready(
     refuse_runs(runs)
     require_axis_test(loaded, axis_test)
     kept = {**loaded.files, **(files or {})}
-    require_cleared(loaded.config, cleared, console, practise=practise, files=kept)
+    require_cleared(loaded.config, cleared, context, practise=practise, files=kept)
 
 
 def refuse_runs(runs: Path) -> None:
@@ -376,7 +376,7 @@ def refuse_runs(runs: Path) -> None:
 def open_session(
     loaded: LoadedCell,
     runs: Path,
-    console: Console,
+    context: Context,
     simulation: Simulation | None = None,
     live: LiveOptions | None = None,
     axis_test: AxisTestRule = AxisTestRule.REQUIRED,
@@ -391,9 +391,9 @@ def open_session(
     refuse_runs(runs)
     tested = require_axis_test(loaded, axis_test)
     if axis_test is AxisTestRule.WAIVED and tested:
-        console.say(f"note: axis test {tested}")
+        context.say(f"note: axis test {tested}")
     with (
-        live_page(console, live or LiveOptions()) as page,
+        live_page(live or LiveOptions()) as page,
         mountable_cell(loaded, simulation) as (cell, simulated),
     ):
-        yield RunSession(loaded, cell, runs, console, simulated, page, tested, console.service)
+        yield RunSession(loaded, cell, runs, context, simulated, page, tested, context.service)

@@ -40,34 +40,21 @@ class JobKind(StrEnum):
     def opens_cell(self) -> bool:
         """True if it opens the cell's bus; the others only compute."""
         declared = self._declared
-        return self in _ON_CELL if declared is None else declared.opens_cell
+        return self is JobKind.PAYLOAD if declared is None else declared.opens_cell
 
     @property
     def moves(self) -> bool:
         """True if the robot moves in it."""
         declared = self._declared
-        return self in _ON_CELL if declared is None else declared.moves
+        return self is JobKind.PAYLOAD if declared is None else declared.moves
 
     @property
     def needs_axis_test(self) -> bool:
         """True if the axes of a real cell must have been tested before."""
         declared = self._declared
-        held = self in (JobKind.AXES, JobKind.JOG) if declared is None else declared.is_held
-        return self.moves and not held
+        return self.moves and not (declared is not None and declared.is_held)
 
     @property
     def _declared(self) -> Operation | None:
         """Its declaration; None if it is not an operation yet."""
         return operation(OF_KINDS[self.value]) if self.value in OF_KINDS else None
-
-
-_ON_CELL = frozenset(
-    {
-        JobKind.AXES,
-        JobKind.JOG,
-        JobKind.PLATE_ZERO,
-        JobKind.RECORD,
-        JobKind.PAYLOAD,
-        JobKind.STREAM,
-    }
-)

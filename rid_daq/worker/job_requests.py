@@ -24,9 +24,7 @@ OWNED: Final = frozenset({"cell", "runs", "cleared", "live", "tester"})
 """Fields of requests that the service fills in."""
 
 _MODULES = {
-    JobKind.PLATE_ZERO: "plate",
     JobKind.PAYLOAD: "payload.session",
-    JobKind.STREAM: "compensation.stream",
 }
 """Where a kind's performer stands, where its file is not called as the kind is."""
 

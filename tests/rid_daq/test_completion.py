@@ -22,7 +22,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
     program.write_text(
         f"#!{sys.executable}\nimport atexit, sys\n"
         "from rid_daq.app import main\n"
-        "heavy = {'numpy', 'pinocchio', 'rid_daq.performers.record'}\n"
+        "heavy = {'numpy', 'pinocchio', 'rid_daq.operations.experiment.recorded_motion'}\n"
         "told = lambda: print('heavy:', sorted(heavy & set(sys.modules)), file=sys.stderr)\n"
         "atexit.register(told)\n"
         "main()\n"

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field
 
+from config.ranges import Pace, Seed
+from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.operations.option import Option
+from rid_daq.operations.request import Request
+from rid_daq.terminal.choices import DEFAULT_LISTEN
+
+if TYPE_CHECKING:
+    from rid_daq.live.live_page import LiveOptions
+    from rid_daq.session.cells import Simulation as SimulatedCell
 
 BEFORE: Final = "Before it moves"
+SIMULATED: Final = "Simulated cells"
+LIVE: Final = "Live page"
 
 Cleared = Annotated[
     bool,
@@ -18,3 +29,94 @@ Cleared = Annotated[
     ),
     Option(group=BEFORE, flag="i-have-cleared-the-cell", owned=True),
 ]
+
+Practise = Annotated[
+    bool,
+    Field(description="Ask on a simulated cell too what is asked on a real one."),
+    Option(group=BEFORE),
+]
+
+AxisTest = Annotated[
+    Literal["required", "waived"],
+    Field(
+        description="Waive the axis test: a real robot moves although `rid-daq axes` has not passed"
+        " since its cell or robot file changed; the run says so."
+    ),
+    Option(group=BEFORE, flag="without-axis-test", value="waived"),
+]
+
+OfFile = Annotated[
+    str | None, Field(description="Name of the run; the motion file's name if not set.")
+]
+
+
+class Simulation(Request):
+    """Options of a simulated cell that the operation starts."""
+
+    realtime: Annotated[
+        bool,
+        Field(description="Run a simulated cell in real time, instead of as fast as possible."),
+        Option(group=SIMULATED),
+    ] = False
+    pace: Annotated[
+        Pace | None,
+        Field(
+            description="Run a simulated cell at N times real time; simulated time waits for slow"
+            " processes."
+        ),
+        Option(group=SIMULATED, metavar="N"),
+    ] = None
+    seed: Annotated[
+        Seed, Field(description="Random seed of the simulated noise."), Option(group=SIMULATED)
+    ] = 0
+    payload: Annotated[
+        str | None,
+        Field(description="Payload of a simulated robot, by its name in the plant file."),
+        Option(group=SIMULATED, metavar="NAME"),
+    ] = None
+
+    def with_faults(self, faults: FaultScript = NO_SCRIPT) -> SimulatedCell:
+        """Return the options with a fault script.
+
+        Raises
+        ------
+        ConfigError
+            Both real time and a pace are asked for.
+        """
+        from rid_daq.session.cells import Simulation as SimulatedCell
+
+        return SimulatedCell(**self.model_dump(), faults=faults)
+
+
+class Live(Request):
+    """Options of the live page."""
+
+    wanted: Annotated[
+        bool,
+        Field(description="Show the motion in a browser, with a stop button."),
+        Option(group=LIVE, flag="live"),
+    ] = False
+    listen: Annotated[
+        str,
+        Field(
+            description="Address of the live page; one that other machines can reach needs --token"
+            " and --certificate."
+        ),
+        Option(group=LIVE, metavar="ADDRESS:PORT", needs="wanted"),
+    ] = DEFAULT_LISTEN
+    token: Annotated[
+        Path | None,
+        Field(description="File with the live page's secret; a new secret each time if not set."),
+        Option(group=LIVE, metavar="FILE", needs="wanted"),
+    ] = None
+    certificate: Annotated[
+        Path | None,
+        Field(description="Certificate and key (PEM) to serve the live page by TLS."),
+        Option(group=LIVE, metavar="FILE", needs="wanted"),
+    ] = None
+
+    def options(self) -> LiveOptions:
+        """Return the options of the live page."""
+        from rid_daq.live.live_page import LiveOptions
+
+        return LiveOptions(**self.model_dump())

@@ -25,7 +25,6 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.live.live_page import LiveOptions, LivePage, live_page
-from rid_daq.terminal.console import Console
 
 pytestmark = pytest.mark.slow
 
@@ -107,7 +106,7 @@ def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
 
     def watched(simulated: SimulatedCell) -> RecordOutcome:
         folder = RunFolder.create(tmp_path / "runs", "watched")
-        with live_page(Console(), LiveOptions(True, "127.0.0.1:0")) as page:
+        with live_page(LiveOptions(True, "127.0.0.1:0")) as page:
             assert page is not None
             crowd = Crowd(page)
             outcome = record_motion(
@@ -144,7 +143,7 @@ def test_record_tells_the_pages_address_and_closes_it_in_the_end(
     )
     command = ["record", "ir361", str(motion), "--runs", str(tmp_path / "runs")]
     assert run([*command, "--live", "--listen", "127.0.0.1:0"]) == 0
-    said = capsys.readouterr().out
+    said = capsys.readouterr().err
     assert "not an emergency stop" in said
     found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/\?t=[\w-]{40,}\n", said)
     assert found is not None
@@ -156,7 +155,7 @@ def test_record_tells_the_pages_address_and_closes_it_in_the_end(
     ("options", "problem"),
     [
         (["--live", "--listen", "0.0.0.0:8642"], "needs --token FILE and --certificate FILE"),
-        (["--listen", "127.0.0.1:1"], "add --live"),
+        (["--listen", "127.0.0.1:1"], "without --live"),
         (["--live", "--listen", "nowhere"], "give a literal address and a port"),
     ],
 )

@@ -27,7 +27,7 @@ from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
-from rid_daq.recording import plate_zero_job
+from rid_daq.operations.cell import zeroed_plate
 from tests.builders.screens import noted, require_fitting
 
 pytestmark = pytest.mark.slow
@@ -109,7 +109,7 @@ def zeroed(cell: Path, lasting: SimulatedCell, discharged_at: list[Any]) -> dict
         return discharge_plate(*plate)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plate_zero_job, "discharge_plate", discharge)
+        patch.setattr(zeroed_plate, "discharge_plate", discharge)
         said: list[str] = []
         patch.setattr("click.echo", lambda text="", **_: said.append(str(text)))
         words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
@@ -268,7 +268,7 @@ def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--pose", "0,here,0"], "give one number a joint"),
+        (["--pose", "0,here,0"], "--pose: 'here'"),
         (["--pose", "2.6,0,0"], "offset and gravity are told apart from"),
         (["--pose", "0,0"], "2 values for 3 joints"),
     ],

@@ -17,9 +17,9 @@ from config.arrays import FloatArray
 from config.errors import PreflightError
 from config.load import load_cell
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled
-from rid_daq.commissioning.axis_test_job import AxisBench, seen_by
 from rid_daq.commissioning.axis_verdict import Seen, judge_axis
-from rid_daq.commissioning.jog_job import Jogging
+from rid_daq.operations.cell.axis_bench import AxisBench, seen_by
+from rid_daq.operations.cell.jogging import Jogging
 from rid_daq.recording.run_session import RunSession
 from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code

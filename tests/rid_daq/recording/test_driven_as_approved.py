@@ -22,10 +22,13 @@ from config.errors import LimitError
 from config.load import LoadedCell, load_cell, to_yaml
 from identification.estimation.file import write_estimate
 from identification.estimation.limit_torque import limit_torque
-from rid_daq.recording import record_job, stream_job
-from rid_daq.recording.record_job import RecordRequest, record_motion_file
+from rid_daq.operations.experiment import recorded_motion
+from rid_daq.operations.experiment.record import RecordRequest
+from rid_daq.operations.experiment.recorded_motion import record_motion_file
+from rid_daq.operations.path import streamed_path
+from rid_daq.operations.path.stream import StreamRequest
+from rid_daq.operations.path.streamed_path import stream_path
 from rid_daq.recording.run_session import RunRequest
-from rid_daq.recording.stream_job import StreamRequest, stream_path
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_LOOPS, ONLINE_MODEL
 from rid_daq.terminal.console import Console
 from tests.builders.known_model import known
@@ -88,8 +91,8 @@ class Person(Console):
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a cell of its own, a motion, its feedforward, a model and velocity loops."""
-    monkeypatch.setattr(record_job, "open_session", session)
-    monkeypatch.setattr(stream_job, "open_session", session)
+    monkeypatch.setattr(recorded_motion, "open_session", session)
+    monkeypatch.setattr(streamed_path, "open_session", session)
     bundled = load_cell("ir361")
     for name, content in bundled.files.items():
         (tmp_path / name).write_bytes(content)
@@ -254,4 +257,4 @@ def test_the_sum_is_held_against_torque_limits_where_a_model_is_given(folder: Pa
     with raises_code(LimitError, "RID-MOTION-LIMIT", "'axis1'"):
         record_motion_file(request, Person(lambda: None))
     with pytest.raises(DrivenError):
-        record_motion_file(replace(request, feedforward=None), Person(lambda: None))
+        record_motion_file(request.model_copy(update={"feedforward": None}), Person(lambda: None))

@@ -20,15 +20,18 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.states import Progress, TaskState
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.commissioning import axis_test_job
-from rid_daq.commissioning.axis_test_job import AxisBench
 from rid_daq.jobs.payload.payload_job import PayloadRequest
-from rid_daq.recording import payload_steps, plate_zero_job, record_job, run_session
+from rid_daq.operations.cell import axis_bench, zeroed_plate
+from rid_daq.operations.cell.axis_bench import AxisBench
+from rid_daq.operations.cell.plate_zero import PlateZeroRequest
+from rid_daq.operations.cell.zeroed_plate import zero_plate
+from rid_daq.operations.experiment import recorded_motion
+from rid_daq.operations.experiment.record import RecordRequest
+from rid_daq.operations.experiment.recorded_motion import record_motion_file
+from rid_daq.recording import payload_steps, run_session
 from rid_daq.recording.payload_session_request import PayloadSessionRequest
 from rid_daq.recording.payload_state import SessionState
 from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
-from rid_daq.recording.plate_zero_job import PlateZeroRequest, zero_plate
-from rid_daq.recording.record_job import RecordRequest, record_motion_file
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.result import Result
@@ -58,7 +61,7 @@ def driven(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
 
     monkeypatch.setattr(RunSession, "recording", recording)
     monkeypatch.setattr(payload_steps, "preflight", lambda *_, **__: ([], None))
-    for module in (record_job, plate_zero_job):
+    for module in (recorded_motion, zeroed_plate):
         monkeypatch.setattr(module, "open_session", opened)
     return roles
 
@@ -72,7 +75,7 @@ def require_stopped(ended: RecordedRun) -> None:
 def test_a_rehearsal_is_not_followed_by_the_motion(
     driven: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
 ) -> None:
-    request = RecordRequest("kr15", six_axis_motion(2), tmp_path, rehearse=True)
+    request = RecordRequest(cell="kr15", motion=six_axis_motion(2), runs=tmp_path, rehearse=True)
     recorded = record_motion_file(request, Console())
     assert recorded.rehearsal_only
     assert driven == ["rehearsal"]
@@ -82,7 +85,7 @@ def test_a_rehearsal_is_not_followed_by_the_motion(
 def test_a_motion_that_nothing_follows_is_recorded_all_the_same(
     driven: list[str], six_axis_motion: Callable[[int], Path], tmp_path: Path
 ) -> None:
-    request = RecordRequest("kr15", six_axis_motion(2), tmp_path)
+    request = RecordRequest(cell="kr15", motion=six_axis_motion(2), runs=tmp_path)
     recorded = record_motion_file(request, Console())
     assert driven == ["recording"]
     assert recorded.run.exit_code is ExitCode.DONE
@@ -91,7 +94,7 @@ def test_a_motion_that_nothing_follows_is_recorded_all_the_same(
 def test_the_plate_is_not_turned_after_the_way_to_its_first_pose(
     driven: list[str], tmp_path: Path
 ) -> None:
-    zeroed = zero_plate(PlateZeroRequest("ir361", tmp_path), Console())
+    zeroed = zero_plate(PlateZeroRequest(cell="ir361", runs=tmp_path), Console())
     assert zeroed.approach_only
     assert driven == ["approach"]
     require_stopped(zeroed.run)
@@ -130,11 +133,11 @@ def test_no_other_axis_is_tested(
     loaded = load_cell("ir361")
     session = RunSession(loaded, loaded.config, tmp_path, Console())
     monkeypatch.setattr(
-        axis_test_job,
+        axis_bench,
         "record_held",
         lambda session, console, held: session.record(RunRequest("", "", None, role=held.role)),
     )
-    monkeypatch.setattr(axis_test_job, "simulated_eyes", lambda _session: None)
+    monkeypatch.setattr(axis_bench, "simulated_eyes", lambda _session: None)
     bench = AxisBench(session, Console(), unattended=True)
     assert bench.test(0) is None
     assert driven == ["axis test"]

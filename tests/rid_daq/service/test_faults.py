@@ -11,8 +11,10 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from acquisition.supervision.stop_reason import StopCode, StopReason
-from rid_daq.commissioning.axis_test_job import AxesTested, AxisTestRequest
-from rid_daq.performers import axes
+from rid_daq.operations.cell import axis_bench
+from rid_daq.operations.cell.axes import OPERATION, AxesRequest
+from rid_daq.operations.cell.axis_bench import AxesTested
+from rid_daq.operations.perform import perform
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.result import Result
 from rid_daq.service.job_kinds import JobKind
@@ -48,9 +50,9 @@ def test_a_fault_that_stops_the_axis_test_is_one_of_its_cell(
     ended = replace(outcome(RUNAWAY), notes=("the power was taken away at once",))
     stopped = RecordedRun(folder, ended, None, None, Result.new("Recording", "arm"), held=True)
     tested = AxesTested("ir361", (), stopped, None)
-    monkeypatch.setattr(axes, "check_axes", lambda _request, _console: tested)
+    monkeypatch.setattr(axis_bench, "check_axes", lambda _request, _context: tested)
     with pytest.raises(SystemExit):
-        axes.perform(AxisTestRequest("ir361", tmp_path), Console(as_json=True))
+        perform(OPERATION, AxesRequest(cell="ir361", runs=tmp_path), Console(as_json=True))
     told = json.loads(capsys.readouterr().out)
     assert told["stop"] == {"code": "FOLLOWING_ERROR", "text": RUNAWAY.text}
     assert told["notes"] == ["the power was taken away at once"]

@@ -126,8 +126,8 @@ def test_a_simulated_cell_goes_on_over_a_remote_terminal(
     def come_so_far(*_: object, **_more: object) -> None:
         raise ComeSoFarError
 
-    module = {"jog": "jog_job", "axes": "axis_test_job"}[command]
-    monkeypatch.setattr(f"rid_daq.commissioning.{module}.require_ready", come_so_far)
+    module = {"jog": "jogging", "axes": "axis_bench"}[command]
+    monkeypatch.setattr(f"rid_daq.operations.cell.{module}.require_ready", come_so_far)
     monkeypatch.setattr(keyboard, "require_keyboard", lambda: None)
     monkeypatch.setenv("SSH_CONNECTION", OF_SSH["SSH_CONNECTION"])
     with pytest.raises(ComeSoFarError):

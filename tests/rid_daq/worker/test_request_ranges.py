@@ -202,24 +202,11 @@ def test_a_request_that_is_made_in_python_refuses_what_is_outside(
 
 
 OPTIONS = {
-    "axes.seed": "axes simulation.seed",
-    "jog.seed": "jog simulation.seed",
-    "jog.speed": "jog speed_percent",
     "payload session.periods": "payload periods",
     "payload session.repeats": "payload repeats",
     "payload session.seed": "payload seed",
     "payload session.pace": "payload pace",
     "payload session.warm_up_periods": "payload warm_up_periods",
-    "plate zero.read_s": "plate_zero read_s",
-    "plate zero.settle_s": "plate_zero settle_s",
-    "plate zero.pace": "plate_zero simulation.pace",
-    "plate zero.seed": "plate_zero simulation.seed",
-    "record.pace": "record simulation.pace",
-    "record.seed": "record simulation.seed",
-    "stream.buffer": "stream options.buffer_s",
-    "stream.wait": "stream options.patience_s",
-    "stream.pace": "stream simulation.pace",
-    "stream.seed": "stream simulation.seed",
 }
 """Options with a range, and the fields that they become. Options with a plausible range have their
 own message, by the same type (`plausible_as`)."""

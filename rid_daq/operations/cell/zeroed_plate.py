@@ -1,10 +1,10 @@
-"""Zeroing the force plate: read it, turn axis 1, read it, go back, read it."""
+"""`zero_plate`: read the force plate, turn axis 1, read it, go back, read it."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -25,62 +25,22 @@ from config.cell.cell import CellConfig
 from config.cell.plate import PlateConfig, PlateZero
 from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_cell
-from config.ranges import PositionRad, Ranged, ReadingS, SettleS
+from rid_daq.operations.cell.plate_zero import PlateZeroRequest
+from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, open_session, require_ready
 from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
 from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
 from rid_daq.runs.run_data import RunData
-from rid_daq.session.cells import Simulation
-from rid_daq.terminal.console import Console
 
 ZERO_FILE: Final = "zero.yaml"
 STAND_S: Final = 0.5
 
 
 @dataclass(frozen=True)
-class PlateZeroRequest(Ranged):
-    """What `rid-daq plate zero` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    runs : Path
-        The folder of the run folders.
-    pose : sequence of float or None
-        The pose about which axis 1 is turned [rad or m]; the middle of every range if None.
-    read_s, settle_s : float
-        How long each reading lasts, and the rest before it [s].
-    write, cleared : bool
-        Whether the zero goes into the cell file, and whether a person has cleared the cell.
-    axis_test : AxisTestRule
-        Whether a real cell's axes must have been tested.
-    label : str
-        What to call the run.
-    simulation : Simulation
-        How a simulated cell is.
-    practise : bool
-        Whether a simulated cell is asked about like a real one.
-    """
-
-    cell: str
-    runs: Path
-    pose: Sequence[PositionRad] | None = None
-    read_s: ReadingS = 5.0
-    settle_s: SettleS = 2.0
-    write: bool = False
-    cleared: bool = False
-    axis_test: AxisTestRule = AxisTestRule.REQUIRED
-    label: str = "plate zero"
-    simulation: Simulation = field(default_factory=Simulation)
-    practise: bool = False
-
-
-@dataclass(frozen=True)
-class PlateZeroed:
-    """What was found.
+class ZeroedPlate:
+    """Offsets of a plate, and the run that showed them.
 
     Attributes
     ----------
@@ -103,7 +63,7 @@ class PlateZeroed:
     approach_only: bool = False
 
 
-def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
+def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
     """Find the plate's offsets, and write them into the cell file where that is asked.
 
     Raises
@@ -130,28 +90,28 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     turn = plan_turn(loaded.robot, pose)
     cycle_s = loaded.config.cycle_time_s
     samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
+    axis_test = AxisTestRule(request.axis_test)
     require_ready(
         loaded,
         request.runs,
-        console,
-        request.axis_test,
+        context,
+        axis_test,
         cleared=request.cleared,
         practise=request.practise,
     )
-    with open_session(
-        loaded, request.runs, console, request.simulation, axis_test=request.axis_test
-    ) as session:
-        approach = _approach(session, turn, console).as_step()
+    simulation = request.simulation.with_faults()
+    with open_session(loaded, request.runs, context, simulation, axis_test=axis_test) as session:
+        approach = _approach(session, turn, context).as_step()
         if approach.outcome.stop is not None:
-            return PlateZeroed(approach, approach_only=True)
-        console.say("2 of 4: the amplifier is reset and operates")
+            return ZeroedPlate(approach, approach_only=True)
+        context.say("2 of 4: the amplifier is reset and operates")
         discharge_plate(_plate_of(session.cell), loaded.amplifier_profile)
-        console.say("3 of 4: reading, axis 1 there, reading, back, reading")
+        context.say("3 of 4: reading, axis 1 there, reading, back, reading")
         words = "Axis 1 to one side, to the other and back, with a reading at rest on each."
         asked = RunRequest(request.label, words, samples, role="zeroing")
         with replace(session, cell=_without_zero(session.cell)).recording(asked) as run:
             if run.outcome.stop is not None:
-                return PlateZeroed(run)
+                return ZeroedPlate(run)
             found = _offset(run.data, _plate_of(session.cell), turn, readings)
             judged = zero_verdict(found, turn, plate)
             run.result = run.result.updated(
@@ -168,7 +128,7 @@ def zero_plate(request: PlateZeroRequest, console: Console) -> PlateZeroed:
     if request.write and judged.passed:
         written = Path(request.cell)
         write_zero(written, zero, source)
-    return PlateZeroed(run, zero, lines, written)
+    return ZeroedPlate(run, zero, lines, written)
 
 
 def _plate_of(cell: CellConfig) -> PlateConfig:
@@ -181,9 +141,9 @@ def _without_zero(cell: CellConfig) -> CellConfig:
     return cell.model_copy(update={"plate": _plate_of(cell).model_copy(update={"zero": None})})
 
 
-def _approach(session: RunSession, turn: ZeroTurn, console: Console) -> RecordedRun:
+def _approach(session: RunSession, turn: ZeroTurn, context: Context) -> RecordedRun:
     """Go to the first pose and stop there, drives off, without a recording to keep."""
-    console.say(f"1 of 4: to the first pose ({', '.join(f'{q:.3f}' for q in turn.first)})")
+    context.say(f"1 of 4: to the first pose ({', '.join(f'{q:.3f}' for q in turn.first)})")
     bare = session.cell.model_copy(update={"plate": None})
     there = rest_samples(session.loaded.robot, turn.first, STAND_S, bare.cycle_time_s)
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:

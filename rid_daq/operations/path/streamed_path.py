@@ -1,9 +1,8 @@
-"""Following a path with the compensation computed on line: from a motion file or point by point."""
+"""`stream_path`: follow a path from a motion file, or point by point, and record it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquisition.motion.samples import MotionSamples
@@ -15,65 +14,17 @@ from compensation.operating_temperature import at_operation
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
-from config.ranges import Ranged
 from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_and_bytes
+from rid_daq.operations.operation import Context
+from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Record, RunRequest, open_session, require_ready
 from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL
-from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
-from rid_daq.terminal.console import Console
 
 
-@dataclass(frozen=True)
-class StreamRequest(Ranged):
-    """What `rid-daq stream` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    model, loop : Path
-        A model by `identify`, velocity loops by `loop`.
-    runs : Path
-        The folder of the run folders.
-    motion : Path or None
-        The motion file; None where another program sends points.
-    socket : Path or None
-        Where that program is listened to.
-    options : StreamOptions
-        How the path is streamed.
-    temperature : str or None
-        How warm the joints are, as `compensation.operating_temperature` has it.
-    label : str or None
-        What to call the run; the motion file's name if None.
-    simulation : Simulation
-        How a simulated cell is.
-    cleared : bool
-        Whether a person has cleared the cell.
-    axis_test : AxisTestRule
-        Whether a real cell's axes must have been tested.
-    practise : bool
-        Whether a simulated cell is asked about like a real one.
-    """
-
-    cell: str
-    model: Path
-    loop: Path
-    runs: Path
-    motion: Path | None = None
-    socket: Path | None = None
-    options: StreamOptions = field(default_factory=StreamOptions)
-    temperature: str | None = None
-    label: str | None = None
-    simulation: Simulation = field(default_factory=Simulation)
-    cleared: bool = False
-    axis_test: AxisTestRule = AxisTestRule.REQUIRED
-    practise: bool = False
-
-
-def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
+def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     """Stream a path and record it into a new run folder.
 
     Raises
@@ -91,32 +42,32 @@ def stream_path(request: StreamRequest, console: Console) -> RecordedRun:
         estimate, request.temperature, None if samples is None else samples.whole().velocity
     )
     for note in warm.notes:
-        console.say(f"note: {note}")
+        context.say(f"note: {note}")
     forward = OnlineFeedforward.identified(loaded.config, loaded.robot, warm.estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
-    options = request.options
+    options = StreamOptions(**request.options.model_dump())
+    axis_test = AxisTestRule(request.axis_test)
     if options.compensated:
         files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: loops_bytes}
     require_ready(
         loaded,
         request.runs,
-        console,
-        request.axis_test,
+        context,
+        axis_test,
         cleared=request.cleared,
         practise=request.practise,
         files=files,
     )
-    with open_session(
-        loaded, request.runs, console, request.simulation, axis_test=request.axis_test
-    ) as session:
+    simulation = request.simulation.with_faults()
+    with open_session(loaded, request.runs, context, simulation, axis_test=axis_test) as session:
         cell = session.cell
 
         def drive(record: Record) -> RecordOutcome:
             if samples is not None:
                 return stream_motion(cell, forward, samples, record, options)
             path = request.socket or _default_socket(cell)
-            listening = _listening(console, path, options.patience_s)
+            listening = _listening(context, path, options.patience_s)
             return stream_socket(cell, forward, path, record, options, listening)
 
         asked = RunRequest(name, words, samples, drive, role="streaming", files=files)
@@ -129,6 +80,10 @@ def _planned(
     """Return what is driven in words, its rows where they are known, and its file."""
     if request.motion is None:
         return "Points that another program sent.", None, {}
+    if "patience_s" in request.options.model_fields_set:
+        raise ConfigError(
+            "--wait: has no effect with a motion file; leave it out", code="RID-OPTION-NO-EFFECT"
+        )
     if request.socket is not None:
         raise ConfigError(
             "points come from the motion file or over --socket: give one of them",
@@ -145,5 +100,5 @@ def _default_socket(cell: CellConfig) -> Path:
     return runtime_directory() / f"{cell.name}.points"
 
 
-def _listening(console: Console, path: Path, patience_s: float) -> Callable[[], None]:
-    return lambda: console.say(f"Waiting up to {patience_s:g} s for points at {path}")
+def _listening(context: Context, path: Path, patience_s: float) -> Callable[[], None]:
+    return lambda: context.say(f"Waiting up to {patience_s:g} s for points at {path}")

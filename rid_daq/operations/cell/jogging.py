@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -13,55 +11,19 @@ from acquisition.runs.manifest import require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
-from config.ranges import JogPercent, Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.held_run import HeldRun, record_held
+from rid_daq.operations.cell.jog import JogRequest
+from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import open_session, require_ready
-from rid_daq.session.cells import Simulation
-from rid_daq.terminal.choices import JOG_PERCENT
-from rid_daq.terminal.console import Console
 
 READY: Final = "Ready: hold the key."
 FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 
 
-@dataclass(frozen=True)
-class JogRequest(Ranged):
-    """What `rid-daq jog` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    runs : Path
-        The folder of the run folders.
-    home : bool
-        Whether the robot goes to its home pose and nowhere else.
-    speed_percent : float
-        Of each joint's velocity limit.
-    label : str
-        What to call the run.
-    simulation : Simulation
-        How a simulated cell is.
-    cleared : bool
-        Whether a person has cleared the cell.
-    practise : bool
-        Whether a simulated cell is asked about like a real one.
-    """
-
-    cell: str
-    runs: Path
-    home: bool = False
-    speed_percent: JogPercent = JOG_PERCENT
-    label: str = "jog"
-    simulation: Simulation = field(default_factory=Simulation)
-    cleared: bool = False
-    practise: bool = False
-
-
-def jog(request: JogRequest, console: Console) -> RecordedRun:
+def jog(request: JogRequest, context: Context) -> RecordedRun:
     """Let a person jog a cell's robot, and record it into a new run folder.
 
     Raises
@@ -83,44 +45,44 @@ def jog(request: JogRequest, console: Console) -> RecordedRun:
             code="RID-CELL-VALUE",
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
-    console.require_keys(simulated=loaded.config.simulated)
+    context.require_keys(simulated=loaded.config.simulated)
     require_ready(
         loaded,
         request.runs,
-        console,
+        context,
         AxisTestRule.HELD,
         cleared=request.cleared,
         practise=request.practise,
     )
     with open_session(
-        loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
+        loaded, request.runs, context, request.simulation.with_faults(), axis_test=AxisTestRule.HELD
     ) as session:
         if request.home:
             assert home is not None
-            return record_held(session, console, _homing(request, loaded, home, check, console))
-        jogging = Jogging(loaded.robot, home, check, console)
-        console.say(jogging.help)
+            return record_held(session, context, _homing(request, loaded, home, check, context))
+        jogging = Jogging(loaded.robot, home, check, context)
+        context.say(jogging.help)
         return record_held(
             session,
-            console,
+            context,
             HeldRun(
                 request.label,
                 "Jogged by hand.",
                 "jog",
                 plan=jogging.line,
                 tapped=jogging.tapped,
-                ready=lambda _pose: console.say(READY),
+                ready=lambda _pose: context.say(READY),
             ),
         )
 
 
 def _homing(
-    request: JogRequest, loaded: LoadedCell, home: FloatArray, check: LineCheck, console: Console
+    request: JogRequest, loaded: LoadedCell, home: FloatArray, check: LineCheck, context: Context
 ) -> HeldRun:
-    console.say("Hold SPACE to go to the home pose; let go to stop; q ends.")
+    context.say("Hold SPACE to go to the home pose; let go to stop; q ends.")
 
     def line(key: str, pose: FloatArray) -> Line | None:
-        return _said(check(pose, home), "the home pose", console) if key == HOLD else None
+        return _said(check(pose, home), "the home pose", context) if key == HOLD else None
 
     return HeldRun(
         request.label,
@@ -129,7 +91,7 @@ def _homing(
         plan=line,
         tapped=lambda key: key == QUIT,
         until=home,
-        ready=lambda _pose: console.say(READY),
+        ready=lambda _pose: context.say(READY),
     )
 
 
@@ -144,17 +106,17 @@ class Jogging:
         The home pose, where there is one.
     check : LineCheck
         Looks at the lines.
-    console : Console
+    context : Context
         Where a person reads what is chosen and what stands in the way.
     """
 
     def __init__(
-        self, robot: RobotDescription, home: FloatArray | None, check: LineCheck, console: Console
+        self, robot: RobotDescription, home: FloatArray | None, check: LineCheck, context: Context
     ) -> None:
         self._joints = robot.joints
         self._home = home
         self._check = check
-        self._console = console
+        self._context = context
         self._chosen = 0
 
     @property
@@ -172,7 +134,7 @@ class Jogging:
         number = int(key) - 1 if key.isascii() and key.isdigit() else -1
         if 0 <= number < len(self._joints) and number != self._chosen:
             self._chosen = number
-            self._console.say(f"Chosen: {self._joints[number].name}.")
+            self._context.say(f"Chosen: {self._joints[number].name}.")
         return key == QUIT
 
     def line(self, key: str, pose: FloatArray) -> Line | None:
@@ -182,7 +144,7 @@ class Jogging:
         another page, has a part in what moves.
         """
         if key == HOME and self._home is not None:
-            return _said(self._check(pose, self._home), "the home pose", self._console)
+            return _said(self._check(pose, self._home), "the home pose", self._context)
         named, direction = key[:-1], key[-1:]
         if direction not in (FORTH, BACK) or not (named.isascii() and (named or "1").isdigit()):
             return None
@@ -193,11 +155,11 @@ class Jogging:
         wanted = pose.copy()
         limits = joint.limits
         wanted[number] = limits.position_max if direction == FORTH else limits.position_min
-        return _said(self._check(pose, wanted), f"{joint.name} {direction}", self._console)
+        return _said(self._check(pose, wanted), f"{joint.name} {direction}", self._context)
 
 
-def _said(line: Line, where: str, console: Console) -> Line:
+def _said(line: Line, where: str, context: Context) -> Line:
     """Say what a line ends in front of, and return it."""
     if line.is_empty and line.obstacle:
-        console.say(f"{where}: no further, {line.obstacle} is in the way.")
+        context.say(f"{where}: no further, {line.obstacle} is in the way.")
     return line

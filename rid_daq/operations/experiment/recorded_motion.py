@@ -1,10 +1,8 @@
-"""Recording the motion of a file: planned, checked, rehearsed where asked, driven and judged."""
+"""`record_motion_file`: plan, check, rehearse, drive and judge the motion of a file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Final
 
 from acquisition.motion.limits import verify_limits
@@ -17,19 +15,17 @@ from acquisition.supervision.commanded import commanded_motion, verify_command
 from compensation.compensated_motion import refuse_torque
 from config.cell.cell import CellConfig
 from config.load import load_cell, read_faults
-from config.ranges import Ranged
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_warmth
 from rid_daq.jobs.cell_files import estimate_for, motion_and_bytes, with_feedforward
-from rid_daq.live.live_page import LiveOptions
+from rid_daq.operations.experiment.record import RecordRequest
+from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, open_session, require_ready
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
-from rid_daq.session.cells import Simulation
 from rid_daq.session.session import as_label
-from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
 
 FAULTS: Final = "faults.yaml"
@@ -37,55 +33,8 @@ REHEARSAL_ALONE = "That was the rehearsal; nothing else was driven."
 
 
 @dataclass(frozen=True)
-class RecordRequest(Ranged):
-    """What `rid-daq record` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    motion : Path
-        The motion file.
-    runs : Path
-        The folder of the run folders.
-    until : sequence of str
-        Accuracies that end the motion early.
-    feedforward, model, faults : Path or None
-        Pre-compensation, the model that refuses torques beyond the limits, and a fault script.
-    label : str or None
-        What to call the run; the motion file's name if None.
-    simulation : Simulation
-        How a simulated cell is.
-    rehearse, frames, cleared : bool
-        Whether it is driven slowly first, every frame is kept, a person has cleared the cell.
-    axis_test : AxisTestRule
-        Whether a real cell's axes must have been tested.
-    live : LiveOptions
-        Whether and where it is shown.
-    practise : bool
-        Whether a simulated cell is asked about like a real one.
-    """
-
-    cell: str
-    motion: Path
-    runs: Path
-    until: Sequence[str] = ()
-    feedforward: Path | None = None
-    model: Path | None = None
-    faults: Path | None = None
-    label: str | None = None
-    simulation: Simulation = field(default_factory=Simulation)
-    rehearse: bool = False
-    frames: bool = False
-    cleared: bool = False
-    axis_test: AxisTestRule = AxisTestRule.REQUIRED
-    live: LiveOptions = field(default_factory=LiveOptions)
-    practise: bool = False
-
-
-@dataclass(frozen=True)
-class MotionRecorded:
-    """What became of it.
+class RecordedMotion:
+    """A motion that was driven and recorded.
 
     Attributes
     ----------
@@ -111,7 +60,7 @@ class MotionRecorded:
         return self.run.exit_code or (ExitCode.VERDICT_FAILED if missed else ExitCode.DONE)
 
 
-def record_motion_file(request: RecordRequest, console: Console) -> MotionRecorded:
+def record_motion_file(request: RecordRequest, context: Context) -> RecordedMotion:
     """Record a motion on a cell into a new run folder.
 
     Raises
@@ -136,18 +85,19 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         refuse_torque(motion, driven, estimate, loaded.robot)
         warmth = limit_warmth(estimate)
         if warmth:
-            console.say(warmth)
+            context.say(warmth)
     script = _fault_script(request, loaded.config, files)
     accuracy = None
     if request.until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
     name = request.label or as_label(request.motion.stem)
     require_label(name)
+    axis_test = AxisTestRule(request.axis_test)
     require_ready(
         loaded,
         request.runs,
-        console,
-        request.axis_test,
+        context,
+        axis_test,
         cleared=request.cleared,
         practise=request.practise,
         files=files,
@@ -162,16 +112,14 @@ def record_motion_file(request: RecordRequest, console: Console) -> MotionRecord
         watch=accuracy,
         frames=request.frames,
     )
-    simulation = request.simulation.with_faults(script)
-    with open_session(
-        loaded, request.runs, console, simulation, request.live, request.axis_test
-    ) as session:
+    simulation, live = request.simulation.with_faults(script), request.live.options()
+    with open_session(loaded, request.runs, context, simulation, live, axis_test) as session:
         if request.rehearse:
             run = session.record(_rehearsal(name, samples)).as_step()
             if run.outcome.stop is not None:
-                return MotionRecorded(run, motion, accuracy, rehearsal_only=True)
-            console.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {run.folder.path}")
-        return MotionRecorded(session.record(asked), motion, accuracy)
+                return RecordedMotion(run, motion, accuracy, rehearsal_only=True)
+            context.say(f"Rehearsed at 1/{SLOWER:g} of the speed: {run.folder.path}")
+        return RecordedMotion(session.record(asked), motion, accuracy)
 
 
 def _fault_script(request: RecordRequest, cell: CellConfig, files: dict[str, bytes]) -> FaultScript:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,17 +16,16 @@ from acquisition.runs.manifest import RECORDING
 from config.arrays import FloatArray
 from config.errors import ConfigError, PreflightError
 from config.load import load_cell
-from config.ranges import Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled
 from rid_daq.commissioning.axis_verdict import AxisVerdict, Seen, judge_axis, parse_amount
 from rid_daq.commissioning.axis_words import direction_words, tool_way
 from rid_daq.commissioning.held_run import HeldRun, record_held
+from rid_daq.operations.cell.axes import AxesRequest
+from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_file, sign_axis
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunSession, open_session, require_ready
-from rid_daq.session.cells import Simulation
-from rid_daq.terminal.console import Console
 
 SPEED_SHARE: Final = 0.02
 TURN: Final = np.deg2rad(2.0)
@@ -38,42 +37,8 @@ HOLD, QUIT = " ", "q"
 
 
 @dataclass(frozen=True)
-class AxisTestRequest(Ranged):
-    """What `rid-daq axes` was asked for.
-
-    Attributes
-    ----------
-    cell : str
-        A bundled name or a cell file.
-    runs : Path
-        The folder of the run folders.
-    joints : sequence of str
-        The joints to test; all if empty.
-    unattended : bool
-        Whether a simulated cell is its own person: no key is held, its true axes answer.
-    simulation : Simulation
-        How a simulated cell is.
-    cleared : bool
-        Whether a person has cleared the cell.
-    practise : bool
-        Whether a simulated cell is asked about like a real one.
-    tester : str
-        Who tests, as the service knows them; the user of this process if empty.
-    """
-
-    cell: str
-    runs: Path
-    joints: Sequence[str] = ()
-    unattended: bool = False
-    simulation: Simulation = field(default_factory=Simulation)
-    cleared: bool = False
-    practise: bool = False
-    tester: str = ""
-
-
-@dataclass(frozen=True)
 class AxesTested:
-    """What was found.
+    """Verdicts of an axis test.
 
     Attributes
     ----------
@@ -102,7 +67,7 @@ Eyes = Callable[[], FloatArray]
 """Returns where the joints of a simulated robot really are, (joints,) [rad or m]."""
 
 
-def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
+def check_axes(request: AxesRequest, context: Context) -> AxesTested:
     """Test a cell's axes, one after the other, each in a run folder of its own.
 
     Raises
@@ -124,7 +89,7 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
             code="RID-CELL-JOINTS",
         )
     if not request.unattended:
-        console.require_keys(simulated=loaded.config.simulated)
+        context.require_keys(simulated=loaded.config.simulated)
     elif not loaded.config.simulated:
         raise PreflightError(
             f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot",
@@ -133,22 +98,22 @@ def check_axes(request: AxisTestRequest, console: Console) -> AxesTested:
     require_ready(
         loaded,
         request.runs,
-        console,
+        context,
         AxisTestRule.HELD,
         cleared=request.cleared,
         practise=request.practise,
     )
     verdicts: list[AxisVerdict] = []
     with open_session(
-        loaded, request.runs, console, request.simulation, axis_test=AxisTestRule.HELD
+        loaded, request.runs, context, request.simulation.with_faults(), axis_test=AxisTestRule.HELD
     ) as session:
-        bench = AxisBench(session, console, request.unattended)
+        bench = AxisBench(session, context, request.unattended)
         for name in request.joints or names:
             tested = bench.test(names.index(name))
             if tested is None:
                 return AxesTested(loaded.config.name, verdicts, bench.last, axis_test_file(loaded))
             verdicts.append(tested)
-            console.verdict(tested.passed, tested.sentence)
+            context.verdict(tested.passed, tested.sentence)
             if tested.passed:
                 sign_axis(loaded, name, bench.last.folder.run_id, request.tester)
     return AxesTested(loaded.config.name, verdicts, None, axis_test_file(loaded))
@@ -161,7 +126,7 @@ class AxisBench:
     ----------
     session : RunSession
         The cell.
-    console : Console
+    context : Context
         Where a person reads what will move.
     unattended : bool
         Whether the simulated robot's truth is the answer.
@@ -169,10 +134,10 @@ class AxisBench:
 
     last: RecordedRun
 
-    def __init__(self, session: RunSession, console: Console, unattended: bool) -> None:
+    def __init__(self, session: RunSession, context: Context, unattended: bool) -> None:
         self._session = session
         self._robot = session.loaded.robot
-        self._console = console
+        self._context = context
         self._unattended = unattended
         self._check = LineCheck(session.cell, self._robot, SPEED_SHARE)
         self._line: Line | None = None
@@ -190,14 +155,14 @@ class AxisBench:
             line, rows = self._line, self._rows()
             if line is not None and travelled(line, rows, number) >= ENOUGH:
                 break
-            self._console.say(f"{name}: the key was let go too early; once more.")
+            self._context.say(f"{name}: the key was let go too early; once more.")
         motion = AxisMotion.of(rows, self._robot, number)
         seen = None
         if eyes is not None and before is not None:
             moved = eyes() - before
             seen = seen_by(self._robot, moved)
             if not self._unattended:
-                self._console.say(f"Simulated: {_as_words(seen, self._robot, before, moved)}.")
+                self._context.say(f"Simulated: {_as_words(seen, self._robot, before, moved)}.")
         if not self._unattended:
             seen = self._answered(motion, number, line)
         if seen is None:
@@ -217,9 +182,9 @@ class AxisBench:
         def ready(pose: FloatArray) -> None:
             self._line = self._small(number, pose)
             amount = self._line.goal[number] - pose[number]
-            self._console.say(f"{direction_words(self._robot, pose, number, amount)}.")
+            self._context.say(f"{direction_words(self._robot, pose, number, amount)}.")
             if not self._unattended:
-                self._console.say("Hold SPACE until it rests, and look; q ends the test.")
+                self._context.say("Hold SPACE until it rests, and look; q ends the test.")
 
         def tapped(key: str) -> bool:
             self._gave_up = self._gave_up or key == QUIT
@@ -227,7 +192,7 @@ class AxisBench:
 
         return record_held(
             self._session,
-            self._console,
+            self._context,
             HeldRun(
                 label=f"axis test {name}",
                 sentence=f"Axis test of {name}.",
@@ -281,7 +246,7 @@ class AxisBench:
                 raise ConfigError("answer +, -, 0 or a joint's name", code="RID-AXIS-TEST-ANSWER")
             return word
 
-        way = self._console.ask(
+        way = self._context.ask(
             f"Did {motion.joint} move as was said (+), the other way (-), did nothing move (0), or"
             " another joint (its name)?",
             which,
@@ -302,7 +267,7 @@ class AxisBench:
             )
         )
 
-        amount = self._console.ask(
+        amount = self._context.ask(
             f"By about how much, in {motion.unit}"
             + (", or in mm of the tool point (24mm)?" if motion.unit == "°" else "?"),
             lambda text: parse_amount(text, motion, 1e3 * tool_m),

@@ -1,0 +1,96 @@
+"""`jog`: move a cell's robot by hand, while a key is held."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.ranges import JogPercent
+from rid_daq.blocks.block import AnyBlock
+from rid_daq.operations.cell.shared import Cleared, Practise, Simulation
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.operations.request import Request
+from rid_daq.terminal.choices import JOG_PERCENT
+
+if TYPE_CHECKING:
+    from rid_daq.recording.recorded_run import RecordedRun
+
+
+class JogRequest(Request):
+    """Move one joint at a time while a key is held; let go, and the robot stops.
+
+    Digits choose a joint, + and - move it while they are held, h goes to the home pose, q ends. The
+    way is checked before it is driven: it ends before a joint's limit, and before two bodies come
+    too close. A key counts as held from its second repeat on, and for 0.2 s after the last; the
+    process that runs the cycle asks for it in every cycle, so that the robot also stops if this
+    program is suspended, and is switched off if it is killed. After a minute without a key the
+    power is taken away. Ctrl-C is a quick stop. It is not an enabling device.
+    """
+
+    cell: CellName
+    home: Annotated[
+        bool, Field(description="Go to the home pose of the cell file, and nowhere else.")
+    ] = False
+    speed_percent: Annotated[
+        JogPercent,
+        Field(
+            description="Share of each joint's velocity limit; the tool point never exceeds 250"
+            " mm/s."
+        ),
+        Option(flag="speed", unit="%", metavar="PERCENT"),
+    ] = JOG_PERCENT
+    simulation: Simulation = Simulation()
+    cleared: Cleared = False
+    practise: Practise = False
+    label: Annotated[str, Field(description="Name of the run."), Option(group=FILES)] = "jog"
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class JogResult:
+    """A run in which a person moved the robot.
+
+    Attributes
+    ----------
+    run : RecordedRun
+        The run.
+    """
+
+    run: RecordedRun
+
+    @property
+    def exit_code(self) -> int:
+        """That of the run."""
+        return self.run.exit_code
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers of the run."""
+        return self.run.document()
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield how the motion ended."""
+        yield from self.run.blocks()
+
+
+def run(request: JogRequest, context: Context) -> JogResult:
+    """Jog."""
+    from rid_daq.operations.cell.jogging import jog
+
+    return JogResult(jog(request, context))
+
+
+OPERATION: Final = Operation(
+    name="jog",
+    label="Jog",
+    request=JogRequest,
+    run=run,
+    examples=("jog cell.yaml --speed 2", "jog ir361 --home --realtime"),
+    opens_cell=True,
+    moves=True,
+    is_held=True,
+    module="rid_daq.operations.cell.jogging",
+)

@@ -1,0 +1,144 @@
+"""`plate zero`: find the offsets of the force plate under the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.ranges import PositionRad, ReadingS, SettleS
+from rid_daq.blocks.block import AnyBlock, Text, Verdict
+from rid_daq.operations.cell.shared import AxisTest, Cleared, Practise, Simulation
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.cell.zeroed_plate import ZeroedPlate
+
+
+class PlateZeroRequest(Request):
+    """Find the plate's offsets: read it, turn axis 1 by half a turn, read it, go back, read it.
+
+    The robot moves. The amplifier is reset at rest in the first pose, and operates from then on.
+    Half the sum of the readings is the offset, half their difference the moment of gravity; the
+    third reading shows the drift. The lines for the cell file are printed. The exit code is 1 if
+    the zero does not hold.
+    """
+
+    cell: CellName
+    pose: Annotated[
+        tuple[PositionRad, ...] | None,
+        Field(
+            description="Pose about which axis 1 is turned, one value a joint; the middle of every"
+            " range if not set."
+        ),
+        Option(unit="rad or m", metavar="RAD,...", separator=","),
+    ] = None
+    read_s: Annotated[
+        ReadingS, Field(description="Duration of each reading."), Option(flag="read", unit="s")
+    ] = 5.0
+    settle_s: Annotated[
+        SettleS, Field(description="Rest before each reading."), Option(flag="settle", unit="s")
+    ] = 2.0
+    write: Annotated[
+        bool,
+        Field(description="Write the zero into the cell file; everything else in it is kept."),
+    ] = False
+    simulation: Simulation = Simulation()
+    cleared: Cleared = False
+    axis_test: AxisTest = "required"
+    practise: Practise = False
+    label: Annotated[str, Field(description="Name of the run."), Option(group=FILES)] = "plate zero"
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class PlateZeroResult:
+    """Offsets of a plate.
+
+    Attributes
+    ----------
+    zeroed : ZeroedPlate
+        The run, and the zero if the motion was not stopped.
+    """
+
+    zeroed: ZeroedPlate
+
+    @property
+    def exit_code(self) -> int:
+        """That of a run that was stopped; 1 if the zero does not hold."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        run = self.zeroed.run
+        if self.zeroed.zero is None:
+            return run.exit_code
+        return ExitCode.DONE if run.result.verdict.passed else ExitCode.VERDICT_FAILED
+
+    def document(self) -> dict[str, object]:
+        """Return the zero; without one, how the motion was stopped."""
+        from rid_daq.recording.recorded_run import stop_document
+
+        zeroed, run = self.zeroed, self.zeroed.run
+        if zeroed.zero is None:
+            kept = {} if zeroed.approach_only else {"folder": str(run.folder.path)}
+            return kept | stop_document(run.outcome)
+        return {
+            "folder": str(run.folder.path),
+            "report": str(run.report),
+            "zero": zeroed.zero.model_dump(mode="json"),
+            "plate_zero": run.result.plate_zero,
+            "verdict": run.result.verdict,
+            "written": None if zeroed.written is None else str(zeroed.written),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield offsets and drift, the verdict, and the lines for the cell file."""
+        from rid_daq.report.shown.plate import plate_zero_blocks
+
+        zeroed, run = self.zeroed, self.zeroed.run
+        if zeroed.zero is None:
+            yield Verdict(passed=False, text=run.stop_sentence)
+            if not zeroed.approach_only:
+                yield Text(
+                    text="The plate is not zeroed: start again, or `record` measures from a wrong"
+                    " zero."
+                )
+                yield Text(text=f"Report: {run.report}")
+            return
+        section, verdict = run.result.plate_zero, run.result.verdict
+        assert section is not None
+        yield from plate_zero_blocks(section)
+        yield Verdict(passed=verdict.passed, text=f"{verdict.headline}. {verdict.sentence}")
+        yield Text(text=f"Report: {run.report}")
+        if zeroed.written is not None:
+            yield Text(text=f"4 of 4: written into {zeroed.written}")
+        elif verdict.passed:
+            yield Text(
+                text="4 of 4: put these lines under `plate:` in the cell file (--write does it):"
+            )
+            yield Text(text=zeroed.lines.rstrip("\n"))
+
+
+def run(request: PlateZeroRequest, context: Context) -> PlateZeroResult:
+    """Zero the plate."""
+    from rid_daq.operations.cell.zeroed_plate import zero_plate
+
+    return PlateZeroResult(zero_plate(request, context))
+
+
+OPERATION: Final = Operation(
+    name="plate zero",
+    label="Zero the plate",
+    request=PlateZeroRequest,
+    run=run,
+    examples=(
+        "plate zero ir361 --read 10",
+        "plate zero cell.yaml --pose 0,0.2,-0.4 --write",
+    ),
+    opens_cell=True,
+    moves=True,
+    module="rid_daq.operations.cell.zeroed_plate",
+)

@@ -1,0 +1,173 @@
+"""`record`: run a motion on a cell and record it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.operations.cell.shared import (
+    BEFORE,
+    SIMULATED,
+    AxisTest,
+    Cleared,
+    Live,
+    OfFile,
+    Practise,
+    Simulation,
+)
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.experiment.recorded_motion import RecordedMotion
+    from rid_daq.recording.accuracy_watch import AccuracyWatch
+
+SINGLE_PERIODS: Final = (
+    "It is of rows of single periods, with their noise and reversals. The residual that `identify`"
+    " prints is another quantity: of the mean of the periods, with reversals left free."
+)
+
+
+class RecordRequest(Request):
+    """Run a motion on a cell and record it into a new run folder.
+
+    The motion is checked against every limit before anything moves (exit code 3). Ctrl-C stops the
+    robot (a quick stop, then power off) and keeps what was recorded. It is not an emergency stop.
+    The exit code is 1 if a goal of --until is not reached by the last period, and 6 if more than
+    2 % of a drive's answers were lost or more than 5 periods are bad.
+    """
+
+    cell: CellName
+    motion: Annotated[
+        Path,
+        Field(description="Motion file."),
+        Option(positional=True, metavar="MOTION", file="input"),
+    ]
+    until: Annotated[
+        tuple[str, ...],
+        Field(
+            description="End early when a standard deviation is reached, such as sx3<0.01kgm,"
+            " fv_axis1<5% or torque<1.5Nm."
+        ),
+        Option(metavar="GOAL"),
+    ] = ()
+    feedforward: Annotated[
+        Path | None,
+        Field(description="Feedforward of this motion, a file that `compensate` wrote."),
+        Option(metavar="FEEDFORWARD", file="input"),
+    ] = None
+    model: Annotated[
+        Path | None,
+        Field(
+            description="Model file that `identify` wrote; the motion is refused if by this model"
+            " it needs more torque than a joint has."
+        ),
+        Option(metavar="MODEL", file="input"),
+    ] = None
+    frames: Annotated[
+        bool,
+        Field(description="Keep every frame on the bus in frames.blf of the run."),
+    ] = False
+    simulation: Simulation = Simulation()
+    faults: Annotated[
+        Path | None,
+        Field(description="Fault script: what goes wrong in a simulated cell."),
+        Option(group=SIMULATED, metavar="FILE", file="input"),
+    ] = None
+    rehearse: Annotated[
+        bool,
+        Field(description="Drive it once at a quarter of its speed first, into a run of its own."),
+        Option(group=BEFORE),
+    ] = False
+    cleared: Cleared = False
+    axis_test: AxisTest = "required"
+    practise: Practise = False
+    live: Annotated[Live, Option(owned=True)] = Live()
+    label: Annotated[OfFile, Option(group=FILES)] = None
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class RecordResult:
+    """A motion that was driven and recorded.
+
+    Attributes
+    ----------
+    recorded : RecordedMotion
+        The run, and the accuracy that was followed.
+    """
+
+    recorded: RecordedMotion
+
+    @property
+    def exit_code(self) -> int:
+        """That of the run; 1 if a goal of the accuracy was not reached."""
+        return self.recorded.exit_code
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers of the run and of its accuracy."""
+        from rid_daq.recording.recorded_run import stop_document
+
+        run, accuracy = self.recorded.run, self.recorded.accuracy
+        if self.recorded.rehearsal_only:
+            return {"rehearsal": str(run.folder.path), **stop_document(run.outcome)}
+        found = None if accuracy is None else _accuracy_document(accuracy)
+        return run.document() | {"accuracy": found}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield timing, accuracy, how the motion ended, and the next command."""
+        from rid_daq.operations.experiment.recorded_motion import REHEARSAL_ALONE
+
+        run, accuracy = self.recorded.run, self.recorded.accuracy
+        if self.recorded.rehearsal_only:
+            yield Verdict(passed=False, text=f"{run.stop_sentence} {REHEARSAL_ALONE}")
+            return
+        yield Text(text=run.timing_sentence)
+        if accuracy is not None and accuracy.running is not None:
+            yield Text(text=f"Running estimate: {accuracy.running_sentence()}")
+            yield Text(text=SINGLE_PERIODS)
+        for sentence in [] if accuracy is None else accuracy.sentences():
+            yield Text(text=sentence)
+        yield from run.blocks()
+        if run.is_usable:
+            words = self.recorded.motion.next_command(run.folder.path)
+            yield Next(words=tuple(map(str, words)))
+
+
+def _accuracy_document(accuracy: AccuracyWatch) -> dict[str, object]:
+    running = accuracy.running
+    return {
+        "relative_percent": None if running is None else running.relative_percent.tolist(),
+        "relative_percent_of": "single periods",
+        "reached": accuracy.reached if accuracy.goals else None,
+        "periods": accuracy.periods,
+        "goals": accuracy.sentences(),
+    }
+
+
+def run(request: RecordRequest, context: Context) -> RecordResult:
+    """Record a motion."""
+    from rid_daq.operations.experiment.recorded_motion import record_motion_file
+
+    return RecordResult(record_motion_file(request, context))
+
+
+OPERATION: Final = Operation(
+    name="record",
+    label="Record",
+    request=RecordRequest,
+    run=run,
+    examples=(
+        "record ir361 motion.yaml --label monday --until torque<1.5Nm",
+        "record cell.yaml path.yaml --feedforward ahead.json --rehearse --live",
+    ),
+    opens_cell=True,
+    moves=True,
+    module="rid_daq.operations.experiment.recorded_motion",
+)

@@ -1,0 +1,129 @@
+"""`stream`: follow a path with the compensation computed on line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
+from config.ranges import BufferS, PatienceS
+from rid_daq.blocks.block import AnyBlock, Next, Text
+from rid_daq.operations.cell.shared import AxisTest, Cleared, OfFile, Practise, Simulation
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.operations.path.shared import LoopsFile, ModelFile, Temperature
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.recording.recorded_run import RecordedRun
+
+
+class StreamOptions(Request):
+    """How a path is streamed."""
+
+    compensated: Annotated[
+        bool,
+        Field(description="Compensate the path; `--plain` uses velocity feedforward alone."),
+        Option(flag="plain", value=False),
+    ] = True
+    buffer_s: Annotated[
+        BufferS,
+        Field(description="Least part of the path to read ahead."),
+        Option(flag="buffer", unit="s", metavar="SECONDS"),
+    ] = BUFFER_S
+    patience_s: Annotated[
+        PatienceS,
+        Field(description="Time to wait for the first points of another program."),
+        Option(flag="wait", unit="s", metavar="SECONDS"),
+    ] = CLIENT_PATIENCE_S
+
+
+class StreamRequest(Request):
+    """Follow a path more closely: the compensation is computed while the robot moves.
+
+    The path comes from a motion file, or point by point from another program over a local socket.
+    Every point is checked before it is driven. When points stop coming, or a bad one comes, the
+    robot is slowed down along the points that it has until it rests (exit code 4 or 5).
+    """
+
+    cell: CellName
+    motion: Annotated[
+        Path | None,
+        Field(description="Motion file; points from another program if not set."),
+        Option(positional=True, metavar="[MOTION]", file="input"),
+    ] = None
+    model: ModelFile
+    loop: LoopsFile
+    socket: Annotated[
+        Path | None,
+        Field(
+            description="Socket for the program that sends points, in a folder of your own; in the"
+            " runtime directory if not set."
+        ),
+    ] = None
+    options: StreamOptions = StreamOptions()
+    temperature: Temperature = None
+    simulation: Simulation = Simulation()
+    cleared: Cleared = False
+    axis_test: AxisTest = "required"
+    practise: Practise = False
+    label: Annotated[OfFile, Option(group=FILES)] = None
+    runs: RunsFolder = DEFAULT_RUNS
+
+
+@dataclass(frozen=True)
+class StreamResult:
+    """A path that was driven and recorded.
+
+    Attributes
+    ----------
+    request : StreamRequest
+        What was asked for.
+    run : RecordedRun
+        The run.
+    """
+
+    request: StreamRequest
+    run: RecordedRun
+
+    @property
+    def exit_code(self) -> int:
+        """That of the run."""
+        return self.run.exit_code
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers of the run."""
+        return self.run.document() | {"compensated": self.request.options.compensated}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield timing, how the motion ended, and the next command."""
+        yield Text(text=self.run.timing_sentence)
+        yield from self.run.blocks()
+        if self.run.is_usable and self.request.motion is not None:
+            yield Next(words=("tracking", str(self.run.folder.path)))
+
+
+def run(request: StreamRequest, context: Context) -> StreamResult:
+    """Stream a path."""
+    from rid_daq.operations.path.streamed_path import stream_path
+
+    return StreamResult(request, stream_path(request, context))
+
+
+OPERATION: Final = Operation(
+    name="stream",
+    label="Stream",
+    request=StreamRequest,
+    run=run,
+    examples=(
+        "stream ir361 path.yaml --model model.json --loop loops.json",
+        "stream cell.yaml --model model.json --loop loops.json --socket points --wait 30",
+    ),
+    opens_cell=True,
+    moves=True,
+    module="rid_daq.operations.path.streamed_path",
+)
