@@ -28,7 +28,7 @@ ROUNDS: Final = 7
 PEER_S: Final = 0.09
 """What the peer took on the calm computer on which the bars were set."""
 
-BARS_S: Final = {"--version": 0.1, "runs": 0.3, "--help": 0.4, "check": 1.0}
+BARS_S: Final = {"--version": 0.1, "runs": 0.3, "--help": 0.3, "check": 1.0}
 
 
 def processor_s(command: Sequence[str]) -> float:

@@ -12,7 +12,7 @@ import typer
 
 from config.ranges import least
 from config.robot.friction_terms import FrictionTerm
-from identification.choices import BandHz, BaseMassKg, Millimetres, Share, StandstillRadS
+from identification.choices import BandHz, Millimetres, Share, StandstillRadS
 from rid_daq.terminal.plausible_option import plausible_as
 
 MassLimit = Annotated[
@@ -83,16 +83,6 @@ FrictionTerms = Annotated[
         "--friction-terms",
         metavar="TERM,...",
         help=f"Friction of every joint: {', '.join(get_args(FrictionTerm))}.",
-    ),
-]
-
-BaseMass = Annotated[
-    float | None,
-    typer.Option(
-        "--mass",
-        min=least(BaseMassKg),
-        callback=plausible_as(BaseMassKg),
-        help="Mass of all that the base carries [kg].",
     ),
 ]
 

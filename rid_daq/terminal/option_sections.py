@@ -73,7 +73,6 @@ SHARED: dict[str, tuple[str, ...]] = {
 """The sections after the command's own options, and what belongs there wherever it is taken."""
 
 OWN: dict[str, dict[str, tuple[str, ...]]] = {
-    "payload identify": {"Payload": ("--known", "--torque-constant-sigma")},
     "sensitivity": {
         "Doubts": ("--bias", "--doubt-torque-constants", "--doubt-links", "--doubt-rotors"),
         "Monte Carlo": ("--draws", "--seed", "--scheduler"),

@@ -25,8 +25,8 @@ class DocsRequest(Request):
     topic: Annotated[
         str | None,
         Field(
-            description="Page to open: `payload`, `faults`, a decision's number ... (default: the"
-            " start page)."
+            description="Page to open, such as `payload`, `faults` or the number of a decision"
+            " (default: the start page)."
         ),
         Option(positional=True, metavar="[TOPIC]"),
     ] = None
