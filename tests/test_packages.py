@@ -82,10 +82,10 @@ def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) ->
     assert loaded_by(module, heavy) == "set()"
 
 
-@pytest.mark.parametrize("command", ["identify"])
-def test_a_command_starts_without_what_takes_a_second_to_import(command: str) -> None:
+@pytest.mark.parametrize("name", ["identify.identify", "experiment.record"])
+def test_a_command_starts_without_what_takes_a_second_to_import(name: str) -> None:
     heavy = ("scipy.stats", "scipy.signal", "uvicorn", "starlette")
-    assert loaded_by(f"rid_daq.commands.{command}", heavy) == "set()"
+    assert loaded_by(f"rid_daq.operations.{name}", heavy) == "set()"
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_command_starts_without_what_takes_a_second_to_import(command: str) ->
     [
         ("rid_daq.runs.run_data", ("numba", "llvmlite", "scipy", "matplotlib", "bokeh")),
         (
-            "rid_daq.performers.identify",
+            "rid_daq.operations.identify.identified_runs",
             (
                 *("scipy.optimize", "scipy.interpolate", "scipy.integrate", "scipy.spatial"),
                 *("scipy.signal", "matplotlib", "bokeh"),

@@ -46,6 +46,7 @@ WITHDRAWN = (
     "Request-design-MultisineOptions: is gone",
     "Request-design-SearchOptions: is gone",
     "Request-design-TwoHarmonicOptions: is gone",
+    "Request-identify-EstimationRequest.loaded: is gone",
     "Request-payload_identify-Known: is gone",
     "Request-payload_identify-ModelOptions: is gone",
     "Request-payload_identify-PayloadLimits: is gone",
@@ -58,6 +59,7 @@ WITHDRAWN = (
 Options of `design` have other names; the documents that they describe are accepted as before. Fault
 scripts in requests could kill the service's processes and fill its disk; `record` takes the file of
 a script. A client could say that a key is held (`AxisTestRule`). No client could set the live page.
+`loaded` of `identify` names the runs with a load; `loaded` inside `how` had no effect.
 """
 
 

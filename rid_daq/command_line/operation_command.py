@@ -6,6 +6,7 @@ import functools
 import re
 import textwrap
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,9 +55,15 @@ class OperationCommand(click.Command):
             *([service] if operation.is_job else []),
             click.Option(["--json", "as_json"], is_flag=True, help=JSON_HELP),
         ]
+        own: list[click.Parameter] = []
+        self._groups: dict[str, str] = {}
+        for key, (first, *_) in self._fields.items():
+            parameters = [_parameter(key, first), *_further(key, first)]
+            own += parameters
+            self._groups |= {str(one.name): first.option.group for one in parameters}
         super().__init__(
             operation.name.split()[-1],
-            params=[_parameter(key, each[0]) for key, each in self._fields.items()] + common,
+            params=own + common,
             callback=self._call,
             help=operation.request.__doc__,
         )
@@ -71,7 +78,7 @@ class OperationCommand(click.Command):
             if shown is not None and shown.option.positional:
                 arguments.append((shown.flag, shown.help))
             elif record := each.get_help_record(ctx):
-                group = FILES if shown is None else shown.option.group
+                group = self._groups.get(each.name or "", FILES)
                 (last if group == FILES else sections.setdefault(group, [])).append(record)
         for title, records in (("Arguments", arguments), *sections.items(), (FILES, last)):
             if records:
@@ -94,7 +101,7 @@ class OperationCommand(click.Command):
             require_memory(NUMERICS_BYTES)
         values: dict[str, object] = {}
         for key, fields in self._fields.items():
-            value = given[key]
+            value = _with_further(key, fields[0], given)
             if value is None or value == ():
                 continue
             if fields[0].option.value is not None:
@@ -157,7 +164,8 @@ def _parameter(key: str, shown: ShownField) -> click.Parameter:
         no = f"/--no-{shown.flag[2:]}" if option.negatable else ""
         flag = f"{shown.flag}{no}"
         return click.Option([*names, flag, key], is_flag=True, default=None, help=shown.help)
-    words = 1 if repeated or origin is not tuple or option.separator else len(arguments)
+    is_one = repeated or origin is not tuple or option.separator or option.further
+    words = 1 if is_one else len(arguments)
     return click.Option(
         [*names, shown.flag, key],
         multiple=repeated and not option.separator,
@@ -167,6 +175,32 @@ def _parameter(key: str, shown: ShownField) -> click.Parameter:
         required=required,
         type=value,
     )
+
+
+def _further(key: str, shown: ShownField) -> list[click.Option]:
+    """Return the options of the numbers after the first one of a tuple."""
+    return [
+        click.Option(
+            [f"--{each.flag}", f"{key}{_PARTS}{place}"],
+            metavar=PLACEHOLDERS[float],
+            help=f"{each.description} [{shown.option.unit}]. Default: {each.default}.",
+        )
+        for place, each in enumerate(shown.option.further)
+    ]
+
+
+def _with_further(key: str, shown: ShownField, given: Mapping[str, Any]) -> Any:
+    """Return the value of a field; of a tuple with the numbers that other options give."""
+    value, further = given[key], shown.option.further
+    others = [given[f"{key}{_PARTS}{place}"] for place in range(len(further))]
+    if value is None and any(each is not None for each in others):
+        raise ConfigError(
+            f"--{further[0].flag}: has no effect without {shown.flag}; leave it out", code=INVALID
+        )
+    if value is None or not further:
+        return value
+    pairs = zip(others, further, strict=True)
+    return (value, *(each.default if other is None else other for other, each in pairs))
 
 
 def _wrapped(command: str, columns: int) -> list[str]:

@@ -7,9 +7,6 @@ from typing import Final
 from rid_daq.operations.catalogue import Entry
 
 TYPER: Final = {
-    "identify": Entry(
-        "identify", "Identify", "estimate the robot's parameters from one or more runs"
-    ),
     "payload session": Entry(
         "payload_session", "", "lead through a session: check, warm up, record, identify, judge"
     ),

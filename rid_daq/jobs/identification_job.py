@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, cast, get_args
+from typing import Final
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
-from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.cad import cad_prior
 from identification.accuracy.plate_benefit import Improvement, improvement
@@ -335,29 +334,3 @@ def one_robot(data: Sequence[RunData]) -> RobotDescription:
             code="RID-RUN-KINDS-MIXED",
         )
     return robot
-
-
-def friction_terms_of(text: str | None) -> tuple[FrictionTerm, ...] | None:
-    """Return the friction terms that a comma-separated list names; None where there is none.
-
-    Raises
-    ------
-    ConfigError
-        It names none, an unknown one, or one twice.
-    """
-    if text is None:
-        return None
-    terms = tuple(term.strip() for term in text.split(",") if term.strip())
-    if not terms:
-        raise ConfigError(
-            "--friction-terms names none; --no-friction leaves friction out", code="RID-OPTION-NAME"
-        )
-    known = get_args(FrictionTerm)
-    unknown = [term for term in terms if term not in known]
-    if unknown or len(set(terms)) != len(terms):
-        raise ConfigError(
-            f"--friction-terms {text}: {', '.join(unknown) or 'a term stands twice'}; the terms"
-            f" are {', '.join(known)}",
-            code="RID-OPTION-NAME",
-        )
-    return cast(tuple[FrictionTerm, ...], terms)

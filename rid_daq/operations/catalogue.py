@@ -86,6 +86,9 @@ CATALOGUE: Final = {
     "drives fit": Entry("cell.drives", "", "the keys that a drive's data sheet needs"),
     "mock": Entry("cell", "Cell", "serve a cell's simulated devices on their bus until stopped"),
     "stop": Entry("cell", "Cell", "quick stop of whatever session is running on this machine"),
+    "identify": Entry(
+        "identify", "Identify", "estimate the robot's parameters from one or more runs"
+    ),
     "validate": Entry("identify", "Identify", "predict another run's torques and judge the error"),
     "axes": Entry(
         "cell", "Cell", "test direction, encoder and gear of every axis, before the first motion"

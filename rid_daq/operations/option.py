@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, NamedTuple
 
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -14,6 +14,14 @@ from rid_daq.terminal.choices import DEFAULT_RUNS as DEFAULT_RUNS
 
 OPTIONS: Final = "Options"
 FILES: Final = "Files and services"
+
+
+class FurtherNumber(NamedTuple):
+    """A number of a tuple that has an option of its own on the command line."""
+
+    flag: str
+    default: float
+    description: str
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,8 @@ class Option:
         What separates several values in one word of the command line.
     value : object
         What the field becomes if its option is given, which then takes no value.
+    further : tuple of FurtherNumber
+        Numbers of a tuple after its first one, each with an option of its own.
     """
 
     group: str = OPTIONS
@@ -66,6 +76,7 @@ class Option:
     hidden: bool = False
     separator: str = ""
     value: object = None
+    further: tuple[FurtherNumber, ...] = ()
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

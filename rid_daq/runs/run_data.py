@@ -42,7 +42,7 @@ from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.sections.runs import ClockSection, RunSection
 from rid_daq.report.sections.timing import Timing
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 SOURCES = ("source.csv", "source_2.csv", "source_3.csv", "source_4.csv")
 SOURCE = SOURCES[0]
@@ -336,11 +336,11 @@ def every_lack(runs: Sequence[RunData]) -> list[str]:
     return [*lacks(runs), *(runs[0].robot.kinematics.notes if runs else ())]
 
 
-def report_lacks(console: Console, runs: Sequence[RunData]) -> list[str]:
+def report_lacks(context: Context, runs: Sequence[RunData]) -> list[str]:
     """Say what runs lack, and return it."""
     said = every_lack(runs)
     for note in said:
-        console.say(f"note: {note}")
+        context.say(f"note: {note}")
     return said
 
 

@@ -88,4 +88,5 @@ OPERATION: Final = Operation(
     request=FrictionRequest,
     run=run,
     examples=("friction latest", "friction slow fast --model model.json --json"),
+    module="rid_daq.operations.identify.friction_measurement",
 )

@@ -171,4 +171,5 @@ OPERATION: Final = Operation(
         "validate model.json validation",
         "validate model.json fast.yaml --base-limits --cell ir361 --mass 120",
     ),
+    module="rid_daq.operations.identify.model_validation",
 )

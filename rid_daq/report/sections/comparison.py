@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from identification.validation.model_choice import ModelChoice
@@ -162,49 +161,6 @@ class ComparisonSection(Section):
             warming=None if choice.warming is None else WarmingTrial.taken(choice.warming),
             refused_delay_s=choice.refused_delay_s or None,
         )
-
-    def print(self, console: Console) -> None:
-        """Print the chosen terms and what they gain."""
-        console.say("Friction terms, judged on parts of the runs that each fit left out:")
-        console.table(
-            ("axis", "friction terms", "plain", "chosen", "Stribeck speed"),
-            [
-                (
-                    joint,
-                    ", ".join(self.chosen[joint]),
-                    number(plain, 4),
-                    number(chosen, 4),
-                    "-" if speed is None else number(speed, 3),
-                )
-                for joint, plain, chosen, speed in zip(
-                    self.joints, self.plain, self.with_terms, self.stribeck_speed, strict=True
-                )
-            ],
-        )
-        console.say(
-            "RMS error on moving samples [N m or N], plain: coulomb, viscous. A term is kept only"
-            " if it is distinct from zero and the error falls by more than its standard error."
-        )
-        if self.memory is not None and any(d is not None for d in self.memory.distance):
-            console.say("Friction with presliding, judged with standstill and reversal:")
-            console.table(
-                ("RMS error", *self.joints),
-                [
-                    ("without presliding", *(number(e, 4) for e in self.memory.without)),
-                    ("with presliding", *(number(e, 4) for e in self.memory.with_memory)),
-                    (
-                        "presliding distance, if it is chosen",
-                        *("-" if d is None else number(d, 3) for d in self.memory.distance),
-                    ),
-                    (
-                        "share of the friction that gives way",
-                        *("-" if s is None else number(s, 2) for s in self.memory.shown_shares),
-                    ),
-                ],
-            )
-        for trial in (self.warming, self.channel):
-            for sentence in () if trial is None else trial.sentences(self.joints):
-                console.say(sentence)
 
 
 def _terms(choice: ModelChoice) -> list[Texts]:

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.formats import measured, number
 from rid_daq.report.consistency_entry import ConsistencyEntry
 from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite, say_doubts, units
-from rid_daq.terminal.console import Console
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite, units
 
 if TYPE_CHECKING:
     from identification.consistency.consistency_test import ConsistencyTest
@@ -219,44 +217,6 @@ class EstimateSection(Section):
             still={each.joint: each.positions for each in estimate.still} or None,
             consistency=None if consistency is None else ConsistencyEntry.of(consistency),
         )
-
-    def print(self, console: Console) -> None:
-        """Print the parameters with their intervals, and how well they explain the torque."""
-        console.say(self.sentence)
-        console.table(
-            ("#", "parameter", "estimate", "± 2σ", "unit"),
-            [
-                (
-                    str(i),
-                    each.words,
-                    *(
-                        (number(each.value), "at its bound" if each.at_bound else "not shown")
-                        if each.not_shown or each.at_bound
-                        else measured(each.value, 2.0 * each.std)
-                    ),
-                    each.unit,
-                )
-                for i, each in enumerate(self.parameters, start=1)
-            ],
-        )
-        console.table(
-            ("axis", "rms torque", "residual (RMS)", "of torque", "over noise", "fit"),
-            [
-                (
-                    axis.joint,
-                    f"{number(axis.torque)} {axis.unit}",
-                    f"{number(axis.residual)} {axis.unit}",
-                    f"{number(axis.percent, 3)} %",
-                    "–" if axis.over_noise is None else f"{number(axis.over_noise, 2)} times",
-                    axis.grade or "–",
-                )
-                for axis in self.axes
-            ],
-            red=[axis.grade is Grade.BAD for axis in self.axes],
-        )
-        say_doubts(console, self.axes)
-        if self.unseen:
-            console.say(f"Without any effect on the torques: {', '.join(self.unseen)}")
 
 
 def _base_parameters(

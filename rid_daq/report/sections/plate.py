@@ -9,9 +9,8 @@ from pydantic import Strict
 from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from identification.calibration.plate_mistake import PlateMistake
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.formats import measured, number
+from rid_daq.blocks.formats import measured
 from rid_daq.report.sections.section import Numbers, Section, Texts
-from rid_daq.terminal.console import Console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -228,40 +227,6 @@ class PlateSection(Section):
             torque_constants=None if torques is None else TorqueConstants.of(torques),
             mistake=mistake,
         )
-
-    def print(self, console: Console) -> None:
-        """Print how the force plate fits, and what it improved."""
-        console.table(
-            ("component", "residual (RMS)", "of component", "noise", "fit"),
-            [
-                (
-                    each.name,
-                    f"{number(each.residual)} {each.unit}",
-                    "–" if each.percent is None else f"{number(each.percent, 3)} %",
-                    f"{number(each.noise)} {each.unit}",
-                    each.grade or "–",
-                )
-                for each in self.components
-            ],
-            red=[each.grade is Grade.BAD for each in self.components],
-        )
-        if self.improvement is not None:
-            console.say("Standard deviations by the measured noise, with torques, plate, and both:")
-            console.table(
-                ("parameter", "torques", "plate", "both", "unit"),
-                [
-                    (
-                        each.words,
-                        number(each.std_internal, 2),
-                        number(each.std_external, 2),
-                        number(each.std_combined, 2),
-                        each.unit,
-                    )
-                    for each in self.improvement.parameters
-                ],
-            )
-        for sentence in self.sentences:
-            console.say(sentence)
 
 
 def _fit_sentence(plate: PlateFit, weight: Sequence[str]) -> str:

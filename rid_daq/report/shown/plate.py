@@ -1,10 +1,13 @@
-"""Blocks of what a force plate measures: its zero, and the reaction on the base."""
+"""Blocks of a force plate: its zero, its fit, and the reaction on the base."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text
+from rid_daq.blocks.formats import unit
+from rid_daq.report.sections.plate import ImprovementSection, PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
 from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 
@@ -33,6 +36,61 @@ def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
                 Interval(value=1e3 * each.drift_n_s, reach=2e3 * each.drift_std_n_s),
             )
             for each in section.channels
+        ),
+    )
+
+
+def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
+    """Yield how a force plate fits an estimate, and what it improved.
+
+    Parameters
+    ----------
+    section : PlateSection
+        The fit.
+    """
+    yield Heading(text="Force plate", level=3)
+    for sentence in section.sentences:
+        yield Text(text=sentence)
+    yield Table(
+        columns=(
+            Column(title="component", is_text=True),
+            Column(title="unit", is_text=True),
+            Column(title="residual (RMS)"),
+            Column(title="residual / component", unit="%", digits=3),
+            Column(title="noise"),
+            Column(title="fit", is_text=True),
+        ),
+        rows=tuple(
+            (each.name, each.unit, each.residual, each.percent, each.noise, each.grade or "–")
+            for each in section.components
+        ),
+        failed=tuple(each.grade is Grade.BAD for each in section.components),
+    )
+    if section.improvement is not None:
+        yield Text(text="Standard deviations by the measured noise, with torques, plate, and both:")
+        yield _improvement(section.improvement)
+
+
+def _improvement(section: ImprovementSection) -> Table:
+    return Table(
+        columns=(
+            Column(title="parameter", is_text=True),
+            Column(title="estimate ± 2σ by both"),
+            Column(title="unit", is_text=True),
+            Column(title="σ by torques", digits=2),
+            Column(title="σ by plate", digits=2),
+            Column(title="σ by both", digits=2),
+        ),
+        rows=tuple(
+            (
+                each.words,
+                Interval(value=each.value, reach=2.0 * each.std_combined),
+                unit(each.unit),
+                each.std_internal,
+                each.std_external,
+                each.std_combined,
+            )
+            for each in section.parameters
         ),
     )
 

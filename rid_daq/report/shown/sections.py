@@ -8,16 +8,26 @@ from typing import Any, Final
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.report.shown.average import average_blocks
 from rid_daq.report.shown.curves import curves_blocks
+from rid_daq.report.shown.estimate import estimate_blocks
 from rid_daq.report.shown.friction import friction_blocks
-from rid_daq.report.shown.plate import base_load_blocks, plate_zero_blocks, reaction_blocks
+from rid_daq.report.shown.friction_choice import friction_choice_blocks
+from rid_daq.report.shown.plate import (
+    base_load_blocks,
+    plate_blocks,
+    plate_zero_blocks,
+    reaction_blocks,
+)
 from rid_daq.report.shown.retiming import retiming_blocks
 from rid_daq.report.shown.validation import validation_blocks
 
 SHOWN: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "average": average_blocks,
     "base_load": base_load_blocks,
+    "comparison": friction_choice_blocks,
     "curves": curves_blocks,
+    "estimate": estimate_blocks,
     "friction": friction_blocks,
+    "plate": plate_blocks,
     "plate_zero": plate_zero_blocks,
     "reaction": reaction_blocks,
     "retiming": retiming_blocks,

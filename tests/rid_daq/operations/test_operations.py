@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from enum import EnumType
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin
 
 import click
 import pytest
@@ -132,7 +132,9 @@ def test_a_program_cannot_give_a_text_for_a_number(name: str) -> None:
 def test_an_option_without_effect_is_refused(name: str) -> None:
     for each in fields(name):
         if each.option.needs:
-            value = "1" if each.type in (int, float) else "a"
+            value: object = "1" if each.type in (int, float) else "a"
+            if get_origin(each.type) is tuple:
+                value = ("1",) * len(get_args(each.type))
             with pytest.raises(ConfigError) as caught:
                 operation(name).request.of(nested(required(name), each.path, value), flags=True)
             assert caught.value.refusal == "RID-REQUEST-INVALID"

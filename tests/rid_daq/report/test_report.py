@@ -240,7 +240,7 @@ def test_the_page_shows_what_the_issue_asks_for(page: str) -> None:
 def test_a_value_has_the_digits_of_its_interval_and_all_of_them_where_it_is_pointed_at(
     page: str,
 ) -> None:
-    row = '<td><span title="1.5432">1.543</span></td><td><span title="0.0246">0.025</span></td>'
+    row = 'title="1.5432 ± 0.0246">1.543 ± 0.025</td>'
     assert row in page
     assert ">1.5432<" not in page
 

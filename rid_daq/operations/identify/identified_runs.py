@@ -1,13 +1,12 @@
-"""`rid-daq identify`: runs to a model file and a report."""
+"""`identify_runs`: from runs to a model file and a report."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
-from config.ranges import Ranged
 from identification.accuracy.identifiability import (
     few_findings,
     noiseless_findings,
@@ -17,13 +16,13 @@ from identification.accuracy.identifiability import (
 )
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
-from identification.choices import LoadMassKg, LoadMassSigmaKg
 from identification.consistency.closest_robot import check_consistency
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.cross_checks.agreement import CrossCheck, Method
 from identification.equations.bus_delay import refused_delay_findings
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
+from identification.estimation.options import EstimationOptions
 from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
 from identification.validation.model_choice import STEPS, ModelChoice
@@ -38,6 +37,8 @@ from rid_daq.jobs.identification_job import (
     gains_of_drives,
 )
 from rid_daq.jobs.wiring_job import WiringDiagnosis, diagnose_wiring, wired_signals
+from rid_daq.operations.identify.identify import IdentifyRequest
+from rid_daq.operations.operation import Context
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result import NOTHING_JUDGED, Result
 from rid_daq.report.sections.average import AverageSection
@@ -48,58 +49,19 @@ from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
+from rid_daq.runs import made_file
 from rid_daq.runs.measured_torques import require_torques
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, clocks_of, note_output, report_lacks, result_of
 from rid_daq.terminal.choices import MODEL
-from rid_daq.terminal.console import Console
 
 BAD_FIT = "Failed: the model does not explain this run"
 MISTAKEN = "Failed: a file of this run is probably wrong"
 
 
 @dataclass(frozen=True)
-class IdentifyRequest(Ranged):
-    """What `rid-daq identify` was asked for.
-
-    Attributes
-    ----------
-    runs : Path
-        The folder of the run folders.
-    names : tuple of str
-        The runs: folders, ids or labels.
-    unfinished : bool
-        Whether runs that were never finished will do.
-    how : EstimationRequest
-        What is estimated; which runs were loaded follows from `loaded`.
-    loaded : tuple of str
-        Those of the runs that carried an unknown payload.
-    load_mass_kg : tuple of float, or None
-        Mass of that payload and its standard deviation [kg], where drive gains are wanted.
-    choose, cross_check, diagnose : bool
-        Whether friction terms are chosen, whether other methods estimate too, and whether mistakes
-        of wiring are looked for.
-    output : Path or None
-        The model file; that of the first run if None.
-    overwrite : bool
-        Whether that file may be there already.
-    """
-
-    runs: Path
-    names: tuple[str, ...]
-    unfinished: bool = False
-    how: EstimationRequest = field(default_factory=EstimationRequest)
-    loaded: tuple[str, ...] = ()
-    load_mass_kg: tuple[LoadMassKg, LoadMassSigmaKg] | None = None
-    choose: bool = False
-    cross_check: bool = False
-    diagnose: bool = True
-    output: Path | None = None
-    overwrite: bool = False
-
-
-@dataclass(frozen=True)
 class IdentifiedRuns:
-    """What `rid-daq identify` found.
+    """A model that was identified and written.
 
     Attributes
     ----------
@@ -112,9 +74,9 @@ class IdentifiedRuns:
     notes : list of str
         What the runs lack.
     gains : DriveGains or None
-        Where they were asked for.
+        Drive gains; None if no load mass was given.
     plate_unused : bool
-        Whether the runs have a force plate that the model does not use.
+        True if the runs have a force plate that the model does not use.
     clocks : list of ClockSection
         Repeated, missing and jittered rows of each run, and where its times come from.
     """
@@ -128,17 +90,20 @@ class IdentifiedRuns:
     clocks: list[ClockSection]
 
     @property
+    def section(self) -> EstimateSection:
+        """The estimate in the result."""
+        assert self.result.estimate is not None
+        return self.result.estimate
+
+    @property
     def bad_joints(self) -> tuple[str, ...]:
         """The joints whose torque the model does not explain."""
-        estimate = self.result.estimate
-        assert estimate is not None
-        return tuple(axis.joint for axis in estimate.axes if axis.grade is Grade.BAD)
+        return tuple(axis.joint for axis in self.section.axes if axis.grade is Grade.BAD)
 
     @property
     def has_mistakes(self) -> bool:
         """True if a mistake explains the runs far better, or they show what no robot does."""
-        estimate = self.result.estimate
-        assert estimate is not None
+        estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
         return bool(estimate.mistakes or estimate.driving or heavy or self.plate_is_doubted)
 
@@ -149,15 +114,15 @@ class IdentifiedRuns:
         return plate is not None and bool(plate.bad_components or plate.mistake)
 
 
-def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
+def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     """Estimate a robot from runs; write the model file and the first run's report.
 
     Parameters
     ----------
     request : IdentifyRequest
         What is asked for.
-    console : Console
-        Where progress, and what the runs lack, is shown.
+    context : Context
+        Shows progress, and what the runs lack.
 
     Raises
     ------
@@ -168,19 +133,16 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     RecordingError
         A run cannot be read, or a file not be written.
     """
+    request.refuse_contradictions()
+    refuse_output(request.output, request.overwrite, made_file.MODEL)
     found = find_runs(request.runs, list(request.names))
     data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
-    notes = report_lacks(console, data)
-    how = replace(request.how, loaded=_loaded(request, data))
-    if request.load_mass_kg is not None and not how.loaded:
-        raise ConfigError(
-            "--load-mass is the mass of the payload: name the runs with it (--loaded)",
-            code="RID-OPTION-NEEDS",
-        )
+    notes = report_lacks(context, data)
+    how = replace(_method(request), loaded=_loaded(request, data))
     if how.options.model.kind != "external":
         require_torques(data)
     first = data[0]
-    comparison = _chosen(data, how, console) if request.choose else None
+    comparison = _chosen(data, how, context) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot, chosen=comparison)
     estimate, wiring = identified.estimate, WiringDiagnosis()
@@ -213,7 +175,7 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
     if request.diagnose and not request.choose:
         findings += asked_terms(estimate, data, how)
-    findings += _cross_checked(data, how, estimate, console) if request.cross_check else []
+    findings += _cross_checked(data, how, estimate, context) if request.cross_check else []
     before = result_of(first, notes)
     section = EstimateSection.of(
         estimate,
@@ -242,6 +204,15 @@ def identify_runs(request: IdentifyRequest, console: Console) -> IdentifiedRuns:
     has_plate = first.is_periodic and all(item.has_plate for item in data)
     unused = has_plate and plate is None
     return IdentifiedRuns(output, result, report, notes, gains, unused, clocks_of(data))
+
+
+def _method(request: IdentifyRequest) -> EstimationRequest:
+    """Return what is estimated, as a request says it."""
+    asked = request.how.options
+    model = asked.model.options()
+    model = replace(model, payload=model.payload or bool(request.loaded))
+    options = EstimationOptions(model, asked.weighting, None, asked.band_hz, asked.standstill_rad_s)
+    return EstimationRequest(options, request.how.cad_prior)
 
 
 def _verdict(
@@ -282,18 +253,18 @@ def _loaded(request: IdentifyRequest, data: tuple[RunData, ...]) -> tuple[str, .
     return ids
 
 
-def _chosen(data: tuple[RunData, ...], how: EstimationRequest, console: Console) -> ModelChoice:
-    with console.progress("Choosing the model", float(STEPS), "steps") as shown:
+def _chosen(data: tuple[RunData, ...], how: EstimationRequest, context: Context) -> ModelChoice:
+    with context.progress("Choosing the model", float(STEPS), "steps") as shown:
         return compare_friction(
             data, how, lambda done, _, name: shown.update(float(done), f"next: {name}")
         )
 
 
 def _cross_checked(
-    data: tuple[RunData, ...], how: EstimationRequest, estimate: Estimate, console: Console
+    data: tuple[RunData, ...], how: EstimationRequest, estimate: Estimate, context: Context
 ) -> list[str]:
     checks: list[CrossCheck] = []
-    with console.progress("Cross-checking", float(len(Method)), "methods") as shown:
+    with context.progress("Cross-checking", float(len(Method)), "methods") as shown:
         shown.update(0.0, f"next: {next(iter(Method))}")
         for number, check in enumerate(check_otherwise(estimate, data, how), 1):
             checks.append(check)

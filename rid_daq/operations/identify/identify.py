@@ -1,0 +1,260 @@
+"""`identify`: estimate the robot's parameters from one or more runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+from pydantic import Field
+
+from config.errors import ConfigError
+from identification.choices import (
+    BAND_HZ,
+    STANDSTILL_RAD_S,
+    LoadMassKg,
+    LoadMassSigmaKg,
+)
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.operations.identify.model_terms import EQUATIONS, Band, ModelTerms, Standstill
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import (
+    DEFAULT_RUNS,
+    FILES,
+    FurtherNumber,
+    Option,
+    Overwrite,
+    RunNames,
+    RunsFolder,
+    Unfinished,
+)
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from identification.calibration.drive_gains import DriveGains
+    from rid_daq.operations.identify.identified_runs import IdentifiedRuns
+
+LOAD: Final = "Known load"
+
+
+class ModelOptions(ModelTerms):
+    """The terms of the model."""
+
+    kind: Annotated[
+        Literal["internal", "external", "combined"],
+        Field(
+            description="Measured quantities: internal (torques), external (reaction on a force"
+            " plate) or combined (both)."
+        ),
+        Option(group=EQUATIONS, flag="model"),
+    ] = "internal"
+    friction: Annotated[
+        bool,
+        Field(description="Include the friction that the robot file names."),
+        Option(group=EQUATIONS, negatable=True),
+    ] = True
+    spring: Annotated[
+        bool,
+        Field(description="Include the gravity spring."),
+        Option(group=EQUATIONS, negatable=True),
+    ] = True
+
+
+class EstimationOptions(Request):
+    """The model, and how its equations are weighted."""
+
+    model: ModelOptions = Field(default_factory=ModelOptions)
+    weighting: Annotated[
+        Literal["ml", "ls", "huber"],
+        Field(
+            description="Weights: ml (by noise), ls (none) or huber (by noise, robust to outliers)."
+        ),
+        Option(group=EQUATIONS, flag="estimator"),
+    ] = "ml"
+    band_hz: Band = BAND_HZ
+    standstill_rad_s: Standstill = STANDSTILL_RAD_S
+
+
+class EstimationRequest(Request):
+    """The estimation and its prior knowledge."""
+
+    options: EstimationOptions = Field(default_factory=EstimationOptions)
+    cad_prior: Annotated[
+        bool,
+        Field(description="Use the drawings (CAD) of the robot file as prior knowledge."),
+        Option(group=EQUATIONS),
+    ] = False
+
+
+class IdentifyRequest(Request):
+    """Estimate the robot's base parameters, with intervals, from one or more runs.
+
+    Periodic runs are averaged and used on their harmonics; others are low-passed without phase
+    shift and used in the time domain. The model file is complete in itself. If the model does not
+    explain a joint's torque, or a common mistake of wiring, units or files explains it far better,
+    the exit code is 6.
+    """
+
+    names: RunNames
+    runs: RunsFolder = DEFAULT_RUNS
+    output: Annotated[
+        Path | None,
+        Field(description="Model file to write; model.json of the first run if not set."),
+        Option(short="o", metavar="MODEL", group=FILES, file="output", endings=(".json",)),
+    ] = None
+    choose: Annotated[
+        bool,
+        Field(description="Choose the friction terms of each joint by cross-validation."),
+        Option(negatable=True),
+    ] = False
+    how: EstimationRequest = Field(default_factory=EstimationRequest)
+    loaded: Annotated[
+        tuple[str, ...],
+        Field(description="Run among RUN... that carried an unknown payload."),
+        Option(group=LOAD, metavar="RUN"),
+    ] = ()
+    load_mass_kg: Annotated[
+        tuple[LoadMassKg, LoadMassSigmaKg] | None,
+        Field(description="Weighed mass of that payload, to estimate drive gains."),
+        Option(
+            group=LOAD,
+            flag="load-mass",
+            unit="kg",
+            needs="loaded",
+            further=(FurtherNumber("load-mass-sigma", 0.01, "Standard deviation of the scales"),),
+        ),
+    ] = None
+    cross_check: Annotated[
+        bool, Field(description="Estimate by three other methods as well, and compare.")
+    ] = False
+    diagnose: Annotated[
+        bool,
+        Field(
+            description="Look for mistakes of wiring, units and files that explain the runs far"
+            " better."
+        ),
+        Option(negatable=True),
+    ] = True
+    overwrite: Overwrite = False
+    unfinished: Unfinished = False
+
+    def refuse_contradictions(self) -> None:
+        """Refuse friction options beside --choose, which chooses the friction terms itself.
+
+        Raises
+        ------
+        ConfigError
+            One of them is set.
+        """
+        terms = self.how.options.model
+        if self.choose and (terms.friction_terms is not None or not terms.friction):
+            raise ConfigError(
+                "--choose chooses the friction terms: leave the other option out",
+                code="RID-OPTION-EXCLUSIVE",
+            )
+
+
+@dataclass(frozen=True)
+class IdentifyResult:
+    """A model that was identified and written.
+
+    Attributes
+    ----------
+    identified : IdentifiedRuns
+        The model, and the files with it.
+    """
+
+    identified: IdentifiedRuns
+
+    @property
+    def exit_code(self) -> int:
+        """6 if a joint is not explained, or a mistake is found."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        found = self.identified
+        return ExitCode.DATA_QUALITY if found.bad_joints or found.has_mistakes else ExitCode.DONE
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        found, result = self.identified, self.identified.result
+        parts = {
+            "drive_gains": None if found.gains is None else _gains(found.gains),
+            "plate": result.plate,
+            "comparison": result.comparison,
+        }
+        return {
+            "model": str(found.model),
+            "estimate": found.section,
+            **{name: part for name, part in parts.items() if part is not None},
+            "notes": found.notes,
+            "clocks": found.clocks,
+            "report": str(found.report),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the choice, the parameters, the fit, findings, mistakes and the verdict."""
+        from rid_daq.report.shown.estimate import (
+            finding_texts,
+            fit_blocks,
+            mistake_blocks,
+            parameter_table,
+        )
+        from rid_daq.report.shown.friction_choice import friction_choice_blocks
+        from rid_daq.report.shown.plate import plate_blocks
+
+        found, result, section = self.identified, self.identified.result, self.identified.section
+        if result.comparison is not None:
+            yield from friction_choice_blocks(result.comparison)
+        yield Text(text=section.sentence)
+        yield parameter_table(section)
+        yield from fit_blocks(section)
+        if result.plate is not None:
+            yield from plate_blocks(result.plate)
+        if found.plate_unused:
+            yield Text(text="The runs have a force plate's reaction too: --model combined uses it")
+        yield from finding_texts(section)
+        yield from mistake_blocks(section)
+        yield from self._ending()
+
+    def _ending(self) -> Iterator[AnyBlock]:
+        found, bad = self.identified, self.identified.bad_joints
+        yield Verdict(passed=not bad, text=f"Model: {found.model}")
+        yield Text(text=f"Report: {found.report}")
+        if bad:
+            yield Verdict(
+                passed=False,
+                text=f"The model does not explain the torque of {', '.join(bad)}: it is not"
+                " exported without --despite-misfit. Correct the files, then identify again.",
+            )
+        else:
+            yield Text(text="RUN is a run that was not used here.")
+            yield Next(words=("validate", str(found.model), "RUN"))
+
+
+def _gains(gains: DriveGains) -> dict[str, dict[str, float]]:
+    return {
+        name: {"value": float(value), "std": float(sigma)}
+        for name, value, sigma in zip(gains.joint_names, gains.values, gains.sigma, strict=True)
+    }
+
+
+def run(request: IdentifyRequest, context: Context) -> IdentifyResult:
+    """Identify the robot, and write the model and the report."""
+    from rid_daq.operations.identify.identified_runs import identify_runs
+
+    return IdentifyResult(identify_runs(request, context))
+
+
+OPERATION: Final = Operation(
+    name="identify",
+    label="Identify a robot",
+    request=IdentifyRequest,
+    run=run,
+    examples=(
+        "identify latest --output model.json",
+        "identify first second --choose --json",
+        "identify empty loaded --loaded loaded --load-mass 5.02",
+    ),
+    module="rid_daq.operations.identify.identified_runs",
+)
