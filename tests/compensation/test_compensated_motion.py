@@ -21,6 +21,7 @@ from config.errors import ConfigError
 from config.load import LoadedCell
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -113,9 +114,9 @@ def test_loops_come_back_from_their_file(
         assert again.integral_time_s == loop.integral_time_s
         np.testing.assert_array_equal(again.covariance, loop.covariance)
     path.write_text("{}")
-    with pytest.raises(ConfigError, match="rid-daq loop"):
+    with raises_code(ConfigError, "RID-FILE-VALUE", f"{path}: ", "`rid-daq loop`", "format:"):
         read_loops(path)
-    with pytest.raises(ConfigError, match="cannot be read"):
+    with raises_code(ConfigError, "RID-FILE-READ", "none.json: "):
         read_loops(tmp_path / "none.json")
 
 
@@ -124,10 +125,10 @@ def test_loops_and_models_of_other_joints_are_refused(
 ) -> None:
     motion = circle((0.575, -0.078, -1.724), 0.2, 0.6)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
-    with pytest.raises(ConfigError, match="no velocity loop of axis1"):
+    with raises_code(ConfigError, "RID-LOOP-MISSING", "axis1"):
         compensated_motion(samples, model, loops[1:])
     others = replace(samples, joint_names=("a", "b", "c"))
-    with pytest.raises(ConfigError, match="model of this robot"):
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "axis1, axis2, axis3", "a, b, c"):
         compensated_motion(others, model, loops)
 
 

@@ -36,6 +36,7 @@ from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.preflight.preflight import lines_before_bus, preflight
+from tests.builders.raised_codes import raises_code
 from tests.builders.stalls import where_time_runs
 
 pytestmark = pytest.mark.alone
@@ -275,7 +276,7 @@ def test_a_killed_hosts_axes_come_to_rest_by_themselves(served: Served) -> None:
 def test_a_foreign_master_is_noticed_before_anything_is_sent(served: Served) -> None:
     with other_master(served.cell.can) as bus, served.open() as cell:
         bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
-        with pytest.raises(LockedError, match="it sends SYNC"):
+        with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER", "SYNC"):
             cell.axes.bring_up()
 
 
@@ -297,5 +298,5 @@ def test_simulated_time_belongs_to_rid_sim() -> None:
     simulated = SimulatedCell(
         CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=2)
     )
-    with pytest.raises(ConfigError, match=r"interface slcan there is real time only"):
+    with raises_code(ConfigError, "RID-CELL-NOT-SIMULATED", "slcan"):
         simulated.__enter__()

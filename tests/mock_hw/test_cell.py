@@ -30,6 +30,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.drives_process import LONGEST_WAIT_S
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.simulation import CellSimulation
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -253,7 +254,7 @@ if __name__ == "__main__":
         observer = HubClient(channel, Role.OBSERVER)
         reader = SnapshotReader(short_path / "ir361.axes")
         master.wait(120.0)
-    with pytest.raises(TransportError, match="gone"):
+    with raises_code(TransportError, "RID-MOCK-ENDED", "ir361.sock: "):
         watch(observer, 30.0)
     observer.close()
     with reader:
@@ -268,7 +269,7 @@ if __name__ == "__main__":
 def test_a_cell_that_is_served_already_is_refused(loaded: LoadedCell, short_path: Path) -> None:
     with simulate(loaded, directory=short_path):
         with (
-            pytest.raises(TransportError, match="another simulated bus"),
+            raises_code(TransportError, "RID-MOCK-ENDED", "ir361.sock: another"),
             simulate(loaded, directory=short_path),
         ):
             pass
@@ -277,5 +278,5 @@ def test_a_cell_that_is_served_already_is_refused(loaded: LoadedCell, short_path
 
 
 def test_a_cell_that_is_not_running_has_no_axes(loaded: LoadedCell) -> None:
-    with pytest.raises(TransportError, match="not running"):
+    with raises_code(TransportError, "RID-MOCK-NOT-SERVED"):
         simulate(loaded).axes()

@@ -255,7 +255,7 @@ def test_a_drive_with_neither_watch_is_refused(lacking: str) -> None:
     other = ServoProfile(watch="life_guarding", lacks=("1016h", lacking))
     with (
         opened(cell_of(other, ServoProfile())) as (open_cell, _),
-        pytest.raises(PreflightError, match=f"{lacking}:00 is not in this drive"),
+        raises_code(PreflightError, "RID-PREFLIGHT-RED", "(node 1)", f"{lacking}:00 is not"),
     ):
         open_cell.axes.bring_up()
 

@@ -20,6 +20,7 @@ from drivers.cell import Cell, open_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.plant.rigid_bodies import BaseWrench
 from mock_hw.simulation import CellSimulation
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -202,7 +203,7 @@ def test_an_amplifier_set_to_another_baud_rate_is_found_by_the_driver(loaded: Lo
     with (
         simulate(loaded, amplifier_baud_rate=115200) as simulated,
         amplifier_of(simulated, loaded) as amplifier,
-        pytest.raises(ProtocolError, match="115200"),
+        raises_code(ProtocolError, "RID-AMPLIFIER-SETTING", "plate.amplifier.baud_rate", "115200"),
     ):
         amplifier.connect()
 

@@ -14,23 +14,24 @@ from drivers.servo.bring_up import bus_load
 from drivers.servo.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import DriveIdentity
+from tests.builders.raised_codes import raises_code
 from tests.mock_hw.test_families import INCREMENTS, bundled, cell_of, opened
 
 
 @pytest.mark.parametrize(
-    ("key", "held", "words"),
+    ("key", "held", "details"),
     [
-        ((0x1601, 1), 0x2305_0108, "RPDO 2 object 1 1601h:01 is 23050108h, required: 23010108h"),
-        ((0x1A02, 0), 1, "TPDO 3 number of objects 1A02h:00 is 1h, required: 2h"),
-        ((0x1402, 1), 0x77F, "RPDO 3 identifier 1402h:01 is 77Fh, required: 401h"),
+        ((0x1601, 1), 0x2305_0108, ("1601h:01", "23050108h", "required: 23010108h")),
+        ((0x1A02, 0), 1, ("1A02h:00", "1h", "required: 2h")),
+        ((0x1402, 1), 0x77F, ("1402h:01", "77Fh", "required: 401h")),
     ],
 )
 def test_fixed_pdos_that_are_others_are_never_commanded(
-    key: tuple[int, int], held: int, words: str
+    key: tuple[int, int], held: int, details: tuple[str, ...]
 ) -> None:
     with opened(cell_of(bundled("faulhaber_mc3000"), ServoProfile())) as (open_cell, bus):
         bus.drives[0].objects._stored[key] = held
-        with pytest.raises(PreflightError, match=words):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "base (node 1)", *details):
             open_cell.axes.bring_up()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -23,6 +22,7 @@ from dynamics.geometry.inverse_kinematics import follow
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
 from dynamics.model.robot_model import RobotModel, torque
 from rid_daq.jobs.truth import true_parameters
+from tests.builders.raised_codes import raises_code
 
 Drive = Callable[..., Recording]
 Array = np.ndarray
@@ -106,16 +106,16 @@ class TestCircle:
         np.testing.assert_allclose(poses, np.broadcast_to(wanted, poses.shape), atol=1e-7)
 
     @pytest.mark.parametrize(
-        ("changes", "words"),
+        ("changes", "code", "values"),
         [
-            ({"centre_m": (3.0, 0.0, -1.0)}, "cannot be reached|cannot move"),
-            ({"near": (0.0, 0.0)}, "near has 2 values"),
+            ({"centre_m": (3.0, 0.0, -1.0)}, "RID-PATH-REACH", ("-1000 mm",)),
+            ({"near": (0.0, 0.0)}, "RID-MOTION-JOINTS", ("near", "2 values", "3 joints")),
         ],
     )
     def test_what_cannot_be_driven_is_refused(
-        self, cell: LoadedCell, changes: dict[str, object], words: str
+        self, cell: LoadedCell, changes: dict[str, object], code: str, values: tuple[str, ...]
     ) -> None:
-        with pytest.raises(ConfigError, match=words):
+        with raises_code(ConfigError, code, *values):
             circle(**changes).plan(cell.robot, 0.008)
 
     def test_a_point_out_of_reach_is_refused_with_where_the_tool_was(
@@ -124,7 +124,7 @@ class TestCircle:
         chain, near = Chain.from_description(cell.robot), np.array([0.1, -0.1, 0.4])
         tool = forward(chain, near[np.newaxis])[0]
         place = ", ".join(str(round(1e3 * x)) for x in tool)
-        with pytest.raises(ConfigError, match=re.escape(f"tool was before ({place} mm)")):
+        with raises_code(ConfigError, "RID-PATH-REACH", "point 1", f"({place} mm)"):
             follow(chain, (2.0 * tool)[np.newaxis], near)
 
     def test_positions_are_those_that_were_wanted(self, cell: LoadedCell) -> None:

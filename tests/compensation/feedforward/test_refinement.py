@@ -25,10 +25,11 @@ from compensation.feedforward.tracking_error import TrackingError, tracking_erro
 from compensation.feedforward.tuning import tune
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
-from config.errors import ConfigError, DataQualityError
+from config.errors import DataQualityError, LimitError
 from config.load import LoadedCell
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -146,10 +147,10 @@ class TestTuning:
         gain = cell.config.position_gain_per_s
         measured = repeated_error(planned, [drive(planned, 3)])
         other = [replace(loop, gain=2.0 * loop.gain) for loop in loops]
-        with pytest.raises(DataQualityError, match="another robot or payload"):
+        with raises_code(DataQualityError, "RID-LOOP-OTHER", "axis1"):
             tune(planned, measured, model, other, gain)
         not_periodic = repeated_error(path, [drive(path, seed) for seed in (1, 2)])
-        with pytest.raises(DataQualityError, match="not of a periodic motion"):
+        with raises_code(DataQualityError, "RID-RECORDING-NOT-PERIODIC"):
             tune(path, not_periodic, model, loops, gain)
 
     def test_an_axis_that_hardly_moves_is_left_alone(
@@ -277,7 +278,7 @@ class TestRefinement:
         assert low[0] < low[1] < low[2]
         assert bounds[0].band_hz >= bounds[1].band_hz >= bounds[2].band_hz
         hopeless = [replace(loop, covariance=1e6 * loop.covariance) for loop in loops]
-        with pytest.raises(DataQualityError, match=r"known too badly .*rid-daq loop"):
+        with raises_code(DataQualityError, "RID-LOOP-WEAK", "axis3", "223%"):
             stability_bound(planned, smooth, hopeless, 15.0)
 
 
@@ -285,13 +286,14 @@ def test_repetitions_that_are_none_are_refused(
     drive: Drive, planned: MotionSamples, path: MotionSamples
 ) -> None:
     recording = drive(path, 1)
-    with pytest.raises(DataQualityError, match="give two runs of it or more"):
+    with raises_code(DataQualityError, "RID-REFINE-RUNS", "two runs"):
         repeated_error(path, [recording])
     torn = replace(recording, valid=np.arange(len(recording)) % 3 > 0)
-    with pytest.raises(DataQualityError, match=r"misses \d+ of \d+ rows"):
+    lost = str(np.count_nonzero(~torn.valid))
+    with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", lost):
         repeated_error(path, [recording, torn])
     circle = drive(planned, 1)
-    with pytest.raises(DataQualityError, match="one is enough"):
+    with raises_code(DataQualityError, "RID-REFINE-RUNS", "2 runs"):
         repeated_error(planned, [circle, circle])
 
 
@@ -302,8 +304,6 @@ def test_more_torque_than_a_joint_has_is_refused_by_the_segment(
     joint = cell.robot.joints[2]
     weak = joint.model_copy(update={"limits": joint.limits.model_copy(update={"torque": 20.0})})
     robot = cell.robot.model_copy(update={"joints": (*cell.robot.joints[:2], weak)})
-    words = (
-        r"the corner between segments 1 and 2, \d+ mm into it, the motion takes .* of joint 'axis3'"
-    )
-    with pytest.raises(ConfigError, match=words):
+    where = ("segments 1 and 2", " mm ", "'axis3'", "is 20")
+    with raises_code(LimitError, "RID-MOTION-LIMIT", *where):
         refuse_torque(SPLINE, path, model, robot)

@@ -26,6 +26,7 @@ from compensation.loops.multisine_spectra import interpolation_response, multisi
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
 from config.errors import DataQualityError, EstimationError
 from config.load import LoadedCell
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -272,13 +273,13 @@ def test_what_cannot_be_evaluated_is_refused(
     cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
 ) -> None:
     motion, recording = recorded
-    with pytest.raises(DataQualityError, match="no velocity commands"):
+    with raises_code(DataQualityError, "RID-RUN-FOREIGN"):
         frequency_responses(replace(recording, velocity_command=None), motion, cell.robot)
     torn = recording.valid & (recording.phase != Phase.MAIN)
-    with pytest.raises(DataQualityError, match="holds none of the multisine's 2 realisations"):
+    with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "2 realisations"):
         frequency_responses(replace(recording, valid=torn), motion, cell.robot)
     few = known(controller(500.0, 0.08, 0.0, 0.0), 1.0)
-    with pytest.raises(EstimationError, match="too few"):
+    with raises_code(EstimationError, "RID-LOOP-WEAK", "axis1", "3 lines"):
         fit_velocity_loop(
             replace(
                 few,

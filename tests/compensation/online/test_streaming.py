@@ -99,18 +99,18 @@ class TestBytes:
         assert decoder.ended
 
     @pytest.mark.parametrize(
-        ("data", "text"),
+        ("data", "detail"),
         [
-            (b"GET / HTTP/1.1\r\n", "does not speak this protocol"),
-            (b'{"protocol": "rid-daq points 2"}\n', "does not speak this protocol"),
-            (b"[]\n", "does not speak this protocol"),
-            (b"x" * 2000, "does not speak this protocol"),
-            (HELLO + struct.pack("<I", 2**32 - 1), "a frame of 4294967295 points"),
-            (HELLO + struct.pack("<II", 0, 0), "after the end"),
+            (b"GET / HTTP/1.1\r\n", '"rid-daq points 1"'),
+            (b'{"protocol": "rid-daq points 2"}\n', '"rid-daq points 1"'),
+            (b"[]\n", '"rid-daq points 1"'),
+            (b"x" * 2000, '"rid-daq points 1"'),
+            (HELLO + struct.pack("<I", 2**32 - 1), "4294967295 points"),
+            (HELLO + struct.pack("<II", 0, 0), "the end"),
         ],
     )
-    def test_anything_else_is_refused(self, data: bytes, text: str) -> None:
-        with pytest.raises(ProtocolError, match=text):
+    def test_anything_else_is_refused(self, data: bytes, detail: str) -> None:
+        with raises_code(ProtocolError, "RID-STREAM-PROTOCOL", detail):
             PointDecoder(3).decode(data)
 
 
@@ -304,8 +304,8 @@ class TestSocket:
         points = path_of(40)
 
         def second_is_refused() -> None:
-            told = rf"another session takes points here \(process {os.getpid()}\).*rid-daq stop"
-            with pytest.raises(LockedError, match=told):
+            holder = (f"{path}: ", f"(process {os.getpid()})")
+            with raises_code(LockedError, "RID-CELL-BUSY", *holder):
                 PointServer(
                     path, PointRing.create(3, 50), PointService(ROBOT, Workspace(), 0.008, 64)
                 )

@@ -90,7 +90,8 @@ def test_an_answer_that_is_no_text_is_shown_escaped() -> None:
     with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER", "\\x1b[2J"):
         CODEC.read_answer(b"\x1b[2J")
     assert CODEC.error_text("03") == "error E03 (value out of range)"
-    assert "not in the profile's list" in CODEC.error_text("77")
+    assert CODEC.error_text("77").startswith("error E77 (")
+    assert "77" not in PROFILE.errors
 
 
 @given(st.binary(max_size=40))

@@ -107,10 +107,11 @@ class TestCanopenAsClient:
         assert device.objects[0x2000, 1] == b"\x01\x02"
 
     def test_aborts(self, remote: canopen.RemoteNode) -> None:
-        with pytest.raises(canopen.SdoAbortedError, match="does not exist"):
+        with pytest.raises(canopen.SdoAbortedError) as unknown:
             remote.sdo.upload(0x3000, 0)
-        with pytest.raises(canopen.SdoAbortedError, match=r"read.only"):
+        with pytest.raises(canopen.SdoAbortedError) as read_only:
             remote.sdo.download(0x1000, 0, bytes(4))
+        assert (unknown.value.code, read_only.value.code) == (0x0602_0000, 0x0601_0002)
 
 
 def dictionary(objects: dict[tuple[int, int], tuple[int, int]]) -> canopen.ObjectDictionary:

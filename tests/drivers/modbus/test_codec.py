@@ -12,7 +12,7 @@ from config.cell.drive_profile import NAMEPLATE, POLLED, DriveProfile, Register
 from config.errors import ProtocolError
 from config.load import load_bundled_or_path
 from drivers.modbus.codec import RegisterRead, decode, encode, plan_reads
-from tests.builders.raised_codes import raises_code
+from tests.builders.raised_codes import raises_code, raises_invalid
 
 
 def profile(word_order: Any = "big", **registers: Register) -> DriveProfile:
@@ -118,7 +118,7 @@ class TestWhatTheWordsMean:
 
 class TestProfilesThatCannotBeMeant:
     def test_overlapping_registers(self) -> None:
-        with pytest.raises(ValidationError, match="share the register 11"):
+        with raises_invalid("", "rated_torque_nm", "rated_current_a", "register 11"):
             profile(
                 rated_torque_nm=Register(address=10, type="uint32"),
                 rated_current_a=Register(address=11, type="uint16"),
@@ -126,11 +126,11 @@ class TestProfilesThatCannotBeMeant:
 
     def test_no_temperature(self) -> None:
         only = {"rated_torque_nm": Register(address=1, type="uint16")}
-        with pytest.raises(ValidationError, match="must have motor_temperature_k"):
+        with raises_invalid("", "motor_temperature_k"):
             DriveProfile(name="test", registers=only)  # type: ignore[arg-type]
 
     def test_a_scale_of_zero(self) -> None:
-        with pytest.raises(ValidationError, match="scale must not be 0"):
+        with raises_invalid("", "scale", "0"):
             Register(address=1, type="uint16", scale=0.0)
 
     def test_infinite_numbers(self) -> None:

@@ -9,8 +9,8 @@ from tests.builders.raised_codes import raises_code
 
 
 def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> None:
-    said = "knows no 'socketcann'; did you mean socketcan.* It knows: .*, pcan, rid_sim, "
-    with pytest.raises(ConfigError, match=said):
+    names = ("can.interface: ", "'socketcann'", "socketcan?", ", pcan, rid_sim, ")
+    with raises_code(ConfigError, "RID-CAN-INTERFACE", *names):
         open_can(CanBusConfig(interface="socketcann", channel="can0"))
 
 
@@ -25,10 +25,9 @@ def test_an_interface_that_nobody_knows_is_told_with_those_that_are_known() -> N
     ],
 )
 def test_a_bus_that_is_not_there_is_named_with_what_to_check(interface: str, channel: str) -> None:
-    with raises_code(TransportError, "RID-CAN-OPEN", "can.interface", "can.channel") as caught:
+    names = (f"{interface}:{channel}", "can.interface", "can.channel")
+    with raises_code(TransportError, "RID-CAN-OPEN", *names):
         open_can(CanBusConfig(interface=interface, channel=channel))
-    assert f"CAN bus {interface}:{channel} cannot be opened" in str(caught.value)
-    assert caught.value.refusal == "RID-CAN-OPEN"
 
 
 @pytest.mark.parametrize(

@@ -95,34 +95,38 @@ def test_axes_are_in_the_robots_order_whatever_the_cell_files(bench: Bench) -> N
 
 class TestRefusals:
     @pytest.mark.parametrize(
-        ("index", "subindex", "name"),
+        ("index", "subindex", "required"),
         [
-            (0x1016, 1, "watch on this computer's heartbeat"),
-            (0x1017, 0, "heartbeat period"),
-            (0x6007, 0, "abort connection"),
-            (0x605E, 0, "fault reaction"),
-            (0x6060, 0, "mode"),
-            (0x6065, 0, "following-error window"),
-            (0x6072, 0, "torque limit"),
-            (0x6085, 0, "quick-stop deceleration"),
-            (0x60C2, 1, "cycle time"),
-            (0x1400, 2, "RPDO 1 transmission type"),
-            (0x1600, 2, "RPDO 1 object 2"),
-            (0x1A00, 2, "TPDO 1 object 2"),
-            (0x1800, 1, "TPDO 1 identifier"),
-            (0x1801, 1, "unused PDO"),
+            (0x1016, 1, "7F0050h"),
+            (0x1017, 0, "50"),
+            (0x6007, 0, "3"),
+            (0x605E, 0, "2"),
+            (0x6060, 0, "9"),
+            (0x6065, 0, "3259"),
+            (0x6072, 0, "3000"),
+            (0x6085, 0, "651899"),
+            (0x60C2, 1, "8"),
+            (0x1400, 2, "1h"),
+            (0x1600, 2, "60FF0020h"),
+            (0x1A00, 2, "60640020h"),
+            (0x1800, 1, "182h"),
+            (0x1801, 1, "off"),
         ],
     )
     def test_a_write_that_is_ignored(
-        self, bench: Bench, index: int, subindex: int, name: str
+        self, bench: Bench, index: int, subindex: int, required: str
     ) -> None:
         drive = bench.drives[1]
         drive.objects[0x605E, 0] = b"\x00\x00"
         drive.ignored = {(index, subindex)}
         if index == 0x1800:
             drive.objects[index, subindex] = b"\x82\x01\x00\x80"
-        with pytest.raises(PreflightError, match=rf"shoulder \(node 2\): {name}.*{index:04X}h"):
+        setting = f"{index:04X}h:{subindex:02X}"
+        names = ("shoulder (node 2): ", setting, f"required: {required}")
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", *names):
             bench.axes.bring_up()
+        (red,) = [s for s in bench.axes.settings() if s.verdict == "red" and s.required == required]
+        assert (red.joint, red.object_name) == ("shoulder", setting)
 
     @pytest.mark.fault(18)
     def test_a_drive_without_heartbeat_consumer(
@@ -245,18 +249,18 @@ class TestDevicesThatAreNotThere:
     @pytest.mark.parametrize(
         ("frame", "what"),
         [
-            (SYNC, "SYNC"),
-            (Frame(0x000, b"\x01\x00"), "NMT"),
-            (heartbeat_frame(127, NmtState.OPERATIONAL), "node 127's heartbeat"),
-            (Frame(0x602, bytes(8)), "SDO requests to node 2"),
-            (Frame(0x203, bytes(8)), "commands to node 3"),
-            (Frame(0x655, bytes(8)), "SDO requests to node 85"),
-            (Frame(0x7E5, bytes(8)), "layer settings"),
+            (SYNC, ("SYNC",)),
+            (Frame(0x000, b"\x01\x00"), ("NMT",)),
+            (heartbeat_frame(127, NmtState.OPERATIONAL), ("node 127", "heartbeat")),
+            (Frame(0x602, bytes(8)), ("SDO", "node 2")),
+            (Frame(0x203, bytes(8)), ("commands", "node 3")),
+            (Frame(0x655, bytes(8)), ("SDO", "node 85")),
+            (Frame(0x7E5, bytes(8)), ("LSS",)),
         ],
     )
-    def test_another_master(self, bench: Bench, frame: Frame, what: str) -> None:
+    def test_another_master(self, bench: Bench, frame: Frame, what: tuple[str, ...]) -> None:
         bench.bus.transmit(frame, 0.05)
-        with pytest.raises(LockedError, match=f"it sends {what}"):
+        with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER", *what):
             bench.axes.bring_up()
         assert bench.bus.sent == []
 
@@ -329,12 +333,9 @@ class TestWhoADriveIs:
     @pytest.mark.parametrize(
         ("said", "told"),
         [
-            ({"vendor": 0x1235}, "vendor 1018h:01 is 1234h, required: 1235h"),
-            (
-                {"vendor": 0x1234, "product": 7},
-                "product 1018h:02 is not in this drive, required: 7h",
-            ),
-            ({"revision": 0x0001_0005}, "upper 16 bits 1018h:03 is 20000h, required: 10000h"),
+            ({"vendor": 0x1235}, ("1018h:01", "1234h", "required: 1235h")),
+            ({"vendor": 0x1234, "product": 7}, ("1018h:02", "required: 7h")),
+            ({"revision": 0x0001_0005}, ("1018h:03", "20000h", "required: 10000h")),
         ],
     )
     def test_nothing_is_written_to_another_one(
@@ -342,10 +343,11 @@ class TestWhoADriveIs:
         make_bench: Callable[[CellConfig], Any],
         cell: CellConfig,
         said: dict[str, int],
-        told: str,
+        told: tuple[str, ...],
     ) -> None:
         bench = self.bring_up(make_bench, cell, **said)
-        with pytest.raises(PreflightError, match=rf"\(node {bench.drive.node_id}\): .*{told}"):
+        node = f"(node {bench.drive.node_id}): "
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", node, *told):
             bench.axes.bring_up()
         assert bench.drive.writes == []
         assert all(drive.writes for drive in bench.drives if drive is not bench.drive)

@@ -63,11 +63,9 @@ def test_a_ramp_that_takes_too_long_is_refused(
     make_bench: MakeBench, cell: CellConfig, deceleration: float
 ) -> None:
     bench = make_bench(with_numbers(cell, quick_stop_deceleration_rad_s2=deceleration))
-    with raises_code(
-        PreflightError, "RID-PREFLIGHT-RED", "drive_safety.quick_stop_deceleration_rad_s2"
-    ) as refused:
+    names = ("drive_safety.quick_stop_deceleration_rad_s2", f"≤ {LONGEST_STOP_S:g} s")
+    with raises_code(PreflightError, "RID-PREFLIGHT-RED", *names):
         bench.axes.bring_up()
-    assert f"required: ≤ {LONGEST_STOP_S:g} s" in str(refused.value)
 
 
 def test_what_counts_is_what_the_drive_holds(make_bench: MakeBench, cell: CellConfig) -> None:

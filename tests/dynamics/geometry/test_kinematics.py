@@ -116,8 +116,7 @@ def test_ir361_at_zero_holds_its_upper_arm_up_and_its_forearm_forward(ir361) -> 
 def test_a_chain_cannot_be_changed(ir361) -> None:
     chain = Chain.from_description(ir361)
     for array in (chain.rows, chain.fixed_rotations, chain.gravity_m_s2):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1.0
+        assert not array.flags.writeable
 
 
 @pytest.mark.parametrize("shape", [(3,), (5, 2), (2, 5, 3)])

@@ -105,13 +105,17 @@ def test_few_samples_stay_in_the_callers_thread() -> None:
     assert threads == {threading.current_thread()}
 
 
+class ShareError(Exception):
+    """Raised in one share."""
+
+
 @pytest.mark.parametrize("where", ["first", "last"])
 def test_a_share_that_fails_is_heard_of(where) -> None:
     def fill(first: int, last: int) -> None:
         if (first == 0) == (where == "first"):
-            raise ValueError(f"from {first}")
+            raise ShareError
 
-    with pytest.raises(ValueError, match="from"):
+    with pytest.raises(ShareError):
         share_out(SAMPLES, fill)
 
 

@@ -14,6 +14,7 @@ from identification.accuracy.goals import Goal, GoalState, goal_states, parse_go
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(scope="module")
@@ -61,19 +62,19 @@ def test_goals_are_read(model, text, goal) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "details"),
     [
-        ("fc_axis1=3", "write a parameter, <"),
-        ("fc_axis1<0", "above 0"),
-        ("fc_axis9<1", "no parameter of this robot"),
-        ("m3<0.05kg", "seen only as part of 'Izz1"),
-        ("m1<0.05kg", "no effect at all"),
-        ("fc_axis1<0.5kg", "the unit of fc_axis1 is Nm"),
-        ("torque<5%", "state the torque in Nm"),
+        ("fc_axis1=3", "RID-OPTION-SYNTAX", ("fv_axis1<5%",)),
+        ("fc_axis1<0", "RID-OPTION-SYNTAX", ("above 0",)),
+        ("fc_axis9<1", "RID-OPTION-NAME", ("fc_axis9", ", fv_axis1, ")),
+        ("m3<0.05kg", "RID-OPTION-NAME", ("m3", "'Izz1 ", " m3 ")),
+        ("m1<0.05kg", "RID-OPTION-NAME", ("m1", "no effect")),
+        ("fc_axis1<0.5kg", "RID-OPTION-SYNTAX", ("unit", "is Nm")),
+        ("torque<5%", "RID-OPTION-SYNTAX", ("in Nm",)),
     ],
 )
-def test_what_cannot_be_meant_is_told(model, text, message) -> None:
-    with pytest.raises(ConfigError, match=message):
+def test_what_cannot_be_meant_is_told(model, text, code, details) -> None:
+    with raises_code(ConfigError, code, f"--until {text}: ", *details):
         parse_goals([text], model, base_parameters(model))
 
 

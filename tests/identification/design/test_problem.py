@@ -15,6 +15,7 @@ from dynamics.model.robot_model import regressor
 from identification.design.criteria import Condition, DOptimal
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
+from tests.builders.raised_codes import raises_code
 
 WORKSPACE = Workspace(
     planes=(Plane(name="the floor", normal=(0.0, 0.0, 1.0), offset_m=-0.2),),
@@ -129,20 +130,20 @@ def test_a_motion_file_says_the_same_motion(problem) -> None:
 @pytest.mark.slow
 def test_no_clear_pose_is_told_with_the_two_that_meet(problem) -> None:
     buried = Workspace(planes=(Plane(name="the ceiling", normal=(0.0, 0.0, -1.0), offset_m=0.5),))
-    with pytest.raises(ConfigError, match="the ceiling and link"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "the ceiling", "link 1", "-0.776 m"):
         replace(problem, workspace=buried).start(0)
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "code", "details"),
     [
-        ({"harmonics": 0}, "at least 1"),
-        ({"limit_fraction": 1.5}, "at most 1"),
-        ({"expected_noise_nm": np.zeros(6)}, "positive value a joint"),
-        ({"given": np.eye(3)}, "same robot and terms"),
-        ({"parameters": np.zeros(3)}, "3,. a-priori values"),
+        ({"harmonics": 0}, "RID-DESIGN-OPTIONS", ("harmonics 0",)),
+        ({"limit_fraction": 1.5}, "RID-DESIGN-OPTIONS", ("limit_fraction 1.5",)),
+        ({"expected_noise_nm": np.zeros(6)}, "RID-DESIGN-OPTIONS", ("expected_noise_nm",)),
+        ({"given": np.eye(3)}, "RID-ROBOT-OTHER", ("(3, 3)", "58")),
+        ({"parameters": np.zeros(3)}, "RID-API-ARGUMENT", ("(3,)", "84 parameters")),
     ],
 )
-def test_what_cannot_be_meant_is_refused(problem, change, words) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_what_cannot_be_meant_is_refused(problem, change, code, details) -> None:
+    with raises_code(ConfigError, code, *details):
         replace(problem, **change)

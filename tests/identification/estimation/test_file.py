@@ -70,7 +70,7 @@ def test_a_file_of_another_format_is_refused(path: Path, other: int) -> None:
 
 @pytest.mark.parametrize("key", EstimateDocument.model_fields)
 def test_every_key_of_the_file_is_required(path: Path, key: str) -> None:
-    with pytest.raises(ConfigError, match=f"{key}: Field required"):
+    with raises_code(ConfigError, "RID-FILE-VALUE", f"{path}: ", f" {key}: "):
         read_estimate(edited(path, lambda d: d.pop(key)))
 
 
@@ -121,24 +121,36 @@ def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code", "detail"),
     [
-        (lambda d: d.update(kind="something else"), "kind"),
-        (lambda d: d.pop("robot"), "robot: Field required"),
-        (lambda d: d["parameters"][0].update(value="12"), r"parameters\.0\.value"),
-        (lambda d: d["parameters"][0].update(name="Izz9"), "Izz9"),
-        (lambda d: d["standard_parameters"].reverse(), "not those of the robot"),
-        (lambda d: d.update(covariance_residual=[[1.0]]), "covariance_residual"),
-        (lambda d: d["parameters"][5].update(sigma=-1.0), r"parameters\.5\.sigma"),
-        (lambda d: d.update(band_hz=-10.0), "band_hz"),
-        (lambda d: d["residual_nm"].__setitem__(0, -1.0), r"residual_nm\.0"),
-        (lambda d: d.update(combination=[[1.0, 2.0], [3.0]]), "not an estimate that fits itself"),
+        (lambda d: d.update(kind="something else"), "RID-FILE-VALUE", " kind: "),
+        (lambda d: d.pop("robot"), "RID-FILE-VALUE", " robot: "),
+        (
+            lambda d: d["parameters"][0].update(value="12"),
+            "RID-FILE-VALUE",
+            " parameters.0.value:",
+        ),
+        (lambda d: d["parameters"][0].update(name="Izz9"), "RID-MODEL-UNSOUND", " Izz9 "),
+        (lambda d: d["standard_parameters"].reverse(), "RID-MODEL-UNSOUND", " Izz1, sy2, "),
+        (
+            lambda d: d.update(covariance_residual=[[1.0]]),
+            "RID-MODEL-UNSOUND",
+            " covariance_residual ",
+        ),
+        (
+            lambda d: d["parameters"][5].update(sigma=-1.0),
+            "RID-FILE-VALUE",
+            " parameters.5.sigma:",
+        ),
+        (lambda d: d.update(band_hz=-10.0), "RID-FILE-VALUE", " band_hz: "),
+        (lambda d: d["residual_nm"].__setitem__(0, -1.0), "RID-FILE-VALUE", " residual_nm.0: "),
+        (lambda d: d.update(combination=[[1.0, 2.0], [3.0]]), "RID-MODEL-UNSOUND", "(2,)"),
     ],
 )
 def test_a_changed_file_is_refused_with_its_place(
-    path: Path, change: Callable[[dict[str, Any]], None], message: str
+    path: Path, change: Callable[[dict[str, Any]], None], code: str, detail: str
 ) -> None:
-    with pytest.raises(ConfigError, match=message):
+    with raises_code(ConfigError, code, f"{path}: ", detail):
         read_estimate(edited(path, change))
 
 

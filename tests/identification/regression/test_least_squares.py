@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -78,8 +80,9 @@ def test_a_parameter_that_never_shows_is_named() -> None:
 def test_two_that_look_alike_are_named() -> None:
     matrix = np.random.default_rng(0).normal(size=(9, 3))
     matrix[:, 2] = 2.0 * matrix[:, 0]
-    with pytest.raises(EstimationError, match=r"does not tell .*(a, c|c, a)"):
+    with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE") as caught:
         solve([Triangle.empty(3).add(matrix, np.ones(9))], [1.0], NAMES)
+    assert re.search(r" (a, c|c, a)\b", str(caught.value))
 
 
 def test_columns_that_a_channel_does_not_depend_on_may_be_left_out(equations) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from config.simulation.plant import UnmodelledAxis
 from mock_hw.plant.plant import Plant
+from tests.builders.raised_codes import raises_invalid
 from tests.mock_hw.plant.test_servo_loops import INERTIA, OFF, ON, one_axis
 
 STIFFNESS = 2e4
@@ -77,5 +78,5 @@ def test_within_its_play_a_load_flies_freely() -> None:
 
 
 def test_a_gear_that_gives_needs_a_stiffness() -> None:
-    with pytest.raises(ValueError, match="add joint_stiffness_nm_rad"):
+    with raises_invalid("", "play_rad", "joint_stiffness_nm_rad"):
         UnmodelledAxis(play_rad=0.001)
