@@ -25,12 +25,6 @@ Service = Annotated[str | None, typer.Option("--service", metavar="ADDRESS", hel
 CellName = Annotated[str, typer.Argument(metavar="CELL", help="A bundled name or a cell file.")]
 """The argument of every command that works on a cell."""
 
-Realtime = Annotated[
-    bool,
-    typer.Option("--realtime", help="A simulated cell at the clock's pace, not as fast as it can."),
-]
-"""An option of the commands that move a cell."""
-
 PACE_HELP = (
     "A simulated cell at so many times the clock's pace, and never late: time waits for whoever is."
 )
@@ -60,22 +54,6 @@ RunsFolder = Annotated[
 ]
 """The `--runs` option that every command with run folders has."""
 
-RunNames = Annotated[
-    list[str], typer.Argument(metavar="RUN...", help="Run folders, ids or labels, or `latest`.")
-]
-"""The argument of every command that takes several runs."""
-
-
-Unfinished = Annotated[
-    bool,
-    typer.Option(
-        "--unfinished",
-        help="Use a run that was never finished too, as a killed program leaves it; the report says"
-        " so.",
-    ),
-]
-"""The option of every command that reads runs."""
-
 
 Live = Annotated[
     bool, typer.Option("--live", help="Show the motion in a browser, with a stop button.")
@@ -99,17 +77,6 @@ Certificate = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Certificate and key (PEM): the live page by TLS."),
 ]
-
-
-Cleared = Annotated[
-    bool,
-    typer.Option(
-        "--i-have-cleared-the-cell",
-        help="Nobody is in the cell and the emergency stop is at hand; needed for real robots"
-        " where nobody can be asked.",
-    ),
-]
-"""The option that every command has that moves a real robot."""
 
 Practise = Annotated[
     bool,

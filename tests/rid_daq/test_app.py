@@ -83,7 +83,6 @@ def test_the_list_of_commands_is_shown_without_importing_any(
         (["rusn"], "Did you mean 'runs'"),
         (["record"], "Missing argument 'CELL'"),
         (["demo", "--sed", "1"], "No such option"),
-        (["record", "ir361", "m.yaml", "--seed", "one"], "Invalid value for '--seed'"),
     ],
 )
 def test_a_mistyped_command_line_is_usage(

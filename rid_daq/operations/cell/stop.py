@@ -108,7 +108,7 @@ class StopOutcome:
             yield Text(text="Use the cell's emergency stop if anything still moves.")
             return
         yield Text(
-            text="What was recorded is kept. Find out why it had to stop. Then check the cell"
+            text="The recording is kept. Find out why it had to stop. Then check the cell"
             " before the next motion."
         )
 

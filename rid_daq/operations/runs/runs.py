@@ -18,8 +18,8 @@ from rid_daq.operations.request import Request
 class RunsRequest(Request):
     """List the runs, oldest first; with --verify, check that no file was changed.
 
-    Files that do not belong to a run are named, and are no problem. With --verify, the exit code is
-    7 if a file was changed or is gone.
+    Files that do not belong to a run are named; they are not a problem. With --verify, the exit
+    code is 7 if a file was changed or is gone.
     """
 
     verify: Annotated[bool, Field(description="Compare every file with the run's manifest.")] = (
@@ -43,7 +43,7 @@ class ListedRun:
     strays: list[str] | None
 
     def document(self) -> dict[str, object]:
-        """Return what is known of it."""
+        """Return its fields; without problems and strays if its files were not compared."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
 

@@ -157,7 +157,7 @@ def run(request: InitRequest, _context: Context) -> InitResult:
 
 
 def _starter(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
-    """Return the bundled files, by name, and what is said of them."""
+    """Return the bundled files by name, and the result."""
     folder = resources.files("rid_daq") / "starter"
     names = ("cell.yaml", "robot.yaml", "motion.yaml", "validation.yaml")
     files = {name: (folder / name).read_text(encoding="utf-8") for name in names}
@@ -165,7 +165,7 @@ def _starter(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
 
 
 def _of_urdf(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
-    """Return the files of a URDF, by name, and what is said of them."""
+    """Return the files of a URDF by name, and the result."""
     from config.robot.urdf_limits import LimitDefaults
     from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_files, starting_robot
 

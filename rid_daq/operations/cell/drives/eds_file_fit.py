@@ -31,7 +31,7 @@ class EdsFileFit:
 
     @property
     def identity(self) -> dict[str, int]:
-        """What the drive answers at 1018h by its data sheet."""
+        """The drive's answer at 1018h, by its data sheet."""
         known = {"vendor": self.eds.vendor, "product": self.eds.product}
         return {name: value for name, value in known.items() if value is not None}
 

@@ -133,7 +133,7 @@ class RestoredDrives:
             before = _shown(each.before)
             return f"{where}: its value before is not known ({before}); set it by hand"
         why = f" ({each.refusal})" if each.refusal else ""
-        return f"{where}: holds {_shown(each.after)} in place of {_shown(each.saved)}{why}"
+        return f"{where}: holds {_shown(each.after)} instead of {_shown(each.saved)}{why}"
 
 
 def _shown(value: bytes | str | None) -> str:
