@@ -10,8 +10,5 @@ TYPER: Final = {
     "payload session": Entry(
         "payload_session", "", "lead through a session: check, warm up, record, identify, judge"
     ),
-    "sensitivity": Entry(
-        "sensitivity", "Payload", "what wrong knowledge of the robot does to a payload's estimate"
-    ),
 }
 """Every such command by its words: its module in `rid_daq.commands`, section and summary."""

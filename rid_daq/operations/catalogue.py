@@ -120,6 +120,9 @@ CATALOGUE: Final = {
     "payload export": Entry("payload", "", "load data in the format of a robot controller"),
     "payload read-back": Entry("payload", "", "compare load data of a controller with a payload"),
     "payload certificate": Entry("payload", "", "the certificate of a payload, to sign"),
+    "sensitivity": Entry(
+        "identify", "Payload", "effect of wrong knowledge of the robot on a payload's estimate"
+    ),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry("path", "Path", "drive a path as fast as the torque limits of a model allow"),
     "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),

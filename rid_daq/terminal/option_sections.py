@@ -72,14 +72,6 @@ SHARED: dict[str, tuple[str, ...]] = {
 }
 """The sections after the command's own options, and what belongs there wherever it is taken."""
 
-OWN: dict[str, dict[str, tuple[str, ...]]] = {
-    "sensitivity": {
-        "Doubts": ("--bias", "--doubt-torque-constants", "--doubt-links", "--doubt-rotors"),
-        "Monte Carlo": ("--draws", "--seed", "--scheduler"),
-    },
-}
-"""What a command says otherwise; of a group's command the name has two words."""
-
 
 class SectionedCommand(TyperCommand):
     """A command whose help says what is given to an option, in sections where they are many."""
@@ -112,7 +104,7 @@ class SectionedCommand(TyperCommand):
         if records:
             with formatter.section("Arguments"):
                 formatter.write_dl([(name.partition(" <")[0], text) for name, text in records])
-        section_of = sections(ctx.command_path.partition(" ")[2]) if len(shown) > MANY else {}
+        section_of = sections() if len(shown) > MANY else {}
         lists: dict[str, list[tuple[str, str]]] = {"Options": []}
         lists.update((title, []) for title in section_of.values())
         for each, record in shown:
@@ -125,14 +117,6 @@ class SectionedCommand(TyperCommand):
                     formatter.write_dl(records)
 
 
-def sections(command: str) -> dict[str, str]:
-    """Return the section of every option that stands in one, in the order of the sections.
-
-    Parameters
-    ----------
-    command
-        The command's words after the program's name.
-    """
-    own = {name: title for title, names in OWN.get(command, {}).items() for name in names}
-    shared = {name: title for title, names in SHARED.items() for name in names}
-    return own | {name: title for name, title in shared.items() if name not in own}
+def sections() -> dict[str, str]:
+    """Return the section of every option that stands in one, in the order of the sections."""
+    return {name: title for title, names in SHARED.items() for name in names}

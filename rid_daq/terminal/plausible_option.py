@@ -7,7 +7,7 @@ in the field's type, `Annotated[float, Plausible(...)]`: `plausible_as` takes it
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 import typer
 
@@ -15,14 +15,6 @@ from config.errors import ConfigError
 from config.plausible import Plausible, range_of
 
 Callback = Callable[[typer.CallbackParam, float | None], float | None]
-
-
-def plausible(low: float, high: float, unit: str) -> Callback:
-    """Return the callback of an option whose size lies from `low` to `high`; zero is no size.
-
-    It raises a ConfigError that names the option, the unit, and the one that was probably meant.
-    """
-    return _looking(Plausible(low, high, unit))
 
 
 def plausible_as(annotated: Any, *, percent: bool = False) -> Callback:
@@ -40,6 +32,3 @@ def _looking(found: Plausible) -> Callback:
         return value
 
     return look
-
-
-SHARE: Final = plausible(0.1, 1e3, "%")

@@ -26,7 +26,7 @@ DESIGN = "design ir361 -o motion.yaml"
         ("validate m.json latest --mass 9", "--mass: has no effect without --base-limits"),
         ("validate m.json latest --cell ir361", "--cell: has no effect with a run"),
         ("validate m.json here.yaml --limits 9", "--limits: has no effect with a motion file"),
-        ("sensitivity --doubt-links 5", "--doubt-links: has no effect without draws"),
+        ("sensitivity --doubt-links 5", "--doubt-links: has no effect without --draws"),
         (
             "stream ir361 here.yaml --model m --loop l --wait 9",
             "--wait: has no effect with a motion file",

@@ -6,7 +6,7 @@ import pytest
 
 from rid_daq.app import run
 from rid_daq.command_line.root import COMMAND_GROUPS
-from rid_daq.terminal.option_sections import OWN, SHARED, sections
+from rid_daq.terminal.option_sections import SHARED
 
 REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "command-line.md"
 
@@ -30,17 +30,7 @@ def test_every_option_that_stands_in_a_section_is_one_of_the_program() -> None:
     page = REFERENCE.read_text(encoding="utf-8")
     names = [name for section in SHARED.values() for name in section]
     assert len(names) == len(set(names))
-    for command, own in OWN.items():
-        found = page.index(f" {command}\n\n```\n") + len(f" {command}\n\n```\n")
-        text = page[found : page.index("\n```\n", found)]
-        names += [name for section in own.values() for name in section]
-        assert all(f"{name} " in text for section in own.values() for name in section)
     assert [name for name in names if f"{name} " not in page] == []
-
-
-def test_a_command_may_say_otherwise_where_an_option_belongs() -> None:
-    assert sections("sensitivity")["--seed"] == "Monte Carlo"
-    assert sections("record")["--seed"] == "Simulated cells"
 
 
 def test_the_help_shows_commands_in_groups(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,8 +1,8 @@
-"""`rid-daq sensitivity`: from a cell, a payload and a motion to the thesis's table and to draws."""
+"""`payload_sensitivity`: deviations of a payload's estimate, case by case and by draws."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,119 +27,105 @@ from identification.sensitivity.cases import (
 )
 from identification.sensitivity.monte_carlo import Draws, PriorUncertainty, collected, monte_carlo
 from identification.sensitivity.problem import (
-    Comparison,
     Excitation,
     SensitivityProblem,
     deviation_percent,
 )
 from rid_daq.jobs.cell_files import estimate_for
 from rid_daq.jobs.truth import true_parameters
-from rid_daq.terminal.console import Console
-
-
-@dataclass(frozen=True)
-class SensitivityRequest:
-    """What `rid-daq sensitivity` was asked for.
-
-    Attributes
-    ----------
-    cell, payload : str
-        A bundled name or a cell file; a payload of it by name, or a payload file.
-    against : "model", "difference" or None
-        How the robot is told from the payload; as each row says if None.
-    model : Path or None
-        The robot, where it is not simulated.
-    motion : str or None
-        A periodic motion; those of the thesis if None.
-    share : float
-        How wrong beliefs are.
-    bias_nm : float
-        Torque bias of axis 3 [N m].
-    draws, seed : int
-        Monte Carlo draws, and where they come from.
-    prior : PriorUncertainty
-        What is in doubt in them.
-    scheduler : str or None
-        Address of a Dask scheduler to compute on.
-    output : Path or None
-        Where the table is written as CSV.
-    """
-
-    cell: str
-    payload: str
-    against: Comparison | None = None
-    model: Path | None = None
-    motion: str | None = None
-    share: float = 0.1
-    bias_nm: float = -12.0
-    draws: int = 0
-    seed: int = 0
-    prior: PriorUncertainty = field(default_factory=PriorUncertainty)
-    scheduler: str | None = None
-    output: Path | None = None
-
-
-@dataclass(frozen=True)
-class SensitivityTable:
-    """The rows, and the robot that carries its payload with the axes of the wrist's side."""
-
-    problem: SensitivityProblem
-    rows: list[SensitivityRow]
+from rid_daq.operations.identify.sensitivity import SensitivityRequest
+from rid_daq.operations.operation import Context
+from rid_daq.runs import made_file
+from rid_daq.runs.output_file import refuse_output
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnPayloads:
-    """Estimates with noise and doubts: values (draws, 10), and off in the mean by (10,) [%]."""
+    """Estimates with noise and uncertainties.
+
+    Attributes
+    ----------
+    values : ndarray, shape (draws, 10)
+        The estimates.
+    off_percent : ndarray, shape (10,)
+        Errors of their mean [%].
+    """
 
     values: FloatArray
     off_percent: FloatArray
 
 
-def sensitivity_table(request: SensitivityRequest, console: Console) -> SensitivityTable:
-    """Estimate the payload with one thing after the other assumed wrongly, and write the table.
+@dataclass(frozen=True)
+class Sensitivity:
+    """Deviations of a payload's estimate.
+
+    Attributes
+    ----------
+    problem : SensitivityProblem
+        The robot that carries its payload with the axes of the wrist's side.
+    rows : list of SensitivityRow
+        One for each wrong assumption.
+    drawn : DrawnPayloads or None
+        Estimates with noise and uncertainties; None without draws.
+    """
+
+    problem: SensitivityProblem
+    rows: list[SensitivityRow]
+    drawn: DrawnPayloads | None
+
+
+def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensitivity:
+    """Estimate the payload with each wrong assumption and by draws, and write the table.
 
     Raises
     ------
     ConfigError
-        The robot's true parameters are not known, or a file is of another robot.
+        The robot's true parameters are not known, a file is of another robot or exists already, or
+        the scheduler cannot be reached.
     EstimationError
         The motion does not show all ten parameters.
     RecordingError
         The table cannot be written.
     """
+    if request.draws == 1:
+        raise ConfigError(
+            "--draws 1: one draw has no scatter; give 0, or 2 and more", code="RID-OPTION-RANGE"
+        )
+    refuse_output(request.output, request.overwrite, made_file.TABLE)
     problems = _problems(load_cell(request.cell), request)
     problem = problems["wrist"]
-    cases = thesis_cases(len(problem.robot.joints), request.share, request.bias_nm)
+    share = request.share_percent / 100.0
+    cases = thesis_cases(len(problem.robot.joints), share, request.bias_nm)
     rows: list[SensitivityRow] = []
-    with console.progress("Sensitivity", float(len(cases)), "cases") as shown:
+    with context.progress("Sensitivity", float(len(cases)), "cases") as shown:
         for done, case in enumerate(cases, start=1):
             rows.append(sensitivity_row(case, problems, request.against))
             shown.update(float(done), case.words)
     if request.output is not None:
         write_whole(request.output, _csv(rows).encode())
-    return SensitivityTable(problem, rows)
+    drawn = _draw_payloads(request, problem, context) if request.draws else None
+    return Sensitivity(problem, rows, drawn)
 
 
-def draw_payloads(
-    request: SensitivityRequest, problem: SensitivityProblem, console: Console
+def _draw_payloads(
+    request: SensitivityRequest, problem: SensitivityProblem, context: Context
 ) -> DrawnPayloads:
-    """Estimate the payload with noise and doubts drawn by chance.
-
-    Raises
-    ------
-    ConfigError
-        The scheduler cannot be reached, or Dask is not installed.
-    """
+    """Estimate the payload with noise and uncertainties drawn at random."""
+    prior = PriorUncertainty(
+        torque_constants=request.doubt_torque_percent / 100.0,
+        links=request.doubt_links_percent / 100.0,
+        rotors=request.doubt_rotors_percent / 100.0,
+    )
     batches: list[Draws] = []
     stream = monte_carlo(
         problem,
-        request.prior,
+        prior,
         request.against or "model",
         request.draws,
         seed=request.seed,
         scheduler=request.scheduler,
     )
-    with console.progress("Monte Carlo", float(request.draws), "draws") as shown:
+    with context.progress("Monte Carlo", float(request.draws), "draws") as shown:
         done = 0
         for batch in stream:
             batches.append(batch)
@@ -203,7 +189,7 @@ def _body(cell: LoadedCell, payload: str) -> PayloadBody:
     )
 
 
-def _excitation(cell: LoadedCell, motion: str) -> Excitation:
+def _excitation(cell: LoadedCell, motion: Path) -> Excitation:
     loaded = FourierMotion.require(
         load_motion(motion), f"--motion {motion}: sensitivity needs a periodic (fourier) motion"
     )

@@ -1,0 +1,245 @@
+"""`sensitivity`: the effect of wrong knowledge of a robot on the estimate of its payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+from pydantic import Field
+
+from config.plausible import Plausible
+from config.ranges import Seed
+from identification.choices import REPORTED, Share
+from rid_daq.blocks.block import AnyBlock, Column, Table, Text
+from rid_daq.blocks.formats import number
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import FILES, CellName, Option, Overwrite
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.identify.payload_sensitivity import Sensitivity
+
+MONTE_CARLO: Final = "Monte Carlo"
+_NO_DECIMAL: Final = 100.0  # percent
+
+
+class SensitivityRequest(Request):
+    """Compute the effect of wrong torque constants, links, rotors, coupling or gears on a payload.
+
+    Each row simulates the robot with one thing different from the assumed one, estimates the
+    payload as if everything were right, and gives the deviation in percent of the true value. With
+    --draws, noise and uncertainties are drawn at random, on all cores or on a Dask cluster.
+    """
+
+    cell: CellName = "kr15"
+    payload: Annotated[
+        str,
+        Field(
+            description="Payload of the simulated cell by name, or a file that `payload identify`"
+            " wrote."
+        ),
+        Option(metavar="PAYLOAD"),
+    ] = "medium"
+    against: Annotated[
+        Literal["model", "difference"] | None,
+        Field(
+            description="Subtract a model of the unloaded robot (model) or a run without the"
+            " payload (difference); if not set, a run for torque constants, else a model."
+        ),
+    ] = None
+    model: Annotated[
+        Path | None,
+        Field(description="Model file that `identify` wrote, for a robot that is not simulated."),
+        Option(metavar="MODEL", file="input"),
+    ] = None
+    motion: Annotated[
+        Path | None,
+        Field(description="Periodic motion; harmonics 1 and 20 of 30 s if not set."),
+        Option(metavar="MOTION", file="input"),
+    ] = None
+    share_percent: Annotated[
+        Share,
+        Field(ge=0.001, le=90.0, description="Error of the wrong values."),
+        Option(flag="share", unit="%"),
+    ] = 10.0
+    bias_nm: Annotated[
+        float,
+        Plausible(1e-2, 1e4, "N m"),
+        Field(description="Torque bias of axis 3 in the table."),
+        Option(flag="bias", unit="N m"),
+    ] = -12.0
+    draws: Annotated[
+        int,
+        Field(ge=0, le=10_000_000, description="Draws of noise and uncertainties; 0 for none."),
+        Option(group=MONTE_CARLO),
+    ] = 0
+    doubt_torque_percent: Annotated[
+        Share,
+        Field(description="Standard deviation of each torque constant."),
+        Option(group=MONTE_CARLO, flag="doubt-torque-constants", unit="%", needs="draws"),
+    ] = 0.0
+    doubt_links_percent: Annotated[
+        Share,
+        Field(description="Standard deviation of each link parameter."),
+        Option(group=MONTE_CARLO, flag="doubt-links", unit="%", needs="draws"),
+    ] = 0.0
+    doubt_rotors_percent: Annotated[
+        Share,
+        Field(description="Standard deviation of each rotor inertia."),
+        Option(group=MONTE_CARLO, flag="doubt-rotors", unit="%", needs="draws"),
+    ] = 0.0
+    seed: Annotated[
+        Seed,
+        Field(description="Seed of the draws."),
+        Option(group=MONTE_CARLO, needs="draws"),
+    ] = 0
+    scheduler: Annotated[
+        str | None,
+        Field(description="Dask scheduler to compute on, such as tcp://host:8786."),
+        Option(metavar="ADDRESS", group=FILES, needs="draws"),
+    ] = None
+    output: Annotated[
+        Path | None,
+        Field(description="File for the table."),
+        Option(short="o", metavar="CSV", group=FILES, file="output", endings=(".csv",)),
+    ] = None
+    overwrite: Overwrite = False
+
+
+@dataclass(frozen=True)
+class SensitivityResult:
+    """Deviations of a payload's estimate.
+
+    Attributes
+    ----------
+    request : SensitivityRequest
+        The request.
+    found : Sensitivity
+        The table, and the draws if there are any.
+    """
+
+    request: SensitivityRequest
+    found: Sensitivity
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the numbers."""
+        import numpy as np
+
+        problem, drawn = self.found.problem, self.found.drawn
+        document: dict[str, object] = {
+            "robot": problem.robot.name,
+            "parameters": list(REPORTED),
+            "truth": problem.payload.reported.tolist(),
+            "rows": [
+                {
+                    "number": row.case.number,
+                    "case": row.case.words,
+                    "against": row.against,
+                    "percent": list(row.percent),
+                }
+                for row in self.found.rows
+            ],
+        }
+        if drawn is not None:
+            values = drawn.values
+            document["monte_carlo"] = {
+                "draws": len(values),
+                "mean": values.mean(axis=0).tolist(),
+                "std": values.std(axis=0, ddof=1).tolist(),
+                "percentiles": {
+                    str(p): np.percentile(values, p, axis=0).tolist() for p in (2.5, 50, 97.5)
+                },
+            }
+        return document
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the deviations of each case, the file, and the draws."""
+        yield Text(
+            text="Deviation of the estimate in percent of the true value, inertia about the centre"
+            " of gravity. Before the estimate, a model of the unloaded robot or a run without the"
+            " payload is subtracted."
+        )
+        yield self._rows()
+        if self.request.output is not None:
+            yield Text(text=f"Table: {self.request.output}")
+        if self.found.drawn is not None:
+            yield Text(text=f"{len(self.found.drawn.values)} draws of noise and uncertainties:")
+            yield self._draws()
+
+    def _rows(self) -> Table:
+        from identification.sensitivity.cases import DIFFERENCE
+
+        return Table(
+            columns=(
+                Column(title=""),
+                Column(title="wrong", is_text=True),
+                Column(title="subtracted", is_text=True),
+                *(Column(title=name) for name in REPORTED),
+            ),
+            rows=tuple(
+                (
+                    row.case.number,
+                    row.case.words,
+                    "a run" if row.against == DIFFERENCE else "a model",
+                    *("–" if p is None else _percent(p) for p in row.percent),
+                )
+                for row in self.found.rows
+            ),
+            key=3,
+        )
+
+    def _draws(self) -> Table:
+        from identification.payload.body import REPORTED_UNITS
+
+        drawn = self.found.drawn
+        assert drawn is not None
+        spread = 2.0 * drawn.values.std(axis=0, ddof=1)
+        return Table(
+            columns=(
+                Column(title="parameter", is_text=True),
+                Column(title="unit", is_text=True),
+                Column(title="true"),
+                Column(title="error of the mean", unit="%"),
+                Column(title="scatter (2σ)", digits=2),
+            ),
+            rows=tuple(
+                (name, unit, float(truth), number(float(percent), 2), float(scatter))
+                for name, unit, truth, percent, scatter in zip(
+                    REPORTED,
+                    REPORTED_UNITS,
+                    self.found.problem.payload.reported,
+                    drawn.off_percent,
+                    spread,
+                    strict=True,
+                )
+            ),
+        )
+
+
+def _percent(value: float) -> str:
+    """Return a deviation [%], below 100 with a decimal."""
+    return f"{round(value, 1) + 0.0:.1f}" if abs(value) < _NO_DECIMAL else f"{value:.0f}"
+
+
+def run(request: SensitivityRequest, context: Context) -> SensitivityResult:
+    """Compute the table and the draws, and write the table."""
+    from rid_daq.operations.identify.payload_sensitivity import payload_sensitivity
+
+    return SensitivityResult(request, payload_sensitivity(request, context))
+
+
+OPERATION: Final = Operation(
+    name="sensitivity",
+    label="Compute the sensitivity of a payload",
+    request=SensitivityRequest,
+    run=run,
+    examples=(
+        "sensitivity kr15 --payload medium --output sensitivity.csv",
+        "sensitivity kr15 --draws 1000 --doubt-links 5 --json",
+    ),
+    is_job=False,
+    module="rid_daq.operations.identify.payload_sensitivity",
+)
