@@ -64,6 +64,10 @@ class Line(ConfigModel):
         Shape of the points.
     reach : tuple of float, or None
         Half width of an interval: a band around a line, error bars of points.
+    reach_x : tuple of float, or None
+        Half width of an interval of x, of points.
+    is_area : bool
+        True for a closed outline that is filled.
     is_named : bool
         True if the legend names it.
     """
@@ -77,14 +81,25 @@ class Line(ConfigModel):
     points: bool = False
     marker: Marker = "circle"
     reach: Numbers | None = None
+    reach_x: Numbers | None = None
+    is_area: bool = False
     is_named: bool = True
 
     @model_validator(mode="after")
     def _require_equal_lengths(self) -> Line:
-        reach = self.y if self.reach is None else self.reach
-        if not len(self.x) == len(self.y) == len(reach):
+        columns = (self.x, self.y, self.reach, self.reach_x)
+        if len({len(each) for each in columns if each is not None}) != 1:
             raise ValueError(f"{self.label}: x, y and reach have different lengths")
         return self
+
+
+class Mark(ConfigModel):
+    """A text beside a point, such as the size of a margin."""
+
+    x: float
+    y: float
+    text: str
+    colour: Colour = "ink"
 
 
 class Span(ConfigModel):
@@ -107,10 +122,14 @@ class Panel(ConfigModel):
         Drawn in this order.
     limits : tuple of float
         Values of y that a line across the panel marks.
+    marks : tuple of Mark
+        Texts beside points.
     spans : tuple of Span
         Rows of spans.
     height_px : int
         Height [px]; a panel of spans is as high as its rows.
+    is_to_scale : bool
+        True if a unit is as long along both axes.
     zooms_with_previous : bool
         True if it shares the x axis of the panel before it.
     title : str
@@ -122,8 +141,10 @@ class Panel(ConfigModel):
     y: Axis
     lines: tuple[Line, ...] = ()
     limits: Numbers = ()
+    marks: tuple[Mark, ...] = ()
     spans: tuple[Span, ...] = ()
     height_px: int = 240
+    is_to_scale: bool = False
     zooms_with_previous: bool = False
     title: str = ""
 

@@ -10,7 +10,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, FactorRange, GridPlot
 from bokeh.plotting import figure
 
-from rid_daq.blocks.plot import Axis, Dash, Line, Panel, Plot
+from rid_daq.blocks.plot import Axis, Dash, Line, Mark, Panel, Plot
 from rid_daq.figures.palette import NAMED, RED, stroke
 from rid_daq.figures.panel import (
     Drawn,
@@ -20,7 +20,9 @@ from rid_daq.figures.panel import (
     beside,
     layout,
     limit_line,
+    outline,
     panel,
+    panel_to_scale,
     source,
 )
 
@@ -64,17 +66,11 @@ def stroke_of(line: Line) -> tuple[str, Dash]:
 
 
 def _lines(of: Panel, shared: Ranges, title: str) -> figure:
-    drawing = panel(
-        of.title,
-        of.x.text,
-        of.y.text,
-        height=of.height_px,
-        x_range=shared if shared is not None else _ends(of.x),
-        y_range=_ends(of.y),
-        x_scale="log" if of.x.log else "auto",
-        y_scale="log" if of.y.log else "auto",
-    )
+    drawing = _empty(of, shared)
     entries: dict[str, list[Drawn]] = defaultdict(list)
+    for line in of.lines:
+        if line.is_area:
+            entries[line.label].append(_area(drawing, line))
     own: dict[str, Drawn] = {}
     for line, rows in _sources(of, title):
         name, (color, dash) = f"{line.label} [{of.y.unit}]", stroke_of(line)
@@ -93,6 +89,9 @@ def _lines(of: Panel, shared: Ranges, title: str) -> figure:
                         of.x.text, least, most, source=rows, fill_color=color, fill_alpha=0.2
                     )
                 )
+        if line.reach_x is not None and np.any(line.reach_x):
+            least, most = _bounds_x(line, of.x.unit)
+            drawn.append(drawing.segment(least, name, most, name, source=rows, line_color=color))
         if line.points:
             own[line.label] = drawing.scatter(
                 of.x.text, name, source=rows, marker=line.marker, color=color, size=6
@@ -111,16 +110,53 @@ def _lines(of: Panel, shared: Ranges, title: str) -> figure:
     _add_hovers(drawing, of, own)
     for at in of.limits:
         limit_line(drawing, at, color=RED)
+    for mark in of.marks:
+        _draw_mark(drawing, mark)
     if entries:
         add_legend(drawing, entries)
     return drawing
 
 
+def _empty(of: Panel, shared: Ranges) -> figure:
+    if of.is_to_scale:
+        return panel_to_scale(of.title, of.x.text, of.y.text, of.height_px)
+    return panel(
+        of.title,
+        of.x.text,
+        of.y.text,
+        height=of.height_px,
+        x_range=shared if shared is not None else _ends(of.x),
+        y_range=_ends(of.y),
+        x_scale="log" if of.x.log else "auto",
+        y_scale="log" if of.y.log else "auto",
+    )
+
+
+def _area(drawing: figure, line: Line) -> Drawn:
+    edge = outline({"x": line.x, "y": line.y})
+    color, _ = stroke_of(line)
+    return drawing.patch("x", "y", source=edge, color=color, fill_alpha=0.2, line_alpha=0.0)
+
+
+def _draw_mark(drawing: figure, mark: Mark) -> None:
+    drawing.text(
+        "x",
+        "y",
+        "text",
+        source=outline({"x": [mark.x], "y": [mark.y], "text": [mark.text]}),
+        x_offset=6,
+        text_baseline="middle",
+        text_font_size="12px",
+        text_color=NAMED[mark.colour],
+    )
+
+
 def _add_hovers(drawing: figure, of: Panel, own: Mapping[str, Drawn]) -> None:
     """Show the values of all lines above the pointer if they are few and of the same x."""
-    names = {line.label: f"{line.label} [{of.y.unit}]" for line in of.lines}
-    if len({line.x for line in of.lines}) == 1 and len(names) <= MOST_TOLD:
-        whole = next((line for line in of.lines if None not in line.y), of.lines[0])
+    lines = [line for line in of.lines if not line.is_area]
+    names = {line.label: f"{line.label} [{of.y.unit}]" for line in lines}
+    if len({line.x for line in lines}) == 1 and len(names) <= MOST_TOLD:
+        whole = next((line for line in lines if None not in line.y), lines[0])
         shown = {of.x.label: of.x.text, **names}
         add_hover(drawing, own[whole.label], shown, along_x=True, digits=4)
         return
@@ -132,7 +168,8 @@ def _sources(of: Panel, title: str) -> Iterator[tuple[Line, ColumnDataSource]]:
     """Yield the lines with their data; lines of the same x share one table."""
     tables: dict[tuple[float, ...], list[Line]] = defaultdict(list)
     for line in of.lines:
-        tables[line.x].append(line)
+        if not line.is_area:
+            tables[line.x].append(line)
     made = {}
     for x, lines in tables.items():
         columns: dict[str, object] = {of.x.text: x}
@@ -142,14 +179,23 @@ def _sources(of: Panel, title: str) -> Iterator[tuple[Line, ColumnDataSource]]:
                 y, reach = np.asarray(line.y, dtype=float), np.asarray(line.reach)
                 least, most = _bounds(line, of.y.unit)
                 columns |= {least: y - reach, most: y + reach}
+            if line.reach_x is not None and np.any(line.reach_x):
+                reach = np.asarray(line.reach_x)
+                least, most = _bounds_x(line, of.x.unit)
+                columns |= {least: np.asarray(x) - reach, most: np.asarray(x) + reach}
         name = lines[0].label if len(tables) > 1 else of.y.label
         made[x] = source(f"{title} {name}".lstrip(), columns)
     for line in of.lines:
-        yield line, made[line.x]
+        if not line.is_area:
+            yield line, made[line.x]
 
 
 def _bounds(line: Line, unit: str) -> tuple[str, str]:
     return f"{line.label}, least [{unit}]", f"{line.label}, most [{unit}]"
+
+
+def _bounds_x(line: Line, unit: str) -> tuple[str, str]:
+    return f"{line.label}, x least [{unit}]", f"{line.label}, x most [{unit}]"
 
 
 def _ends(axis: Axis) -> Ranges:

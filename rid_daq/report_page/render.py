@@ -21,13 +21,8 @@ from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, scr
 from rid_daq.terminal.console import printable
 
 DRAWN: Final = (
-    "cascade_figure",
-    "controller_figure",
     "histogram_figure",
     "truth_figure",
-    "error_figure",
-    "path_figure",
-    "centre_figure",
     "plot_svg",
     "stop_figure",
 )

@@ -18,12 +18,8 @@ from config.load import load_bundled_or_path, load_robot
 from identification.payload.file import read_payload
 from identification.payload.warm_up import period_powers
 from rid_daq.blocks.plot import Plot
-from rid_daq.figures.bode_figure import bode_figure
-from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
-from rid_daq.figures.path_figure import path_figure
-from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
@@ -31,8 +27,12 @@ from rid_daq.recording.payload_state import STATE, SessionState
 from rid_daq.recording.payload_steps import WARM_UP
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.report.shown.bode import bode_plot
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
+from rid_daq.report.shown.payload_centre import centre_plot
+from rid_daq.report.shown.tracking import path_plots
 from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData
 from rid_daq.terminal.choices import PAYLOAD
 
@@ -102,15 +102,17 @@ def _of_result(result: Result) -> list[Drawing]:
     if result.velocity_loops is not None:
         found += [
             Drawing(
-                f"bode-{axis.joint}", f"Velocity loop of {axis.joint}", partial(bode_figure, axis)
+                f"bode-{axis.joint}",
+                f"Velocity loop of {axis.joint}",
+                partial(_declared, bode_plot, axis),
             )
             for axis in result.velocity_loops.axes
         ]
     if result.tracking is not None:
-        joints = result.tracking.joints
         found += [
-            Drawing(f"path-{i}", motion.sentence, partial(path_figure, motion, joints))
+            Drawing(f"{plot.name}-{i}", motion.sentence, partial(plot_figure, plot))
             for i, motion in enumerate(result.tracking.motions, start=1)
+            for plot in path_plots(motion, result.tracking.joints)
         ]
     if result.friction is not None:
         make = partial(_declared, friction_plot, result.friction)
@@ -123,7 +125,8 @@ def _declared(declare: Callable[[T], Plot], section: T) -> GridPlot:
 
 
 def _payload(folder: RunFolder) -> GridPlot:
-    return payload_figure(CentreOfGravity.of(read_payload(folder.file(PAYLOAD)).estimate))
+    drawn = CentreOfGravity.of(read_payload(folder.file(PAYLOAD)).estimate)
+    return plot_figure(centre_plot(drawn))
 
 
 def _warm_up(folder: RunFolder) -> list[Drawing]:

@@ -16,22 +16,22 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
-from rid_daq.figures.bode_figure import bode_figure
-from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.history_figure import PastValue, history_figure
 from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
-from rid_daq.figures.path_figure import path_figure
-from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.truth_figure import truth_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
+from rid_daq.report.shown.bode import bode_plot
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
+from rid_daq.report.shown.payload_centre import centre_plot
 from rid_daq.report.shown.retiming import way_plot
+from rid_daq.report.shown.tracking import path_plots
 from tests.builders.invented import whole_result
 
 WRITTEN = Path(__file__).parents[1] / "rid_daq" / "report" / "results"
@@ -123,12 +123,15 @@ def all_figures() -> dict[str, UIElement]:
         "fit": plot_figure(torque_plot(curves.torque)),
         "spectrum": plot_figure(spectrum_plot(curves.spectrum)),
         "parameters": parameters_figure(demo.estimate),
-        "bode": bode_figure(loops.axes[0]),
-        "path": path_figure(tracking.motions[0], tracking.joints),
+        "bode": plot_figure(bode_plot(loops.axes[0])),
+        **{
+            plot.name: plot_figure(plot)
+            for plot in path_plots(tracking.motions[0], tracking.joints)
+        },
         "friction": plot_figure(friction_plot(friction)),
         "warm-up": warm_up_figure(JOINTS, power, 1.0),
         "history": history_figure("Coulomb friction of axis2", "N m", past),
-        "payload": payload_figure(CentreOfGravity.of(payload())),
+        "payload": plot_figure(centre_plot(CentreOfGravity.of(payload()))),
         "stop": stop_figure(stopped),
         "lateness": lateness_figure(late[0]),
         "truth": truth_figure(long.truth),

@@ -8,6 +8,8 @@ from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text
 from rid_daq.blocks.formats import measured, number, unit
 from rid_daq.report.sections.payload import PayloadParameter, PayloadSection
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
+from rid_daq.report.shown.payload_centre import centre_plot
 
 
 def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
@@ -27,6 +29,8 @@ def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
         " −∫ x y dm.",
         is_note=True,
     )
+    if section.has_centre:
+        yield centre_plot(CentreOfGravity.of_section(section))
     if section.principal is not None:
         moments = "; ".join(
             f"{number(each.moment)} kg m² about ({', '.join(f'{x:.3f}' for x in each.axis)})"

@@ -11,6 +11,7 @@ from rid_daq.report.shown.curves import curves_blocks
 from rid_daq.report.shown.estimate import estimate_blocks
 from rid_daq.report.shown.friction import friction_blocks
 from rid_daq.report.shown.friction_choice import friction_choice_blocks
+from rid_daq.report.shown.payload import payload_blocks
 from rid_daq.report.shown.plate import (
     base_load_blocks,
     plate_blocks,
@@ -18,7 +19,9 @@ from rid_daq.report.shown.plate import (
     reaction_blocks,
 )
 from rid_daq.report.shown.retiming import retiming_blocks
+from rid_daq.report.shown.tracking import tracking_blocks
 from rid_daq.report.shown.validation import validation_blocks
+from rid_daq.report.shown.velocity_loops import loop_blocks
 
 SHOWN: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "average": average_blocks,
@@ -27,10 +30,13 @@ SHOWN: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "curves": curves_blocks,
     "estimate": estimate_blocks,
     "friction": friction_blocks,
+    "payload": payload_blocks,
     "plate": plate_blocks,
     "plate_zero": plate_zero_blocks,
     "reaction": reaction_blocks,
     "retiming": retiming_blocks,
     "validation": validation_blocks,
+    "tracking": tracking_blocks,
+    "velocity_loops": loop_blocks,
 }
 """By the name of the section; sections without an entry have a template."""

@@ -7,26 +7,18 @@ from typing import Final
 
 from markupsafe import Markup
 
-from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
 from rid_daq.report_page.drawings.curves import (
     histogram_figure,
     truth_figure,
 )
-from rid_daq.report_page.drawings.paths import error_figure, path_figure
-from rid_daq.report_page.drawings.payload import centre_figure
 from rid_daq.report_page.drawings.plot import plot_svg
 from rid_daq.report_page.drawings.stop import stop_figure
 
 DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
     draw.__name__: draw
     for draw in (
-        cascade_figure,
-        controller_figure,
         histogram_figure,
         truth_figure,
-        error_figure,
-        path_figure,
-        centre_figure,
         plot_svg,
         stop_figure,
     )

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rid_daq.blocks.plot import Axis, Line, Marker, Panel, Plot
+from rid_daq.blocks.plot import Axis, Line, Mark, Marker, Panel, Plot
 from rid_daq.figures.palette import NAMED
 from rid_daq.figures.plot_figure import stroke_of
 from rid_daq.report_page.drawings.curves import STYLE, WRONG, as_label, as_svg
@@ -88,6 +88,8 @@ def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
         _draw_line(drawing, line)
     for at in of.limits:
         drawing.axhline(at, color=WRONG, linewidth=0.8)
+    for mark in of.marks:
+        _draw_mark(drawing, mark)
     named = sum(line.is_named for line in of.lines)
     if named:
         drawing.legend(
@@ -109,11 +111,15 @@ def _draw_line(drawing: Axes, line: Line) -> None:
     x, y = np.asarray(line.x), np.asarray(line.y, dtype=float)
     color, dash = stroke_of(line)
     label = as_label(line.label) if line.is_named else None
+    if line.is_area:
+        drawing.fill(x, y, color=color, alpha=0.2, linewidth=0.0, label=label)
+        return
     if line.points:
         drawing.errorbar(
             x,
             y,
             line.reach,
+            line.reach_x,
             fmt=_MARKERS[line.marker],
             color=color,
             markersize=3.5,
@@ -126,6 +132,18 @@ def _draw_line(drawing: Axes, line: Line) -> None:
         drawing.fill_between(x, y - reach, y + reach, color=color, alpha=0.2, linewidth=0)
     style = _DASHES.get(dash, dash)
     drawing.plot(x, y, color=color, linestyle=style, linewidth=_SCALE * line.width, label=label)
+
+
+def _draw_mark(drawing: Axes, mark: Mark) -> None:
+    drawing.annotate(
+        as_label(mark.text),
+        (mark.x, mark.y),
+        (5.0, 0.0),
+        textcoords="offset points",
+        va="center",
+        color=NAMED[mark.colour],
+        fontsize=8.0,
+    )
 
 
 def _draw_spans(drawing: Axes, of: Panel, _columns: int) -> None:
@@ -146,7 +164,11 @@ def _draw_axes(drawing: Axes, of: Panel) -> None:
         drawing.set_yscale("log")
     drawing.set_xlabel(as_label(of.x.text))
     drawing.set_ylabel(as_label(of.y.text))
-    _draw_ends(drawing, of.x, of.y)
+    if of.is_to_scale:
+        drawing.set_aspect("equal", adjustable="datalim")
+        drawing.margins(0.1)
+    else:
+        _draw_ends(drawing, of.x, of.y)
 
 
 def _draw_ends(drawing: Axes, x: Axis, y: Axis | None) -> None:

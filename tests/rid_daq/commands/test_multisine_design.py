@@ -24,8 +24,9 @@ from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.blocks.block import Text
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
+from rid_daq.report.shown.bode import bode_plot
 from rid_daq.report.shown.velocity_loops import loop_blocks
-from rid_daq.report_page.drawings.bode import cascade_figure, controller_figure
+from rid_daq.report_page.drawings.plot import plot_svg
 from tests.builders.raised_codes import raises_code
 
 DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4"]
@@ -124,11 +125,10 @@ def test_the_section_is_json_and_draws_both_figures(capsys: pytest.CaptureFixtur
         modelled = np.interp(measured.frequency_hz, axis.cascade.frequency_hz, drawn.magnitude)
         ratio = np.array(measured.magnitude)[inside] / modelled[inside]
         np.testing.assert_allclose(np.median(ratio), 1.0, atol=0.1)
-        controller = controller_figure(axis, f"c{number}")
-        cascade = cascade_figure(axis.cascade, f"p{number}")
+        svg = plot_svg(bode_plot(axis), f"b{number}")
         for words in ("odd distortion", "even distortion", "frequency [Hz]", "σ by noise"):
-            assert words in controller
-        assert "position loop, measured" in cascade
+            assert words in svg
+        assert "position loop, measured" in svg
     response = section.axes[0].response
     loud = response.odd.model_copy(update={"level": tuple(120.0 for _ in response.odd.level)})
     axis = section.axes[0].model_copy(

@@ -11,24 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 from bokeh.models import Axis, ColumnDataSource, HoverTool, Plot, Range1d, Toolbar
-from bokeh.models.annotations import Title
 from bokeh.models.ui import UIElement
 
 from config.errors import ConfigError
 from config.load import load_cell
-from rid_daq.figures.bode_figure import bode_figure
-from rid_daq.figures.centre_of_gravity import CentreOfGravity
 from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
 from rid_daq.figures.history_figure import PastValue
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.palette import INK, darkened
 from rid_daq.figures.panel import panel, words
 from rid_daq.figures.parameters_figure import parameters_figure
-from rid_daq.figures.path_figure import path_figure
-from rid_daq.figures.payload_figure import payload_figure
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
+from rid_daq.report.shown.bode import bode_plot
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
+from rid_daq.report.shown.payload_centre import VIEWS, centre_plot
+from rid_daq.report.shown.tracking import path_plots
 from tests.builders.drawn_figures import (
     JOINTS,
     all_figures,
@@ -48,7 +47,7 @@ def figures() -> dict[str, UIElement]:
 
 NAMES = (
     *("motion", "fit", "spectrum", "parameters", "bode"),
-    *("path", "friction", "warm-up", "history", "payload"),
+    *("path", "distance", "errors", "friction", "warm-up", "history", "payload"),
     *("stop", "lateness", "truth", "retiming"),
 )
 
@@ -184,7 +183,7 @@ def test_bode_shows_the_margins_of_the_result() -> None:
     loops = written("velocity_loops").velocity_loops
     assert loops is not None
     axis = loops.axes[0]
-    figure = bode_figure(axis)
+    figure = plot_figure(bode_plot(axis))
     texts = [
         text
         for each in figure.references()
@@ -194,8 +193,8 @@ def test_bode_shows_the_margins_of_the_result() -> None:
     margins = axis.cascade.position.margins
     assert f"{margins.phase_deg:.0f}°" in texts
     assert f"{margins.gain_db:.1f} dB" in texts
-    drawn = tables(figure)["measured controller"]
-    gain = column(drawn, f"gain [dB over 1 {axis.unit}]")
+    drawn = tables(figure)[f"{axis.joint}: velocity controller measured"]
+    gain = column(drawn, f"measured [dB over 1 {axis.unit}]")
     np.testing.assert_allclose(10.0 ** (gain / 20.0), axis.response.magnitude, rtol=1e-5)
 
 
@@ -203,10 +202,10 @@ def test_path_deviations_are_the_result_s_in_millimetres() -> None:
     tracking = invented().tracking
     assert tracking is not None
     motion = tracking.motions[0]
-    drawn = tables(path_figure(motion, tracking.joints))
-    assert set(drawn) == {"before", "after"}
-    found = column(drawn["after"], "x deviation [mm]")
-    np.testing.assert_allclose(found, 1e3 * np.array(motion.drawn.after.deviation_m[0]), rtol=1e-5)
+    _, _, errors = path_plots(motion, tracking.joints)
+    before, after = errors.panels[0].lines
+    assert (before.label, after.label) == ("before", "after")
+    assert after.y == pytest.approx([1e3 * each for each in motion.drawn.after.deviation_m[0]])
 
 
 def test_a_path_without_a_run_before_is_drawn_alone() -> None:
@@ -214,7 +213,9 @@ def test_a_path_without_a_run_before_is_drawn_alone() -> None:
     assert tracking is not None
     motion = tracking.motions[0]
     alone = motion.model_copy(update={"drawn": motion.drawn.model_copy(update={"before": None})})
-    assert set(tables(path_figure(alone, tracking.joints))) == {"after"}
+    path, *_ = path_plots(alone, tracking.joints)
+    assert [line.label for line in path.panels[0].lines] == ["wanted", "after", "scale"]
+    assert len(path.panels) == 1
 
 
 def test_motion_is_told_in_units_and_in_percent_of_its_limits() -> None:
@@ -257,14 +258,13 @@ def test_warm_up_s_change_has_a_range_before_there_is_a_change() -> None:
 
 def test_payload_s_centre_lies_where_the_estimate_says() -> None:
     estimate = payload()
-    drawn = tables(payload_figure(CentreOfGravity.of(estimate)))["centre of gravity"]
-    for k, axis in enumerate("xyz"):
-        assert column(drawn, f"{axis} of the centre [mm]")[0] == pytest.approx(
-            1e3 * estimate.reported[1 + k], rel=1e-5
-        )
-        assert column(drawn, f"{axis} 2σ [mm]")[0] == pytest.approx(
-            2e3 * estimate.sigma[1 + k], rel=1e-5
-        )
+    plot = centre_plot(CentreOfGravity.of(estimate))
+    for view, shown in zip(VIEWS, plot.panels, strict=True):
+        (centre,) = (line for line in shown.lines if line.points)
+        found = [*centre.x, *centre.y, *(centre.reach_x or ()), *(centre.reach or ())]
+        wanted = [*(1e3 * estimate.reported[1 + k] for k in view)]
+        wanted += [2e3 * estimate.sigma[1 + k] for k in view]
+        assert found == pytest.approx(wanted)
 
 
 def test_ellipse_of_the_centre_is_the_covariance_of_the_estimate() -> None:
@@ -295,10 +295,11 @@ def test_a_centre_that_was_held_has_no_width() -> None:
 
 def test_what_a_motion_does_not_show_is_said() -> None:
     estimate = payload(unseen="sz")
-    figure = payload_figure(CentreOfGravity.of(estimate))
-    titles = [str(each.text) for each in figure.references() if isinstance(each, Title)]
-    assert sum("z not shown" in title for title in titles) == 2
-    assert "" in next(csv.reader(io.StringIO(as_csv(figure).split("\n", 1)[1])))
+    plot = centre_plot(CentreOfGravity.of(estimate))
+    assert sum("z not shown" in each.title for each in plot.panels) == 2
+    assert [any(line.points for line in each.lines) for each in plot.panels] == [
+        2 not in view for view in VIEWS
+    ]
 
 
 def test_a_past_value_knows_its_time_zone() -> None:

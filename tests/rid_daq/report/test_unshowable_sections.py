@@ -6,15 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
-from bokeh.models import ColumnDataSource
 
 from acquisition.runs.folder import RunFolder
 from config.errors import RecordingError
-from rid_daq.figures.path_figure import path_figure
 from rid_daq.report.result import Result
 from rid_daq.report.sections.tracking import PathCurves, TrackingSection
+from rid_daq.report.shown.tracking import path_plots
 from rid_daq.report_page.write import write_result
-from tests.builders.drawn_figures import tables
 from tests.builders.invented import whole_result
 from tests.builders.raised_codes import raises_code
 
@@ -57,10 +55,9 @@ def test_a_tool_point_that_stands_still_has_a_page_without_a_scale_bar(
 ) -> None:
     """Only the joint turns on whose axis the tool point is."""
     still = tracking(tuple((at, at + shake_m) * 50 for at in (0.0, 0.5, 1.7)))
-    drawn = path_figure(still.motions[0], still.joints)
-    assert set(tables(drawn)) == {"before", "after"}
-    sources = [each for each in drawn.references() if isinstance(each, ColumnDataSource)]
-    assert not [source for source in sources if "text" in source.data]
+    for panel in path_plots(still.motions[0], still.joints)[0].panels:
+        assert not panel.marks
+        assert "scale" not in [line.label for line in panel.lines]
     page = write_result(folder, head().updated(tracking=still)).read_text()
     assert "Paths followed" in page
     assert "of deviation" not in page

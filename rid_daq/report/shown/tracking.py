@@ -1,0 +1,265 @@
+"""`tracking_blocks`: what people see of paths that were followed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Table, Text
+from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Mark, Panel, Plot
+from rid_daq.report.sections.tracking import (
+    STILL_M,
+    ErrorSize,
+    FollowedMotion,
+    JointUnit,
+    PathCurves,
+    TrackingSection,
+    magnification,
+)
+
+AXES: Final = "xyz"
+LEAST_MM: Final = 1e-4
+_LOOKS: Final[Mapping[str, tuple[Colour, Dash]]] = {
+    "before": ("red", "dashed"),
+    "after": ("blue", "solid"),
+}
+
+
+def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
+    """Yield errors before and after, of the tool and of joints, bending, and the paths.
+
+    Parameters
+    ----------
+    section : TrackingSection
+        The paths.
+    """
+    yield Heading(text="Paths followed")
+    yield Text(text=section.sentence)
+    yield Text(text=section.unseen)
+    yield _distances(section.motions)
+    streamed = any(motion.use == "streamed" for motion in section.motions)
+    yield Text(
+        text='"Own runs" says whether runs of this very motion made its feedforward: never used,'
+        " tuned on it, or refined from run to run."
+        + (" Streamed: compensated on line, as it came." if streamed else ""),
+        is_note=True,
+    )
+    yield _joint_errors(section)
+    yield Text(text="Largest error of each joint.", is_note=True)
+    if section.with_stiffness:
+        yield _bending(section.motions)
+        yield Text(
+            text=f"Estimated bending of the gears of {', '.join(section.with_stiffness)}, at the"
+            " tool point. No distance above contains it.",
+            is_note=True,
+        )
+    for number, motion in enumerate(section.motions, start=1):
+        yield Heading(text=f"{number}: {motion.sentence}", level=3)
+        yield from path_plots(motion, section.joints)
+
+
+def _distances(motions: Sequence[FollowedMotion]) -> Table:
+    return Table(
+        columns=(
+            Column(title="#"),
+            Column(title="motion", is_text=True),
+            Column(title="own runs", is_text=True),
+            Column(title="mean before", unit="mm", digits=3),
+            Column(title="mean after", unit="mm", digits=3),
+            Column(title="reduced, times", digits=3),
+            Column(title="largest before", unit="mm", digits=3),
+            Column(title="largest after", unit="mm", digits=3),
+            Column(title="reduced, times", digits=3),
+        ),
+        rows=tuple(
+            (
+                number,
+                motion.sentence,
+                motion.use,
+                _mm(motion.before, "mean_m"),
+                _mm(motion.after, "mean_m"),
+                motion.mean_ratio,
+                _mm(motion.before, "max_m"),
+                _mm(motion.after, "max_m"),
+                motion.max_ratio,
+            )
+            for number, motion in enumerate(motions, start=1)
+        ),
+    )
+
+
+def _mm(size: ErrorSize | None, key: str) -> float | None:
+    return None if size is None else 1e3 * float(getattr(size, key))
+
+
+def _joint_errors(section: TrackingSection) -> Table:
+    def row(number: int, motion: FollowedMotion) -> tuple[Cell, ...]:
+        sizes = (motion.before, motion.after)
+        return (
+            number,
+            *(
+                None if size is None else 1e3 * size.joint_peak[j]
+                for j in range(len(section.joints))
+                for size in sizes
+            ),
+        )
+
+    columns = [Column(title="#")]
+    for joint in section.joints:
+        columns.append(Column(title=f"{joint.joint} before", unit=f"m{joint.unit}", digits=3))
+        columns.append(Column(title="after", unit=f"m{joint.unit}", digits=3))
+    rows = tuple(row(number, motion) for number, motion in enumerate(section.motions, start=1))
+    return Table(columns=tuple(columns), rows=rows)
+
+
+def _bending(motions: Sequence[FollowedMotion]) -> Table:
+    def cells(size: ErrorSize | None) -> tuple[Cell, Cell]:
+        if size is None or size.bending is None:
+            return None, None
+        return 1e3 * size.bending.rms_m, 1e3 * size.bending.max_m
+
+    return Table(
+        columns=(
+            Column(title="#"),
+            Column(title="bending before, RMS", unit="mm", digits=2),
+            Column(title="largest", unit="mm", digits=2),
+            Column(title="bending after, RMS", unit="mm", digits=2),
+            Column(title="largest", unit="mm", digits=2),
+        ),
+        rows=tuple(
+            (number, *cells(motion.before), *cells(motion.after))
+            for number, motion in enumerate(motions, start=1)
+        ),
+    )
+
+
+def path_plots(motion: FollowedMotion, joints: Sequence[JointUnit]) -> tuple[Plot, ...]:
+    """Return the plots of a motion: its path, the distance from it, and the errors over time.
+
+    Parameters
+    ----------
+    motion : FollowedMotion
+        The motion.
+    joints : sequence of JointUnit
+        The joints of the robot.
+    """
+    runs = {"before": motion.drawn.before, "after": motion.drawn.after}
+    driven = {word: curves for word, curves in runs.items() if curves is not None}
+    sights = [driven, {"after": driven["after"]}] if len(driven) > 1 else [driven]
+    return (
+        Plot(
+            name="path",
+            panels=tuple(map(_path, sights)),
+            caption="To scale, along the base axis in which the path extends least; only the"
+            " deviation is magnified. Periodic motions: the last period.",
+            columns=len(sights),
+        ),
+        Plot(name="distance", panels=(_distance(driven),)),
+        Plot(
+            name="errors",
+            panels=(
+                *(_deviation(driven, k) for k in range(len(AXES))),
+                *(_joint_error(driven, k, joint) for k, joint in enumerate(joints)),
+            ),
+            caption="Wanted minus reached, joint by joint, and reached minus wanted of the tool.",
+            columns=len(AXES),
+        ),
+    )
+
+
+def _path(driven: Mapping[str, PathCurves]) -> Panel:
+    wanted = np.asarray(driven["after"].wanted_m, dtype=float)
+    extents = np.ptp(wanted, axis=1)
+    across, up = sorted(np.argsort(extents)[1:].tolist())
+    pair, extent = [across, up], float(extents.max())
+    off = {word: np.asarray(each.deviation_m, dtype=float)[pair] for word, each in driven.items()}
+    largest = max(float(np.linalg.norm(each, axis=0).max()) for each in off.values())
+    times = magnification(extent, largest)
+    paths = {
+        word: np.asarray(each.wanted_m, dtype=float)[pair] + times * off[word]
+        for word, each in driven.items()
+    }
+    lines = [
+        Line(
+            label="wanted",
+            x=wanted[across].tolist(),
+            y=wanted[up].tolist(),
+            stroke="faint",
+            width=3.2,
+        ),
+        *(_line(word, path[0].tolist(), path[1].tolist()) for word, path in paths.items()),
+    ]
+    bar, mark = _scale_bar(np.hstack([wanted[pair], *paths.values()]), extent, times)
+    return Panel(
+        x=Axis(label=AXES[across], unit="m"),
+        y=Axis(label=AXES[up], unit="m"),
+        lines=(*lines, *bar),
+        marks=mark,
+        height_px=400,
+        is_to_scale=True,
+        title=f"deviation drawn {times:g} times as large",
+    )
+
+
+def _scale_bar(
+    points: np.ndarray[tuple[int, ...], np.dtype[np.float64]], extent_m: float, times: float
+) -> tuple[tuple[Line, ...], tuple[Mark, ...]]:
+    """Return a bar below a path with the size of the deviation that is as long."""
+    if extent_m < STILL_M:
+        return (), ()
+    length = 0.12 * extent_m / times
+    power = 10.0 ** math.floor(math.log10(length))
+    length = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= length)
+    left, low = float(points[0].min()), float(points[1].min()) - 0.09 * extent_m
+    right = left + times * length
+    size = f"{1e3 * length:g} mm" if length >= 1e-3 else f"{1e6 * length:g} µm"
+    bar = Line(
+        label="scale", x=(left, right), y=(low, low), stroke="ink", width=2.6, is_named=False
+    )
+    return (bar,), (Mark(x=right, y=low, text=f"{size} of deviation"),)
+
+
+def _line(word: str, x: Sequence[float], y: Sequence[float]) -> Line:
+    colour, dash = _LOOKS[word]
+    return Line(label=word, x=tuple(x), y=tuple(y), stroke=colour, dash=dash, width=1.5)
+
+
+def _distance(driven: Mapping[str, PathCurves]) -> Panel:
+    return Panel(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="distance", unit="mm", log=True),
+        lines=tuple(
+            _line(word, each.time_s, [max(1e3 * value, LEAST_MM) for value in each.distance_m])
+            for word, each in driven.items()
+        ),
+        height_px=220,
+    )
+
+
+def _deviation(driven: Mapping[str, PathCurves], axis: int) -> Panel:
+    return Panel(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="path error", unit="mm"),
+        lines=tuple(
+            _line(word, each.time_s, [1e3 * value for value in each.deviation_m[axis]])
+            for word, each in driven.items()
+        ),
+        height_px=180,
+        title=f"{AXES[axis]}, base frame",
+    )
+
+
+def _joint_error(driven: Mapping[str, PathCurves], k: int, joint: JointUnit) -> Panel:
+    return Panel(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="joint error", unit=f"m{joint.unit}"),
+        lines=tuple(
+            _line(word, each.time_s, [1e3 * value for value in each.joint[k]])
+            for word, each in driven.items()
+        ),
+        height_px=180,
+        title=joint.joint,
+    )
