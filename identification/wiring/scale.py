@@ -21,6 +21,8 @@ from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed, rows_used
 
 AS_GOOD: Final = 0.1
+KNOWN_SIGMAS: Final = 5.0
+"""Distance of the weight from zero, in standard deviations, at which a factor is proposed."""
 COPY_SHARE: Final = 0.15
 COPY_FACTOR: Final = 0.05
 
@@ -42,7 +44,7 @@ def wrong_scale(
     Returns
     -------
     tuple of Mistake
-        Empty if the torques are such as the robot can have.
+        Empty if the torques are such as the robot can have, or do not tell what they should be.
     """
     n = len(signals.robot.joints)
     still = np.eye(n)
@@ -63,8 +65,11 @@ def wrong_scale(
             units.append((abs(math.log(right.share)), unit))
     if units:
         return tuple(unit for _, unit in sorted(units, key=lambda each: each[0]))
+    if abs(weight.share) < KNOWN_SIGMAS * weight.sigma:
+        return ()  # the factor would be one over noise
     factor = 1.0 / weight.share
-    return (scaled(Kind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor)),)
+    every = scaled(Kind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
+    return (every,) if keeps_limits(every, signals, every.undone(signals)) else ()
 
 
 def copied_motion(signals: WiredSignals) -> Mistake | None:

@@ -83,6 +83,10 @@ _LINES_OF_CELL: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.TORQUE_QUANTITY: (),
     Kind.GRAVITY_REMOVED: (),
 }
+OTHER_ROBOT: Final = (
+    "Compare lengths, axes and zero positions in the robot file with the robot: the file may be"
+    " another robot's."
+)
 ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
 """Keys of a map of which it states this or another: where they are not stated, none is to add."""
@@ -170,7 +174,7 @@ class WiringDiagnosis:
             words = self.weight.sentence
             said.append(
                 f"{words[0].upper()}{words[1:]}: look for a wrong unit of the torques, for torques"
-                " without gravity, or for wrong masses in `cad`."
+                f" without gravity, or for wrong masses in `cad`. {OTHER_ROBOT}"
             )
         return tuple(said)
 

@@ -36,7 +36,12 @@ from rid_daq.jobs.identification_job import (
     estimate_runs,
     gains_of_drives,
 )
-from rid_daq.jobs.wiring_job import WiringDiagnosis, diagnose_wiring, wired_signals
+from rid_daq.jobs.wiring_job import (
+    OTHER_ROBOT,
+    WiringDiagnosis,
+    diagnose_wiring,
+    wired_signals,
+)
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.operation import Context
 from rid_daq.report.model_file import ModelFile
@@ -231,6 +236,7 @@ def _verdict(
         why.append(f"The model does not explain {', '.join(components)} of the force plate.")
     if bad:
         why.append(f"The model does not explain the torque of {', '.join(bad)}.")
+        why += [OTHER_ROBOT] if section.mistakes == () else []
     return Verdict.failed(headline, " ".join(why))
 
 

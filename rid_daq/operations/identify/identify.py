@@ -218,6 +218,8 @@ class IdentifyResult:
         yield from self._ending()
 
     def _ending(self) -> Iterator[AnyBlock]:
+        from rid_daq.jobs.wiring_job import OTHER_ROBOT
+
         found, bad = self.identified, self.identified.bad_joints
         yield Verdict(passed=not bad, text=f"Model: {found.model}")
         yield Text(text=f"Report: {found.report}")
@@ -227,6 +229,8 @@ class IdentifyResult:
                 text=f"The model does not explain the torque of {', '.join(bad)}: it is not"
                 " exported without --despite-misfit. Correct the files, then identify again.",
             )
+            if found.section.mistakes == ():
+                yield Text(text=OTHER_ROBOT)
         else:
             yield Text(text="RUN is a run that was not used here.")
             yield Next(words=("validate", str(found.model), "RUN"))

@@ -156,3 +156,19 @@ def test_what_is_proposed_keeps_the_limits_of_the_robot_file(arm: WiredSignals) 
         *(Kind.TORQUE_FACTOR, Kind.TORQUE_UNIT, Kind.TORQUE_ORDER, Kind.CLOCK, Kind.AXIS_ORDER),
         *(Kind.POSITION_FACTOR, Kind.POSITION_OFFSET, Kind.POSITION_ORDER),
     }
+
+
+@pytest.mark.parametrize(("times", "found"), [(0.2, (0.2,)), (5.0, ())])
+def test_a_factor_of_all_torques_keeps_their_limits(
+    arm: WiredSignals, times: float, found: tuple[float, ...]
+) -> None:
+    """Axis 2 has 0.9 times its limit: no motor has 5 times that torque."""
+    links = tuple(
+        link.model_copy(update={"mass_kg": times * link.mass_kg}) for link in arm.robot.cad or ()
+    )
+    drawn = replace(arm, robot=arm.robot.model_copy(update={"cad": links}))
+    weight = impossibilities(drawn)[1]
+    assert weight is not None
+    assert not weight.is_plausible
+    factors = [each.mistake.factor for each in find_mistakes(drawn)]
+    assert factors == pytest.approx(found, rel=0.01)

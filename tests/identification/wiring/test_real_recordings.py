@@ -15,7 +15,7 @@ from config.load import load_bundled_or_path, load_robot
 from identification.regression.fit_grade import BAD_SHARE, GOOD_SHARE
 from identification.wiring.held_out import held_out_share
 from identification.wiring.mistakes import Kind
-from identification.wiring.search import find_mistakes
+from identification.wiring.search import find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import Condensed
 
@@ -67,3 +67,18 @@ def test_a_kukas_file_does_not_hold_there_on_a_ur10e(
     signals = replace(of_ur10e(real_robot, name, first, last), robot=load_robot("kr15"))
     share = Condensed.of(signals).trial(np.eye(6)).residual_share
     assert GOOD_SHARE < share[3] < BAD_SHARE < held_out_share(signals)[3]
+
+
+def test_no_factor_is_proposed_if_the_arm_weighs_nothing_by_another_robots_file(
+    real_robot: Path,
+) -> None:
+    """One over a weight that is noise about zero is no factor of the torques."""
+    signals = of_ur10e(real_robot, "ur-20_02_10-30sec_12harm", 635, 1500)
+    other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
+    robot = signals.robot.model_copy(update=other)
+    signals = replace(signals, robot=robot)
+    _, weight = impossibilities(signals)
+    assert weight is not None
+    assert not weight.is_plausible
+    assert abs(weight.share) < 2.0 * weight.sigma
+    assert find_mistakes(signals) == ()
