@@ -18,7 +18,6 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import here_or_there
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.estimate_options import CentreLimit, InertiaLimit, MassLimit, ResidualLimit
-from rid_daq.terminal.inapplicable_options import is_given
 from rid_daq.terminal.options import (
     DEFAULT_LISTEN,
     DEFAULT_RUNS,
@@ -188,3 +187,9 @@ def session(
         live=LiveOptions(live, listen, token, certificate),
     )
     here_or_there(service, JobKind.PAYLOAD, request, Console(as_json), perform)
+
+
+def is_given(context: typer.Context, name: str) -> bool:
+    """Return True if a parameter is on the command line."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"

@@ -30,45 +30,23 @@ _PLAINLY = {
 """Words of pydantic, by which Typer checks values, and what is said in their place."""
 
 SHARED: dict[str, tuple[str, ...]] = {
-    "Payload": ("--loaded", "--load-mass", "--load-mass-sigma"),
     "Limits of the verdict": (
         "--mass-limit",
         "--centre-limit",
         "--inertia-limit",
         "--residual-limit",
     ),
-    "Equations": (
-        "--friction-terms",
-        "--choose",
-        "--band",
-        "--standstill",
-        "--rotors",
-        "--friction",
-        "--spring",
-    ),
-    "Simulated cells": ("--realtime", "--pace", "--seed", "--payload", "--faults"),
+    "Simulated cells": ("--pace", "--seed", "--payload"),
     "Before it moves": (
-        "--rehearse",
         "--rehearsal",
         "--warm-up",
         "--warm-up-periods",
-        "--i-have-cleared-the-cell",
         "--without-axis-test",
         "--practise",
         "--yes",
     ),
     "Live page": ("--live", "--listen", "--token", "--certificate"),
-    "Files and services": (
-        "--output",
-        "--overwrite",
-        "--label",
-        "--unfinished",
-        "--runs",
-        "--scheduler",
-        "--service",
-        "--json",
-        "--help",
-    ),
+    "Files and services": ("--label", "--runs", "--service", "--json", "--help"),
 }
 """The sections after the command's own options, and what belongs there wherever it is taken."""
 

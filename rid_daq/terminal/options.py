@@ -95,12 +95,3 @@ WithoutAxisTest = Annotated[
     ),
 ]
 """The option that every command has that moves a real robot by itself."""
-
-Scheduler = Annotated[
-    str | None,
-    typer.Option(metavar="ADDRESS", help="A Dask scheduler to compute on, as tcp://host:8786."),
-]
-"""The option of what is computed in many independent parts."""
-
-Overwrite = Annotated[bool, typer.Option(help="Replace the output file if it is there.")]
-"""The option of every command that writes a file which the user names."""
