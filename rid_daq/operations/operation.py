@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 
-from config.errors import RidDaqError
+from config.errors import ConfigError, RidDaqError
 from config.process.termination import signals_deferred
 from rid_daq.operations.catalogue import identifier
-from rid_daq.operations.request import Request, option_of
+from rid_daq.operations.request import INVALID, Request, option_of
 from rid_daq.terminal.context import Context as Context
 
 if TYPE_CHECKING:
@@ -103,6 +103,19 @@ class Operation:
         """The fields that the service sets and a client cannot."""
         fields = self.request.model_fields.items()
         return frozenset(name for name, info in fields if option_of(info).owned)
+
+    def refuse_owned(self, request: Mapping[str, object]) -> None:
+        """Refuse a client's request that sets a field of the service.
+
+        Raises
+        ------
+        ConfigError
+            It does (RID-REQUEST-INVALID).
+        """
+        for name in sorted(self.owned & request.keys()):
+            raise ConfigError(
+                f"{self.kind}: {name}: is set by the service: leave it out", code=INVALID
+            )
 
     @property
     def outputs(self) -> dict[str, tuple[str, ...]]:

@@ -157,10 +157,7 @@ def _check_operation(kind: JobKind, request: object) -> None:
     if not isinstance(request, dict):
         raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
     found = operation(OF_KINDS[kind.value])
-    for name in sorted(found.owned & request.keys()):
-        raise ConfigError(
-            f"{kind.value}: {name}: is set by the service: leave it out", code=INVALID
-        )
+    found.refuse_owned(request)
     fields = found.request.model_fields
     filled = {name: "" for name in found.owned if fields[name].is_required()}
     found.request.of_json({**filled, **request}, shown=kind.value)

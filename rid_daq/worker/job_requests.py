@@ -85,6 +85,7 @@ def request_of(
     owned = {"cell": cell, "runs": str(runs), "cleared": cleared, "tester": owner}
     if kind.value in OF_KINDS:
         declared = operation(OF_KINDS[kind.value])
+        declared.refuse_owned(told)
         own = {name: value for name, value in owned.items() if name in declared.owned}
         checked = declared.request.of_json({**told, **own}, shown=kind.value)
         require_ending(kind, told)

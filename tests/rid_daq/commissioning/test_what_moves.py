@@ -18,6 +18,8 @@ from config.errors import PreflightError
 from config.load import load_cell
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled
 from rid_daq.commissioning.axis_verdict import Seen, judge_axis
+from rid_daq.commissioning.held_run import HeldRun
+from rid_daq.operations.cell import axis_bench
 from rid_daq.operations.cell.axis_bench import AxisBench, seen_by
 from rid_daq.operations.cell.jogging import Jogging
 from rid_daq.recording.run_session import RunSession
@@ -199,3 +201,23 @@ def test_eyes_see_the_joint_that_moved_most_and_nothing_below_a_tenth_of_a_degre
     assert seen.joint == "axis3"
     assert seen.amount == pytest.approx(-1.9)
     assert seen_by(ROBOT, np.full(N, math.radians(0.09))).joint == ""
+
+
+def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also if the axis has moved far enough to be judged."""
+    session = SimpleNamespace(loaded=LOADED, cell=LOADED.config, simulated=None)
+    made = AxisBench(cast(RunSession, session), cast(Console, Said()), unattended=True)
+    ended = SimpleNamespace(outcome=SimpleNamespace(stop=None))
+    run = SimpleNamespace(as_step=lambda: ended)
+
+    def quit_in(_session: object, _context: object, held: HeldRun) -> object:
+        assert held.tapped("q")
+        return run
+
+    def never(*_: object) -> None:
+        raise AssertionError("nothing is read of a test that was ended")
+
+    monkeypatch.setattr(axis_bench, "record_held", quit_in)
+    monkeypatch.setattr(axis_bench, "simulated_eyes", lambda _session: None)
+    monkeypatch.setattr(AxisBench, "_rows", never)
+    assert made.test(0) is None

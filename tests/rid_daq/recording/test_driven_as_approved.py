@@ -18,7 +18,7 @@ from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.file import feedforward_bytes
 from compensation.loops.loop_file import write_loops
-from config.errors import LimitError
+from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell, to_yaml
 from identification.estimation.file import write_estimate
 from identification.estimation.limit_torque import limit_torque
@@ -199,8 +199,12 @@ def test_no_file_of_a_streamed_path_is_read_after_the_question(folder: Path) -> 
         motion=folder / "motion.yaml",
         practise=True,
     )
+    person: Any = Person(remove_all(folder))
     with pytest.raises(DrivenError) as caught:
-        stream_path(request, Person(remove_all(folder)))
+        stream_path(request, person)
+    (shown,) = [line for line in person.said if "SHA-256" in line]
+    for name, text in caught.value.asked.files.items():
+        assert f"{name} {hashlib.sha256(text).hexdigest()[:12]}" in shown
     assert caught.value.asked.files == {
         MOTION: content["motion.yaml"],
         ONLINE_MODEL: content["model.json"],
@@ -229,6 +233,48 @@ def test_a_feedforward_beyond_the_limits_is_refused_before_anybody_is_asked(fold
         record_motion_file(request, Person(never))
     assert caught.value.refusal == "RID-MOTION-COMMAND"
     assert not (folder / "runs").exists()
+
+
+@pytest.mark.promise("sum-verified")
+def test_a_feedforward_alone_beyond_a_speed_limit_is_refused(folder: Path) -> None:
+    file = json.loads((folder / "ahead.json").read_text())
+    limit = load_cell("ir361").robot.joints[0].limits.velocity
+    for row in file["feedforward"]:
+        row[0] = 1.01 * limit
+    (folder / "ahead.json").write_text(json.dumps(file))
+    request = RecordRequest(
+        cell=str(folder / "cell.yaml"),
+        motion=folder / "motion.yaml",
+        runs=folder / "runs",
+        feedforward=folder / "ahead.json",
+        practise=True,
+    )
+    with raises_code(ConfigError, "RID-MOTION-LIMIT", "'axis1'"):
+        record_motion_file(request, Person(lambda: None))
+
+
+@pytest.mark.promise("sum-verified")
+def test_the_planned_motion_is_held_against_torque_limits_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not only what the position loop makes of it."""
+    robot = (folder / "robot.yaml").read_text()
+    (folder / "robot.yaml").write_text(robot.replace("torque: 450.0}", "torque: 1.0}"))
+
+    def at_rest(samples: MotionSamples, _gain: float) -> MotionSamples:
+        still = np.zeros_like(samples.velocity)
+        return replace(samples, velocity=still, acceleration=still)
+
+    monkeypatch.setattr(recorded_motion, "commanded_motion", at_rest)
+    request = RecordRequest(
+        cell=str(folder / "cell.yaml"),
+        motion=folder / "motion.yaml",
+        runs=folder / "runs",
+        model=folder / "model.json",
+        practise=True,
+    )
+    with raises_code(LimitError, "RID-MOTION-LIMIT", "'axis1'"):
+        record_motion_file(request, Person(lambda: None))
 
 
 @pytest.mark.promise("sum-verified")

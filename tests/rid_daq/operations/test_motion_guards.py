@@ -1,0 +1,302 @@
+"""Nothing moves a real cell before its guards have agreed: a case for each guard."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from compensation.loops.loop_file import write_loops
+from config.errors import ConfigError, PreflightError
+from config.load import LoadedCell, load_cell
+from identification.estimation.file import write_estimate
+from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.preflight.axis_test import AxisTestRule
+from rid_daq.recording import run_session
+from rid_daq.recording.run_session import RunRequest, open_session
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.service.request_check import check_request
+from rid_daq.terminal.console import Console
+from rid_daq.worker.job_requests import request_of
+from tests.builders.known_model import known
+from tests.builders.point_streams import loops_of
+from tests.builders.raised_codes import raises_code
+
+HELD = ("axes", "jog")
+BY_ITSELF = ("record", "stream", "plate zero")
+MOTION = "kind: fourier\nrobot: ir361\nperiod_s: 2.0\nperiods: 2\nramp_s: 1.0\njoints:\n" + "".join(
+    f"  - {{joint: axis{i}, sine: [0.2], cosine: [0.1]}}\n" for i in (1, 2, 3)
+)
+MOVING = pytest.mark.parametrize("name", [*HELD, *BY_ITSELF])
+
+
+class OpenedError(Exception):
+    """Raised in place of a session on the cell: all guards before it have agreed."""
+
+
+@dataclass(frozen=True)
+class Person(Console):
+    """A person with a keyboard, who types an answer; nobody if there is none."""
+
+    answer: str = ""
+    said: list[str] = field(default_factory=list)
+
+    @property
+    def can_ask(self) -> bool:
+        return bool(self.answer)
+
+    def say(self, text: str = "") -> None:
+        self.said.append(text)
+
+    def ask(self, question: str, understood: Any, choices: Any = ()) -> Any:
+        return understood(self.answer)
+
+    def confirm(self, question: str) -> bool:
+        return True
+
+    def require_keys(self, *, simulated: bool) -> None:
+        self.said.append(f"keys of a {'simulated' if simulated else 'real'} cell")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A real cell, what an operation on it is asked, and the rules with which it is opened."""
+
+    loaded: LoadedCell
+    folder: Path
+    rules: list[AxisTestRule]
+
+    def run(self, name: str, person: Person, **more: object) -> None:
+        files: Mapping[str, object] = {
+            "record": {"motion": self.folder / "motion.yaml"},
+            "stream": {
+                "motion": self.folder / "motion.yaml",
+                "model": self.folder / "model.json",
+                "loop": self.folder / "loops.json",
+            },
+        }.get(name, {})
+        declared = operation(name)
+        values = {"cell": "real", "runs": self.folder / "runs", **files, **more}
+        declared.run(declared.request.of(values), person)
+
+
+@pytest.fixture
+def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
+    bundled = load_cell("ir361")
+    (tmp_path / "motion.yaml").write_text(MOTION)
+    write_estimate(tmp_path / "model.json", known(bundled, {}))
+    write_loops(tmp_path / "loops.json", loops_of(bundled), "ir361", "a run")
+    real = replace(bundled, config=bundled.config.model_copy(update={"simulated": False}))
+    found = Cell(real, tmp_path, [])
+
+    def opened(*positional: Any, **named: Any) -> None:
+        rule = named.get("axis_test", positional[-1])
+        found.rules.append(rule)
+        raise OpenedError
+
+    for name in (*HELD, *BY_ITSELF):
+        module = importlib.import_module(operation(name).module)
+        monkeypatch.setattr(module, "load_cell", lambda _: real)
+        monkeypatch.setattr(module, "open_session", opened)
+    return found
+
+
+def test_what_opens_a_cell_what_moves_and_what_is_held_is_this() -> None:
+    """The service asks for lease, preflight, clearance and axis test by these."""
+    declared = {name: found for name in CATALOGUE if (found := operation(name)).is_job}
+    assert {name for name, each in declared.items() if each.opens_cell} == {
+        *("check", "reset"),
+        *HELD,
+        *BY_ITSELF,
+    }
+    assert {name for name, each in declared.items() if each.moves} == {*HELD, *BY_ITSELF}
+    assert {name for name, each in declared.items() if each.is_held} == {*HELD}
+    assert JobKind.PAYLOAD.opens_cell
+    assert JobKind.PAYLOAD.moves
+    assert {kind for kind in JobKind if kind.needs_axis_test} == {
+        *(JobKind.PAYLOAD, JobKind.RECORD, JobKind.STREAM, JobKind.PLATE_ZERO)
+    }
+
+
+@pytest.mark.parametrize("name", BY_ITSELF)
+def test_a_real_cell_moves_by_itself_only_after_its_axis_test(name: str, cell: Cell) -> None:
+    with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1"):
+        cell.run(name, Person(answer="ir361"))
+    assert cell.rules == []
+
+
+@pytest.mark.parametrize("name", BY_ITSELF)
+def test_a_waived_axis_test_is_waived_for_the_session_too(name: str, cell: Cell) -> None:
+    with pytest.raises(OpenedError):
+        cell.run(name, Person(answer="ir361"), axis_test="waived")
+    assert cell.rules == [AxisTestRule.WAIVED]
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_what_is_held_needs_keys_that_are_fit_for_a_real_cell(name: str, cell: Cell) -> None:
+    person = Person(answer="ir361")
+    with pytest.raises(OpenedError):
+        cell.run(name, person)
+    assert cell.rules == [AxisTestRule.HELD]
+    assert "keys of a real cell" in person.said
+
+
+@MOVING
+def test_nobody_who_could_be_asked_moves_no_real_cell(name: str, cell: Cell) -> None:
+    waived = {} if name in HELD else {"axis_test": "waived"}
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY", "ir361"):
+        cell.run(name, Person(), **waived)
+    assert cell.rules == []
+
+
+@MOVING
+def test_another_answer_than_the_cells_name_moves_nothing(name: str, cell: Cell) -> None:
+    waived = {} if name in HELD else {"axis_test": "waived"}
+    with raises_code(PreflightError, "RID-ANSWER-NO", "ir361"):
+        cell.run(name, Person(answer="yes"), **waived)
+    assert cell.rules == []
+
+
+@MOVING
+def test_a_cell_that_was_cleared_is_not_asked_about_again(name: str, cell: Cell) -> None:
+    waived = {} if name in HELD else {"axis_test": "waived"}
+    with pytest.raises(OpenedError):
+        cell.run(name, Person(), cleared=True, **waived)
+
+
+def test_a_real_cell_has_nobody_who_looks_in_its_place(cell: Cell) -> None:
+    with raises_code(PreflightError, "RID-KEY-NEEDED", "ir361"):
+        cell.run("axes", Person(answer="ir361"), unattended=True)
+    assert cell.rules == []
+
+
+def test_a_session_on_a_real_cell_holds_the_axis_test_itself(cell: Cell) -> None:
+    with (
+        raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1"),
+        open_session(cell.loaded, cell.folder / "runs", Person()),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("cell", "ir361"), ("runs", "/tmp"), ("cleared", True), ("live", {}), ("tester", "anna")],
+)
+def test_the_process_that_drives_takes_no_field_of_the_services_from_a_client(
+    name: str, value: object, tmp_path: Path
+) -> None:
+    kind = JobKind.AXES if name == "tester" else JobKind.RECORD
+    told = {name: value} if kind is JobKind.AXES else {"motion": "motion.yaml", name: value}
+    with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value, name):
+        request_of(kind, told, "ir361", tmp_path, cleared=False)
+
+
+@pytest.mark.parametrize("cleared", [False, True])
+@MOVING
+def test_whether_a_cell_is_clear_comes_from_the_service(
+    name: str, cleared: bool, tmp_path: Path
+) -> None:
+    kind = JobKind(operation(name).kind)
+    needed: Mapping[str, object] = {
+        "record": {"motion": "motion.yaml"},
+        "stream": {"model": "model.json", "loop": "loops.json"},
+    }.get(name, {})
+    request = request_of(kind, dict(needed), "ir361", tmp_path, cleared=cleared)
+    assert request.cleared is cleared
+
+
+@pytest.mark.parametrize(
+    ("kind", "field_name"),
+    [(kind, each) for kind in JobKind for each in ("cell", "runs", "cleared", "live", "tester")],
+)
+def test_the_service_takes_no_field_of_its_own_from_a_client(
+    kind: JobKind, field_name: str, tmp_path: Path
+) -> None:
+    with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value):
+        check_request(kind, {field_name: True}, tmp_path)
+
+
+@pytest.mark.parametrize("beat", [None, object()])
+def test_a_motion_watches_the_service_that_has_ordered_it(
+    beat: Any, cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watched: list[object] = []
+    config = cell.loaded.config
+
+    def record(*_: object, context: Any, **__: object) -> None:
+        watched.append(context.service)
+        raise OpenedError
+
+    monkeypatch.setattr(run_session, "mountable_cell", lambda *_: nullcontext((config, None)))
+    monkeypatch.setattr(run_session, "record_motion", record)
+    monkeypatch.setattr(Person, "service", beat)
+    asked = RunRequest("a run", "A run.", None, drive=lambda record: record(cast(Any, None)))
+    with (
+        pytest.raises(OpenedError),
+        open_session(
+            cell.loaded, cell.folder / "runs", Person(), axis_test=AxisTestRule.HELD
+        ) as session,
+    ):
+        session.record(asked)
+    assert watched == [beat]
+
+
+class Client:
+    """A service with one real cell, which notes what it is asked for."""
+
+    def __init__(self) -> None:
+        self.begun: list[tuple[JobKind, bool]] = []
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def cells(self) -> list[Any]:
+        return [SimpleNamespace(cell="real", simulated=False)]
+
+    def lease(self, _name: str, note: str) -> Any:
+        return nullcontext(SimpleNamespace(answer=None, run=self.run))
+
+    def run(self, kind: JobKind, _body: object, *, cleared: bool, watch: object) -> Any:
+        self.begun.append((kind, cleared))
+        job, ended = SimpleNamespace(reason=""), SimpleNamespace(error=None, exit_code=0)
+        return SimpleNamespace(job=job, ended=ended)
+
+
+@pytest.mark.parametrize("name", ["check", *HELD, *BY_ITSELF])
+def test_a_served_real_cell_is_said_to_be_clear_by_a_person_only(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = Client()
+    monkeypatch.setattr("rid_daq.service.client.ServiceClient.at", lambda _: client)
+    kind = JobKind(operation(name).kind)
+    files = {
+        field: "a"
+        for field, info in operation(name).request.model_fields.items()
+        if info.is_required()
+    }
+    request = operation(name).request.of({**files, "cell": "real"})
+
+    def ask(person: Person) -> None:
+        here_or_there("local", kind, request, person, lambda *_: None)
+
+    if not kind.moves:
+        ask(Person())
+        assert client.begun == [(kind, True)]
+        return
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY", "real"):
+        ask(Person())
+    with raises_code(PreflightError, "RID-ANSWER-NO", "real"):
+        ask(Person(answer="yes"))
+    assert client.begun == []
+    ask(Person(answer="real"))
+    assert client.begun == [(kind, True)]
