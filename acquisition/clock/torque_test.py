@@ -1,7 +1,8 @@
 """Whether torques that were left out are predicted better with rebuilt times than with the stamps.
 
-One half of the recording identifies the plain rigid robot with Coulomb and viscous friction, the
-other half judges, both ways. A wrong clock makes accelerations wrong, and the torques with them.
+One half of the recording identifies the rigid robot with its friction, the other half judges, both
+ways. A wrong clock makes accelerations wrong, and the torques with them. Friction bends with speed
+on real robots: without the terms for that, what they leave hides the error of the clock.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.errors import RidDaqError
+from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 
+FRICTION: Final[tuple[FrictionTerm, ...]] = (
+    "coulomb", "viscous", "offset", "cubic", "cube_root",
+)  # fmt: skip
 BAND_HZ: Final = 8.0
 GUARD_S: Final = 0.06
 """Around a reversal the low-passed torque is not that of the low-passed speed's sign [s]."""
@@ -69,11 +74,8 @@ def _errors(
 
     from dynamics.model.robot_model import RobotModel, regressor  # they load the compiler
 
-    plain = [
-        joint.model_copy(update={"friction": ("coulomb", "viscous", "offset")})
-        for joint in robot.joints
-    ]
-    model = RobotModel.from_description(robot.model_copy(update={"joints": tuple(plain)}))
+    joints = tuple(joint.model_copy(update={"friction": FRICTION}) for joint in robot.joints)
+    model = RobotModel.from_description(robot.model_copy(update={"joints": joints}))
     period_s = float(np.median(np.diff(time_s)))
     signals = smooth_nonperiodic(
         _recording(robot, samples, time_s, coupling), min(BAND_HZ, 0.4 / period_s)
