@@ -111,8 +111,15 @@ class Span(ConfigModel):
     colour: Colour = "blue"
 
 
+class Bar(ConfigModel):
+    """The value of a named class, such as a bin of a histogram."""
+
+    name: str
+    value: float
+
+
 class Panel(ConfigModel):
-    """One pair of axes: lines, or rows of spans.
+    """One pair of axes: lines, bars, or rows of spans.
 
     Attributes
     ----------
@@ -126,6 +133,8 @@ class Panel(ConfigModel):
         Texts beside points.
     spans : tuple of Span
         Rows of spans.
+    bars : tuple of Bar
+        Bars beside each other, each named on the x axis.
     height_px : int
         Height [px]; a panel of spans is as high as its rows.
     is_to_scale : bool
@@ -143,6 +152,7 @@ class Panel(ConfigModel):
     limits: Numbers = ()
     marks: tuple[Mark, ...] = ()
     spans: tuple[Span, ...] = ()
+    bars: tuple[Bar, ...] = ()
     height_px: int = 240
     is_to_scale: bool = False
     zooms_with_previous: bool = False

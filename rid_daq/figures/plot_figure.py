@@ -46,7 +46,7 @@ def plot_figure(plot: Plot) -> GridPlot:
         shared = drawn[-1].x_range if each.zooms_with_previous and drawn else None
         if plot.columns == 1 and number and each.hides_x_of(plot.panels[number - 1]):
             drawn[-1].xaxis.visible = False
-        draw = _spans if each.spans else _lines
+        draw = _spans if each.spans else _bars if each.bars else _lines
         drawn.append(draw(each, shared, title))
     return layout(plot.name, [beside(drawn)] if plot.columns > 1 else drawn, drawn)
 
@@ -200,6 +200,26 @@ def _bounds_x(line: Line, unit: str) -> tuple[str, str]:
 
 def _ends(axis: Axis) -> Ranges:
     return None if axis.least is None or axis.most is None else (axis.least, axis.most)
+
+
+def _bars(of: Panel, _shared: Ranges, title: str) -> figure:
+    name, value = of.x.label, of.y.text
+    names = [bar.name for bar in of.bars]
+    columns = {name: names, value: [bar.value for bar in of.bars]}
+    rows = source(f"{title} {of.y.label}".lstrip(), columns)
+    drawing = panel(
+        of.title,
+        of.x.text,
+        value,
+        height=of.height_px,
+        x_range=FactorRange(factors=names),
+        y_range=_ends(of.y),
+        y_scale="log" if of.y.log else "auto",
+    )
+    drawing.xaxis.major_label_orientation = 0.6
+    bars = drawing.vbar(name, 0.8, value, of.y.least or 0.0, source=rows, color=NAMED["blue"])
+    add_hover(drawing, bars, {name: name, of.y.label: value}, digits=9)
+    return drawing
 
 
 def _spans(of: Panel, shared: Ranges, title: str) -> figure:

@@ -8,16 +8,12 @@ from typing import Final
 from bokeh.models import GridPlot
 
 from rid_daq.figures.embedding import as_item
-from rid_daq.figures.lateness_figure import lateness_figure
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.stop_figure import stop_figure
-from rid_daq.figures.truth_figure import truth_figure
 
 FIGURES: Final[dict[str, Callable[..., GridPlot]]] = {
-    "lateness": lateness_figure,
     "plot": plot_figure,
     "stop": stop_figure,
-    "truth": truth_figure,
 }
 """How each kind of figure is made of what its template hands over."""
 

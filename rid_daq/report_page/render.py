@@ -21,8 +21,6 @@ from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, scr
 from rid_daq.terminal.console import printable
 
 DRAWN: Final = (
-    "histogram_figure",
-    "truth_figure",
     "plot_svg",
     "stop_figure",
 )

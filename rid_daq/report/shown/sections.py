@@ -11,6 +11,7 @@ from rid_daq.report.shown.curves import curves_blocks
 from rid_daq.report.shown.estimate import estimate_blocks
 from rid_daq.report.shown.friction import friction_blocks
 from rid_daq.report.shown.friction_choice import friction_choice_blocks
+from rid_daq.report.shown.loop_timing import timing_blocks
 from rid_daq.report.shown.payload import payload_blocks
 from rid_daq.report.shown.plate import (
     base_load_blocks,
@@ -20,6 +21,7 @@ from rid_daq.report.shown.plate import (
 )
 from rid_daq.report.shown.retiming import retiming_blocks
 from rid_daq.report.shown.tracking import tracking_blocks
+from rid_daq.report.shown.truth import truth_blocks
 from rid_daq.report.shown.validation import validation_blocks
 from rid_daq.report.shown.velocity_loops import loop_blocks
 
@@ -35,6 +37,8 @@ SHOWN: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "plate_zero": plate_zero_blocks,
     "reaction": reaction_blocks,
     "retiming": retiming_blocks,
+    "timing": timing_blocks,
+    "truth": truth_blocks,
     "validation": validation_blocks,
     "tracking": tracking_blocks,
     "velocity_loops": loop_blocks,

@@ -7,18 +7,12 @@ from typing import Final
 
 from markupsafe import Markup
 
-from rid_daq.report_page.drawings.curves import (
-    histogram_figure,
-    truth_figure,
-)
 from rid_daq.report_page.drawings.plot import plot_svg
 from rid_daq.report_page.drawings.stop import stop_figure
 
 DRAWINGS: Final[dict[str, Callable[..., Markup]]] = {
     draw.__name__: draw
     for draw in (
-        histogram_figure,
-        truth_figure,
         plot_svg,
         stop_figure,
     )

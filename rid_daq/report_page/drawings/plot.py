@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rid_daq.blocks.plot import Axis, Line, Mark, Marker, Panel, Plot
 from rid_daq.figures.palette import NAMED
 from rid_daq.figures.plot_figure import stroke_of
-from rid_daq.report_page.drawings.curves import STYLE, WRONG, as_label, as_svg
+from rid_daq.report_page.drawings.style import STYLE, WRONG, as_label, as_svg
 
 PX_PER_INCH: Final = 120.0
 WIDTH_IN: Final = 9.6
@@ -68,7 +68,7 @@ def _grid(panels: Sequence[Panel], columns: int) -> Figure:
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(len(rows), columns, height_ratios=heights, squeeze=False).ravel()
     for number, (each, drawing) in enumerate(zip(panels, axes, strict=False)):
-        (_draw_spans if each.spans else _draw_lines)(drawing, each, columns)
+        _draw(drawing, each, columns)
         if each.zooms_with_previous and number:
             drawing.set_xlim(*axes[number - 1].get_xlim())
         if columns == 1 and number and each.hides_x_of(panels[number - 1]):
@@ -81,6 +81,25 @@ def _grid(panels: Sequence[Panel], columns: int) -> Figure:
 
 def _height_in(of: Panel) -> float:
     return 0.3 + ROW_IN * len(of.rows) if of.spans else of.height_px / PX_PER_INCH
+
+
+def _draw(drawing: Axes, of: Panel, columns: int) -> None:
+    if of.spans:
+        _draw_spans(drawing, of)
+    elif of.bars:
+        _draw_bars(drawing, of)
+    else:
+        _draw_lines(drawing, of, columns)
+
+
+def _draw_bars(drawing: Axes, of: Panel) -> None:
+    values = [bar.value for bar in of.bars]
+    bars = drawing.bar(range(len(values)), values, 0.9, color=NAMED["blue"])
+    drawing.bar_label(bars, [f"{value:g}" if value else "" for value in values], fontsize=SMALL)
+    names = [as_label(bar.name) for bar in of.bars]
+    drawing.set_xticks(range(len(names)), names, fontsize=SMALL)
+    drawing.grid(visible=False, axis="x")
+    _draw_axes(drawing, of)
 
 
 def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
@@ -146,7 +165,7 @@ def _draw_mark(drawing: Axes, mark: Mark) -> None:
     )
 
 
-def _draw_spans(drawing: Axes, of: Panel, _columns: int) -> None:
+def _draw_spans(drawing: Axes, of: Panel) -> None:
     for span in of.spans:
         row = of.rows.index(span.name)
         place = [(span.begin, span.end - span.begin)]

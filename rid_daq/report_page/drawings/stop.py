@@ -7,7 +7,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from rid_daq.report.sections.stop import StopCurve
-from rid_daq.report_page.drawings.curves import PREDICTED, STYLE, WRONG, as_label, as_svg
+from rid_daq.report_page.drawings.style import PREDICTED, STYLE, WRONG, as_label, as_svg
 
 
 def stop_figure(curve: StopCurve, name: str) -> Markup:

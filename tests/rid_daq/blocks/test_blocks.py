@@ -12,7 +12,7 @@ from bokeh.models.renderers import GlyphRenderer
 from pydantic import TypeAdapter, ValidationError
 
 from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Next, Table, Text, Verdict
-from rid_daq.blocks.plot import Axis, Line, Panel, Plot
+from rid_daq.blocks.plot import Axis, Bar, Line, Panel, Plot
 from rid_daq.blocks.plot import Span as Stretch
 from rid_daq.figures.embedding import as_item
 from rid_daq.figures.palette import NAMED
@@ -61,6 +61,11 @@ PLOT = Plot(
                 Stretch(name="torque", begin=2.0, end=3.0),
             ),
             zooms_with_previous=True,
+        ),
+        Panel(
+            x=Axis(label="lateness", unit="µs"),
+            y=Axis(label="cycles", unit="1", log=True, least=0.5, most=400.0),
+            bars=(Bar(name="0–1", value=100.0), Bar(name="≥ 1", value=0.0)),
         ),
     ),
     caption="All forms of a plot.",
@@ -120,11 +125,20 @@ def test_a_plot_that_is_zoomed_has_every_part() -> None:
     glyphs = [
         type(each.glyph).__name__ for each in figure.references() if isinstance(each, GlyphRenderer)
     ]
-    assert sorted(glyphs) == ["HBar", "Line", "Line", "Line", "Scatter", "Segment", "VArea"]
+    assert sorted(glyphs) == [
+        *("HBar", "Line", "Line", "Line", "Scatter", "Segment", "VArea", "VBar"),
+    ]
     limits = [str(each.location) for each in figure.references() if isinstance(each, Span)]
     assert sorted(limits) == ["-2.5", "2.5"]
     text = json.dumps(as_item(figure, dark=False), allow_nan=False)
-    for word in ("time [s]", "torque [N m]", "frequency [Hz]", "limits reached", "other times"):
+    for word in (
+        "time [s]",
+        "torque [N m]",
+        "frequency [Hz]",
+        "limits reached",
+        "other times",
+        "cycles [1]",
+    ):
         assert word in text
 
 
@@ -134,6 +148,7 @@ def test_a_plot_on_paper_has_the_same_words() -> None:
         assert f">{word}<" in text
     assert ">other times<" not in text, "it is not in the legend"
     assert ">speed<" in text
+    assert ">0–1<" in text
     assert "var(--red)" in text
 
 

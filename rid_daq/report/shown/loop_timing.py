@@ -1,0 +1,54 @@
+"""`timing_blocks`: the timing of the cyclic tasks of a result's runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from rid_daq.blocks.block import AnyBlock, Heading, Text
+from rid_daq.blocks.plot import Axis, Bar, Panel, Plot
+from rid_daq.report.sections.timing import LoopTiming, Timing, bin_names
+
+LEAST: Final = 0.5  # of a logarithmic axis of counts
+
+
+def timing_blocks(section: Timing) -> Iterator[AnyBlock]:
+    """Yield the timing of each run, and histograms of the lateness of its cycles.
+
+    Parameters
+    ----------
+    section : Timing
+        The timing.
+    """
+    if section.loops:
+        yield Heading(text="Loop timing")
+    for timing in section.loops or ():
+        yield Text(text=f"{timing.role}: {timing.sentence}")
+        if timing.told:
+            yield lateness_plot(timing)
+
+
+def lateness_plot(timing: LoopTiming) -> Plot:
+    """Return the number of cycles over their lateness.
+
+    Parameters
+    ----------
+    timing : LoopTiming
+        The timing of a run.
+    """
+    names = bin_names(timing.edges_us)
+    panel = Panel(
+        x=Axis(label="lateness of the cycle", unit="µs"),
+        y=Axis(
+            label="cycles",
+            unit="1",
+            log=any(timing.counts),
+            least=LEAST,
+            most=4.0 * max(1.0, *timing.counts),
+        ),
+        bars=tuple(
+            Bar(name=name, value=float(count))
+            for name, count in zip(names, timing.counts, strict=True)
+        ),
+    )
+    return Plot(name="lateness", panels=(panel,))

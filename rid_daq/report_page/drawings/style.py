@@ -1,0 +1,79 @@
+"""`STYLE`: the style of drawings, and SVG of a figure for a page."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Any
+
+from markupsafe import Markup
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from rid_daq.figures.palette import (
+    BLUE,
+    GRID,
+    INK,
+    RED,
+    SOFT,
+)
+from rid_daq.report_page.drawings.page_colours import NAMES
+from rid_daq.terminal.console import printable
+
+MEASURED, PREDICTED, WRONG = INK, BLUE, RED
+
+
+STYLE: Any = {
+    "svg.fonttype": "none",  # text stays text: small, searchable, in the page's font
+    "svg.hashsalt": "rid-daq",  # the same numbers give the same bytes
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.color": SOFT,
+    "ytick.labelcolor": INK,
+    "axes.edgecolor": SOFT,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.0,
+    "legend.frameon": False,
+}
+
+
+def as_label(text: str) -> str:
+    """Return text for a figure, shown as it is: invisible characters visible, `$` no formula."""
+    return printable(text).replace("$", r"\$")
+
+
+def as_svg(figure: Figure, name: str) -> Markup:
+    """Return a drawing as an element to put into a page, its ids made its own by a word.
+
+    Its colours are the page's (`colours`), light or dark.
+    """
+    buffer = io.StringIO()
+    # `savefig` would draw everything twice, once to lay it out; drawing lays it out as well.
+    canvas: Any = FigureCanvasSVG(figure)
+    canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})
+    drawing = buffer.getvalue()
+    drawing = drawing[drawing.index("<svg") :]
+    drawing = re.sub(r"<path (?![^>]*\bd=)[^>]*/>", "", drawing)  # a line without any point
+    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = re.sub("|".join(NAMES), lambda found: f"var(--{NAMES[found[0]]})", drawing)
+    drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
+    return Markup(
+        re.sub(
+            r'(<svg[^>]*?) width="[^"]*" height="[^"]*"|<metadata>.*?</metadata>\s*',
+            lambda found: found.group(1) or "",
+            drawing,
+            flags=re.DOTALL,
+        )
+    )
