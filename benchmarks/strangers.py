@@ -5,8 +5,8 @@ process of its own: `init --urdf`, `check`, `design`, `record` of the excitation
 validation motion on the simulated cell that init wrote, `identify`, `validate`. Where a tree has
 several tips, the first that init names is taken. `--only NAME`, given once or more, takes the files
 whose names contain NAME; `--json` leaves the table out. The last line is one JSON object; its
-medians are of the robots that passed: of wall time, and of processor time, which a busy computer
-leaves as it is.
+medians are of the robots that passed: of wall time, and of processor time. The bar is for the
+processor time, since a busy computer changes it little.
 """
 
 from __future__ import annotations
@@ -153,23 +153,23 @@ def main() -> int:
     initialised = sum(each.initialised for each in strangers)
     validated = sum(each.validated for each in strangers)
     passed_s = [each.total_s for each in strangers if each.validated]
-    median_s = statistics.median(passed_s) if passed_s else float("inf")
     passed_cpu_s = [each.cpu_s for each in strangers if each.validated]
+    median_cpu_s = statistics.median(passed_cpu_s) if passed_cpu_s else float("inf")
     holds = (
         initialised >= INITIALISED_BAR * n
         and validated >= VALIDATED_BAR * n
-        and median_s <= MEDIAN_BAR_S
+        and median_cpu_s <= MEDIAN_BAR_S
     )
     result = {
         "name": "strangers",
         "n": n,
         "initialised": initialised,
         "validated": validated,
-        "median_s": round(median_s, 1) if passed_s else None,
-        "median_cpu_s": round(statistics.median(passed_cpu_s), 1) if passed_cpu_s else None,
+        "median_s": round(statistics.median(passed_s), 1) if passed_s else None,
+        "median_cpu_s": round(median_cpu_s, 1) if passed_cpu_s else None,
         "load": round(os.getloadavg()[2], 1),
         "bar": f"{INITIALISED_BAR:.0%} initialised, {VALIDATED_BAR:.0%} validated, median at most"
-        f" {MEDIAN_BAR_S:g} s",
+        f" {MEDIAN_BAR_S:g} s of a processor",
         "holds": holds,
         "robots": [
             {
