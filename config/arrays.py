@@ -50,10 +50,12 @@ def read_only(
         for wanted, found in zip(shape, array.shape, strict=True)
     ):
         words = ", ".join("any" if length is None else str(length) for length in shape)
-        raise error(f"{name} must have shape ({words}), it has {array.shape}")
+        raise error(
+            f"{name} must have shape ({words}), it has {array.shape}", code="RID-API-ARGUMENT"
+        )
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise error(f"{name} is not finite at index {where}")
+        raise error(f"{name} is not finite at index {where}", code="RID-API-ARGUMENT")
     array.setflags(write=False)
     return array
 

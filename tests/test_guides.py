@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final, get_args
 
 import numpy as np
-import pytest
 
 from config.errors import ConfigError
 from config.formats.eds import parse_eds
@@ -16,6 +15,7 @@ from config.load import load_cell
 from config.robot.friction_terms import FrictionTerm
 from dynamics.model.robot_model import RobotModel
 from identification.model.base_parameters import base_parameters
+from tests.builders.raised_codes import raises_code
 
 ROOT: Final = Path(__file__).parents[1]
 IMPORTED: Final = {"pin": "pin (Pinocchio)", "python-can": "python-can", "dask": "Dask"}
@@ -77,5 +77,5 @@ def test_an_eds_may_hold_what_is_not_read_and_only_that() -> None:
     parse_eds(SHEET.format(value="0").encode(), "d.eds")
     unreadable = parse_eds(SHEET.format(value="0x12G").encode(), "d.eds")
     assert any(found.faults for found in unreadable.objects)
-    with pytest.raises(ConfigError, match=r"d\.eds:\d+"):
+    with raises_code(ConfigError, "RID-EDS-INVALID", "d.eds:", "'r/w'"):
         parse_eds(SHEET.format(value="0").replace("=rw", "=r/w").encode(), "d.eds")

@@ -15,6 +15,7 @@ from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.command_line.root import COMMANDS
 from rid_daq.operations.start import docs
+from tests.builders.raised_codes import raises_code
 from tests.rid_daq.conftest import browser
 
 __all__ = ["browser"]  # a fixture
@@ -87,9 +88,9 @@ def test_a_topic_is_a_page_or_says_which_pages_it_may_be(site: Path) -> None:
     assert docs.find_page(site, "payload") == site / "guide" / "payload.html"
     assert docs.find_page(site, "faults") == site / "faults.html"
     assert docs.find_page(site, "0042").name == "0042-the-service.html"
-    with pytest.raises(ConfigError, match="'drive' may be decisions/0019-drive-monitor, "):
+    with raises_code(ConfigError, "RID-DOCS-PAGE", "'drive'", "decisions/0019-drive-monitor, "):
         docs.find_page(site, "drive")
-    with pytest.raises(ConfigError, match="no page is called 'welding'"):
+    with raises_code(ConfigError, "RID-DOCS-PAGE", "'welding'"):
         docs.find_page(site, "welding")
 
 
@@ -108,5 +109,5 @@ def test_an_installation_without_the_site_says_where_to_read(
 ) -> None:
     monkeypatch.setattr(docs, "SITE", tmp_path)
     assert run(["docs"]) == 2
-    assert "read the folder docs of the repository" in capsys.readouterr().err
+    assert "[RID-DOCS-PAGE]" in capsys.readouterr().err
     assert "docs" in COMMANDS

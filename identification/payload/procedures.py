@@ -95,7 +95,7 @@ def equations_of(
     """Return the equations of a procedure; arguments and errors as in `identify_payload`."""
     if not any(runs.loaded):
         raise EstimationError(
-            "no run carried the payload: name those that did", code="RID-PAYLOAD-RUNS"
+            "no run carried the payload: name those that did", code="RID-PAYLOAD-NOT-LOADED"
         )
     match how.procedure:
         case "together" | "difference":
@@ -103,7 +103,7 @@ def equations_of(
                 raise EstimationError(
                     "every run carried the payload, so that it cannot be told from the robot: add a"
                     " run without it, or give a model of the robot (procedure `model`)",
-                    code="RID-PAYLOAD-RUNS",
+                    code="RID-PAYLOAD-NOT-UNLOADED",
                 )
         case "model":
             if how.robot is None:

@@ -308,7 +308,7 @@ class _System:
         size = np.linalg.norm(payload, axis=0)
         if not size.any():
             raise EstimationError(
-                "no run carried the payload: nothing tells of it", code="RID-PAYLOAD-RUNS"
+                "no run carried the payload: nothing tells of it", code="RID-PAYLOAD-NOT-LOADED"
             )
         size = np.where(size > 0.0, size, size.max())
         basis = np.linalg.qr(self.matrix[:, self.kept])[0]

@@ -121,7 +121,9 @@ def test_before_motion_two_devices_are_a_refusal(
     spoof = {"kind": "spoof", "joint": "axis3", "lasting": True, "position_counts": 5}
     run = serve(bus=[spoof]).move(motion)
     assert isinstance(run.error, DeviceTimeoutError)
-    assert "node 3 answered twice" in str(run.error)
+    assert run.error.refusal == "RID-DRIVE-NOT-STARTED"
+    assert "axis3: node 3" in str(run.error)
+    assert "250 cycles" in str(run.error)
     assert not any(map(any, run.truth.powered))
     measured("before motion: refused before power")
 

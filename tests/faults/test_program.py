@@ -227,5 +227,5 @@ def test_a_disk_that_others_need_is_refused_before_anything_starts(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words_of(workshop, "{kind: disk_full}", tmp_path / "runs")) == 2
-    assert "is on a file system that others need too" in capsys.readouterr().err
+    assert "[RID-FAULT-SCRIPT]" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()

@@ -24,7 +24,7 @@ def test_a_drive_in_fault_is_refused_until_a_person_has_reset_it(
     refused = rig.move(motion)
     assert isinstance(refused.error, PreflightError)
     assert "axis2" in str(refused.error)
-    assert "motor blocked (7121h)" in str(refused.error)
+    assert "(7121h)" in str(refused.error)
     with rig.session() as cell:
         drives = cell.axes.service.reset_faults()
     assert [drive.was_faulty for drive in drives] == [False, True, False]

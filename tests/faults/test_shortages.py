@@ -22,6 +22,7 @@ from config.formats.bounded_file import read_file
 from config.process.shortage import as_named, as_shortage, require_memory
 from rid_daq.app import run
 from tests.builders.invented import whole_result
+from tests.builders.raised_codes import raises_code
 
 GIGABYTE = 1 << 30
 LITTLE = 200 << 20  # bytes: a command with all that it imports, and no file
@@ -170,7 +171,7 @@ def test_a_mistake_of_the_program_stays_one() -> None:
 
 def test_more_memory_than_there_are_addresses_is_refused() -> None:
     require_memory(1 << 20)
-    with pytest.raises(ShortageError, match="not enough memory"):
+    with raises_code(ShortageError, "RID-SYSTEM-SHORTAGE", "`ulimit -v`", f"{1 << 40} MB"):
         require_memory(1 << 60)
 
 
@@ -182,7 +183,7 @@ class _Unstartable(HelperProcess):
 @pytest.mark.fault(50)
 def test_where_one_process_cannot_start_none_is_left(measured: Callable[[str], None]) -> None:
     first = HelperProcess("first", signal.pause, (), patience_s=0.0)
-    with pytest.raises(ShortageError, match="no more processes"):
+    with raises_code(ShortageError, "RID-SYSTEM-SHORTAGE", "`ulimit -u`"):
         start_all([first, _Unstartable("second", signal.pause, (), patience_s=0.0)])
     first.end()
     assert first.exit_code == -signal.SIGKILL

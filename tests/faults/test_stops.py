@@ -20,6 +20,7 @@ from acquisition.task.control_block import ControlBlock
 from config.cell.cell import Supervision
 from config.errors import PreflightError
 from config.load import LoadedCell
+from tests.builders.raised_codes import raises_code
 
 T = 0.008
 AT = 230
@@ -137,7 +138,7 @@ def test_a_motion_beyond_a_limit_is_refused_without_a_frame(
     else:
         wild = replace(motion, position=motion.position * 30.0)
     folder = RunFolder.create(tmp_path / "runs", "beyond")
-    with pytest.raises(PreflightError, match="nothing was moved"):
+    with raises_code(PreflightError, "RID-MOTION-LIMIT"):
         record_motion(rig.config, loaded.robot, wild, folder)
     assert rig.frames() == [] or not any(f.can_id < 0x700 for f in rig.frames())
     measured(f"{what}: refused, 0 frames")

@@ -24,6 +24,7 @@ from compensation.online.point_server import CHUNK_BYTES, PointService, listenin
 from config.errors import ProtocolError
 from config.load import load_robot
 from config.robot.bodies import Plane, Workspace
+from tests.builders.raised_codes import raises_code
 
 ROBOT = load_robot("ir361")
 WALL = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.6),))
@@ -81,7 +82,7 @@ def test_bytes_become_points_or_one_typed_error(parts: list[bytes], cut: int) ->
 
 @pytest.mark.parametrize("depth", [1000, CHUNK_BYTES])
 def test_a_line_nested_without_end_is_another_protocol(depth: int) -> None:
-    with pytest.raises(ProtocolError, match="does not speak this protocol"):
+    with raises_code(ProtocolError, "RID-STREAM-PROTOCOL", '"rid-daq points 1"'):
         PointDecoder(3).decode(b"[" * depth + b"\n")
 
 

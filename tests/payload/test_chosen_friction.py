@@ -5,7 +5,6 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from acquisition.processing.periods import PeriodAverage
 from config.errors import EstimationError
@@ -16,6 +15,7 @@ from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload
+from tests.builders.raised_codes import raises_code
 
 OPTIONS = ModelOptions(rotors=False)
 
@@ -60,5 +60,5 @@ def test_torques_are_not_subtracted_where_gears_lose_more_with_the_payload(
         joint.model_copy(update={"friction": (*joint.friction, "load")}) for joint in robot.joints
     )
     lossy = robot.model_copy(update={"joints": joints})
-    with pytest.raises(EstimationError, match="use `together` with the friction term load"):
+    with raises_code(EstimationError, "RID-MODEL-LOAD-FRICTION", "`together`"):
         identify_payload(lossy, both, PayloadOptions("difference", OPTIONS))

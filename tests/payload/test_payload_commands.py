@@ -148,7 +148,9 @@ def test_friction_terms_are_an_option_where_no_model_brings_its_own(
     model = str(workshop / "chosen.json")
     words = identify(workshop, "--loaded", "loaded", "--model", model, "--friction-terms", "load")
     assert run(words) == 2
-    assert "the terms are those of --model" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "[RID-OPTION-EXCLUSIVE]" in error
+    assert "--model" in error
 
 
 def test_a_weighed_mass_is_held(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -245,13 +247,13 @@ def test_what_did_not_pass_reaches_no_controller(
     capsys.readouterr()
     out = workshop / "unsure.script"
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 6
-    assert "did not pass (interval of the mass (2σ))" in capsys.readouterr().err
+    assert "[RID-PAYLOAD-FAILED]" in capsys.readouterr().err
     assert not out.exists()
     # Nor does one whose verdict was edited.
     edited = payload.read_text(encoding="utf-8").replace('"passed": false', '"passed": true')
     payload.write_text(edited, encoding="utf-8")
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 2
-    assert "was the file edited?" in capsys.readouterr().err
+    assert "[RID-PAYLOAD-UNSOUND]" in capsys.readouterr().err
     measured("exit 6, no file")
 
 
@@ -294,7 +296,10 @@ def test_a_model_of_another_robot_is_refused_whatever_it_says_of_late_torques(
     model = workshop / "three_axes.json"
     write_estimate(model, replace(known(load_cell("ir361"), {}), channel=late))
     assert run(identify(workshop, "--loaded", "loaded", "--model", str(model))) == 2
-    assert "three_axes.json: is of robot 'ir361', which is not this" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "[RID-ROBOT-OTHER]" in error
+    assert "three_axes.json: " in error
+    assert "'ir361'" in error
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.errors import EstimationError
 from identification.payload.same_motion import torque_difference
+from tests.builders.raised_codes import raises_code
 
 STEP_S = 0.01
 
@@ -43,14 +43,14 @@ def test_what_is_left_is_the_payloads_torque(first_s: float, second_s: float) ->
 
 
 def test_another_motion_is_refused_with_the_joint() -> None:
-    with pytest.raises(EstimationError, match=r"differ by .* rad \(RMS\) at two"):
+    with raises_code(EstimationError, "RID-PAYLOAD-PROCEDURE", "0.0745 rad", "at two"):
         torque_difference(recorded(0.0, 0.0), recorded(0.0, 0.0, size=1.1))
 
 
 def test_a_recording_with_gaps_is_refused() -> None:
     whole = recorded(0.0, 0.0)
     torn = replace(whole, segment=np.repeat([0, 1], len(whole) // 2))
-    with pytest.raises(EstimationError, match="the run without the payload has gaps"):
+    with raises_code(EstimationError, "RID-PAYLOAD-PROCEDURE", "run without", "gaps"):
         torque_difference(whole, torn)
 
 
@@ -59,5 +59,5 @@ def test_motions_that_hardly_overlap_are_refused() -> None:
     rows = slice(0, 300)
     names = ("time_s", "position", "velocity", "acceleration", "torque_nm", "segment")
     short = replace(first, **{name: getattr(first, name)[rows] for name in names})
-    with pytest.raises(EstimationError, match="overlap for less than five seconds"):
+    with raises_code(EstimationError, "RID-PAYLOAD-PROCEDURE", "five seconds"):
         torque_difference(first, short)

@@ -15,6 +15,7 @@ from acquisition.imports.report import ImportReport
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
+from tests.builders.raised_codes import raises_code
 
 
 def without_velocities(**changes: Any) -> ImportMap:
@@ -63,10 +64,12 @@ class TestClock:
     @pytest.mark.parametrize("unit", ["ms", "us"])
     def test_of_another_unit_is_refused(self, tmp_path: Path, unit: str) -> None:
         table, import_map = sound_table(), two_joint_map(time={"column": 0, "unit": unit})
-        with pytest.raises(DataQualityError, match=r"raise it, or check the unit of .*time"):
+        names = ("of 400", "plausible.speed", "and time", "row 2: position")
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             report_of(tmp_path, table, import_map)
         table[:, 0] *= 1e3
-        with pytest.raises(DataQualityError, match=r"the unit of time, .* is wrong by a thousand"):
+        names = ("position of a", "0.00224 per", "2.24", "a thousand")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 
     def test_is_not_blamed_for_one_joint_whose_unit_or_gear_is_wrong(self, tmp_path: Path) -> None:
@@ -112,7 +115,8 @@ class TestStuck:
     def test_position_is_refused_by_its_moving_velocity(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] = 0.3
-        with pytest.raises(DataQualityError, match=r"position of a .*\(the position is stuck\)"):
+        names = ("position of a", "at 0 per", "says 2.23", "stuck")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 
     def test_torque_of_a_joint_at_rest_is_not(self, tmp_path: Path) -> None:
@@ -126,30 +130,31 @@ class TestPositions:
         table = sound_table()
         table[:, 1:3] *= 180.0 / math.pi
         import_map = without_velocities(plausible={"position": 100.0, "speed": 400.0})
-        with pytest.raises(
-            DataQualityError, match=r"are probably degrees: put `units: .position: deg.`"
-        ):
+        names = ("-57.29 to 57.29", "-3 to 3", "`units: {position: deg}`")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table, import_map)
 
     def test_in_degrees_are_refused_by_the_speed_where_they_are_small(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:3] *= 0.03 * 180.0 / math.pi
-        with pytest.raises(DataQualityError, match=r"moves at .* per second.*\(degrees\?\)"):
+        names = ("5.372 per second", "limit is 1:", "(degrees?)")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table, without_velocities(), slow_robot())
 
     def test_of_the_motors_need_side_motor(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:5] *= 100.0
         import_map = two_joint_map(plausible={"position": 1e3, "speed": 1e3})
-        with pytest.raises(DataQualityError, match="the motors': put `side: motor`"):
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", "-100 to 100", "`side: motor`"):
             report_of(tmp_path, table, import_map)
-        with pytest.raises(DataQualityError, match="the motors': put `side: motor`"):
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "0 of 400", "`side: motor`"):
             report_of(tmp_path, table)  # nearly every row is absurd by the map's own word
 
     def test_of_another_zero_need_a_zero_offset(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] += math.pi
-        with pytest.raises(DataQualityError, match="give a its zero_offset in the map"):
+        names = ("2.142 to 4.142", "zero_offset", "(3.1 rad")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
         joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
         joints[0]["zero_offset"] = math.pi
@@ -176,9 +181,8 @@ class TestTorques:
     ) -> None:
         table = sound_table()
         table[:, 6] *= 30.0
-        with pytest.raises(
-            DataQualityError, match=r"torques of b reach 120, .*limit is 50: its to"
-        ):
+        names = ("248 of 400", "torques of b", "120", "limit is 50", "torque constant")
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             report_of(tmp_path, table)
 
 

@@ -158,14 +158,14 @@ class TestDamagedRows:
 
     def test_with_another_delimiter_which_is_named(self, write: Write) -> None:
         lines = as_lines(sound_table(), ";")
-        with pytest.raises(DataQualityError, match=r"row 1: 1 columns instead of 7; 7 with `delim"):
+        names = ("0 of 400", "row 1: 1", "`delimiter: ';'`")
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(write(lines), two_joint_map())
 
     def test_with_decimal_commas_which_are_named(self, write: Write) -> None:
         lines = [line.replace(".", ",") for line in as_lines(sound_table(), ";")]
-        with pytest.raises(DataQualityError) as refused:
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "`decimal: ','`"):
             import_csv(write(lines), two_joint_map(delimiter=";"))
-        assert "put `decimal: ','` into the map" in str(refused.value)
 
     def test_in_many_places_which_are_told_by_one_of_each_kind(self, write: Write) -> None:
         table = sound_table()
@@ -281,34 +281,33 @@ class TestDamagedRows:
     def test_after_an_encoder_lost_its_zero_are_not_believed(self, write: Write) -> None:
         table = sound_table()
         table[250:, 1] += 0.7
-        said = "its encoder lost its zero .*--rows.*row 251: position of a is 0.7"
-        with pytest.raises(DataQualityError, match="only 250 of 400 rows") as refused:
+        names = ("250 of 400", "37.5 %", "--rows", "row 251: position", " 0.7")
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(write(as_lines(table)), two_joint_map())
-        assert re.search(said, str(refused.value))
 
 
 class TestHopelessFiles:
     def test_more_than_half_damaged(self, write: Write) -> None:
         lines = as_lines(sound_table())
         lines[: ROWS // 2 + 1] = ["rubbish"] * (ROWS // 2 + 1)
-        with pytest.raises(
-            DataQualityError, match=r"only 199 of 400 .* is row 1: .* last is row 201"
-        ):
+        names = ("199 of 400", "row 1: ", "row 201")
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(write(lines), two_joint_map())
 
     def test_too_short(self, write: Write) -> None:
-        with pytest.raises(DataQualityError, match="only 40 of 40 rows"):
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "40 of 40", "(100 are"):
             import_csv(write(as_lines(sound_table(40))), two_joint_map())
 
     def test_velocities_of_another_joint(self, write: Write) -> None:
         joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
         joints[0]["velocity"], joints[1]["velocity"] = 4, 3
-        with pytest.raises(DataQualityError, match=r"a \(column 1\) .*velocity column 4"):
+        names = ("a (column 1)", "velocity column 4", "2.23", "1.1")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             import_csv(write(as_lines(sound_table())), two_joint_map(joints=joints))
 
     @pytest.mark.parametrize("content", [b"", b"\n\n\n", b"\x00\xff" * 5000, b"\xff\xfe\x00"])
     def test_not_a_recording_at_all(self, write: Write, content: bytes) -> None:
-        with pytest.raises(DataQualityError, match="rows are sound"):
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "recording.csv: ", "only 0"):
             import_csv(write(content), two_joint_map())
 
     def test_a_missing_file(self, tmp_path: Path) -> None:

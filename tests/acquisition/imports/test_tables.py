@@ -103,9 +103,8 @@ class TestTwoFiles:
     def test_that_do_not_overlap_are_refused(self, tmp_path: Path) -> None:
         positions = save(tmp_path / "q.csv", T, POSITION)
         torques = save(tmp_path / "tau.csv", T + 1.5, TORQUE)
-        with pytest.raises(
-            DataQualityError, match=r"150 without a row in tau\.csv at its time.*clocks start"
-        ):
+        names = ("150 of 300", "tau.csv", "clocks")
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             import_csv(positions, layout(self.MAP, 3), further=[torques])
 
     def test_must_both_be_named(self, tmp_path: Path) -> None:

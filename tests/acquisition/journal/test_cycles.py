@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import errno
+import os
 import random
 import resource
 from collections.abc import Iterator
@@ -170,8 +172,10 @@ def test_a_tail_of_zeros_is_left_out(path: Path, whole: bytes) -> None:
 def test_garbage_is_refused(tmp_path_factory: pytest.TempPathFactory, garbage: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "garbage.mcap"
     path.write_bytes(garbage)
-    with pytest.raises(RecordingError, match=r"garbage\.mcap"):
+    with pytest.raises(RecordingError) as caught:
         read_journal(path)
+    assert caught.value.refusal in ("RID-RECORDING-DAMAGED", "RID-RECORDING-EMPTY")
+    assert "garbage.mcap" in str(caught.value)
 
 
 def test_what_is_no_journal_is_refused_with_its_name(path: Path) -> None:
@@ -211,7 +215,7 @@ def small_disk() -> Iterator[None]:
 @pytest.mark.usefixtures("small_disk")
 def test_a_full_disk_is_an_error_and_what_was_written_stays_readable(path: Path) -> None:
     rows = some_rows()
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with raises_code(RecordingError, "RID-RECORDING-LOST", f"{path}: ", os.strerror(errno.EFBIG)):
         write(path, rows)
     journal = read_journal(path)
     assert len(journal.rows) > 400

@@ -181,8 +181,8 @@ def test_a_motion_written_reads_back_equal(tmp_path: Path) -> None:
 def test_a_motion_of_an_unknown_kind_names_the_kinds(tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text("robot: ir361\nkind: forier\n")
-    said = r"yaml:2:1: kind: there is no 'forier'; did you mean fourier.*, multipoint"
-    with pytest.raises(ConfigError, match=said):
+    names = ("motion.yaml:2:1: kind:", "'forier'", "fourier?", ", multipoint,")
+    with raises_code(ConfigError, "RID-FILE-VALUE", *names):
         load_motion(path)
     path.write_text("robot: ir361\n")
     with raises_code(ConfigError, "RID-FILE-VALUE", "yaml:1:1", "'kind'", "fourier"):

@@ -15,6 +15,7 @@ from acquisition.motion.samples import Phase
 from config.errors import ConfigError
 from config.load import load_robot
 from config.robot.robot import RobotDescription
+from tests.builders.raised_codes import raises_code, raises_invalid
 
 STEP_S = 0.008
 PERIOD_S = 8.0
@@ -104,19 +105,27 @@ def test_peaks_are_made_small() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "code", "details"),
     [
-        ({"lowest_hz": 19.9, "highest_hz": 20.0}, "a multisine needs 2"),
-        ({"joints": ({"joint": "axis1", "velocity": 0.1},)}, "needs each of axis1, axis2, axis3"),
+        (
+            {"lowest_hz": 19.9, "highest_hz": 20.0},
+            "RID-MOTION-BAND",
+            ("19.9 to 20 Hz", "0 lines", "'axis1'"),
+        ),
+        (
+            {"joints": ({"joint": "axis1", "velocity": 0.1},)},
+            "RID-MOTION-JOINTS",
+            ("axis1, axis2, axis3",),
+        ),
     ],
 )
 def test_what_cannot_be_excited_is_refused(
-    robot: RobotDescription, changes: dict[str, object], words: str
+    robot: RobotDescription, changes: dict[str, object], code: str, details: tuple[str, ...]
 ) -> None:
-    with pytest.raises(ConfigError, match=words):
+    with raises_code(ConfigError, code, *details):
         multisine(**changes).excited_lines(robot)
 
 
 def test_the_slow_sine_is_no_line() -> None:
-    with pytest.raises(ValueError, match="at least two harmonics"):
+    with raises_invalid("", "lowest_hz", "two harmonics"):
         multisine(lowest_hz=0.125)

@@ -110,9 +110,8 @@ class TestFourierPlan:
         verify_limits(samples, ROBOT)
 
     def test_names_joint_value_and_limit_where_the_period_exceeds_one(self) -> None:
-        with pytest.raises(
-            ConfigError, match=r"position of joint 'axis2' reaches [\d.]+ rad .*its limit is 1"
-        ):
+        names = ("position of joint", "'axis2'", "1.59753 rad", "is 1;")
+        with raises_code(ConfigError, "RID-MOTION-LIMIT", *names):
             fourier(amplitude=2.0).plan(ROBOT, T)
 
     @settings(max_examples=15)
@@ -228,12 +227,10 @@ class TestVerifyLimits:
     def test_looks_at_every_row_of_a_long_motion(self) -> None:
         rows = self.still(25_000)
         rows["velocity"][[10_000, 24_998], [2, 2]] = [3.1, -3.3]
-        with pytest.raises(ConfigError) as error:
+        upper = ("velocity of joint", "'axis3'", "3.1 rad/s", "80 s", "is 3;")
+        lower = ("-3.3 rad/s", "200 s", "is -3")
+        with raises_code(ConfigError, "RID-MOTION-LIMIT", *upper, *lower):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
-        assert "velocity of joint 'axis3' reaches 3.1 rad/s at 80 s, its limit is 3" in str(
-            error.value
-        )
-        assert "reaches -3.3 rad/s at 200 s, its limit is -3" in str(error.value)
 
     def test_refuses_another_robots_motion(self) -> None:
         samples = MotionSamples(("x", "y", "z"), T, **self.still())
@@ -244,8 +241,7 @@ class TestVerifyLimits:
 class TestMotionSamples:
     def test_cannot_be_changed(self) -> None:
         samples = MotionSamples(ROBOT.joint_names, T, **TestVerifyLimits.still())
-        with pytest.raises(ValueError, match="read-only"):
-            samples.position[0, 0] = 1.0
+        assert not samples.position.flags.writeable
 
     @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
     def test_refuses_what_is_not_finite(
@@ -253,13 +249,13 @@ class TestMotionSamples:
     ) -> None:
         rows = TestVerifyLimits.still()
         rows[name][3, 1] = np.nan
-        with pytest.raises(ConfigError, match=rf"{name} is not finite at index \(3, 1\)"):
+        with raises_code(ConfigError, "RID-API-ARGUMENT", f"motion {name} ", "(3, 1)"):
             MotionSamples(ROBOT.joint_names, T, **rows)
 
     def test_refuses_shapes_that_do_not_fit(self) -> None:
         rows = TestVerifyLimits.still()
         rows["velocity"] = rows["velocity"][1:]
-        with pytest.raises(ConfigError, match=r"motion velocity must have shape \(10, 3\)"):
+        with raises_code(ConfigError, "RID-API-ARGUMENT", "velocity", "(10, 3)", "(9, 3)"):
             MotionSamples(ROBOT.joint_names, T, **rows)
 
     def test_refuses_periods_that_do_not_add_up(self) -> None:

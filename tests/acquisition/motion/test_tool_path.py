@@ -12,6 +12,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import load_robot
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
+from tests.builders.raised_codes import raises_code
 
 Segment = dict[str, object]
 ROBOT = load_robot("ir361")
@@ -194,44 +195,72 @@ def test_a_row_of_the_motion_is_told_by_its_segment() -> None:
 
 
 @pytest.mark.parametrize(
-    ("segments", "changes", "words"),
+    ("segments", "changes", "code", "details"),
     [
-        (({"kind": "line", "to_m": (1.5, -0.2, -1.7)},), {}, r"segment 1 \(line\).*cannot"),
-        ((LINE, {"kind": "line", "to_m": (0.0, 0.0, -1.7)}), {}, r"segment 2 \(line\)"),
-        ((LINE, LINE), {}, r"segment 2 \(line\) ends where it begins"),
-        ((LINE, {**ARC, "to_m": (1.2, -0.1, -1.7)}), {}, r"segment 2 \(arc\).* lie on a line"),
-        (({"kind": "circle", "centre_m": (0.7, -0.2, -1.6)},), {}, "off the plane"),
+        (
+            ({"kind": "line", "to_m": (1.5, -0.2, -1.7)},),
+            {},
+            "RID-PATH-SINGULAR",
+            ("segment 1 (line)", "428 mm"),
+        ),
+        (
+            (LINE, {"kind": "line", "to_m": (0.0, 0.0, -1.7)}),
+            {},
+            "RID-PATH-SINGULAR",
+            ("segment 2 (line)", "608 mm"),
+        ),
+        ((LINE, LINE), {}, "RID-PATH-SEGMENT", ("segment 2 (line)", "(600.0, 100.0, -1700.0) mm")),
+        (
+            (LINE, {**ARC, "to_m": (1.2, -0.1, -1.7)}),
+            {},
+            "RID-PATH-SEGMENT",
+            ("segment 2 (arc)", "(1200.0, -100.0, -1700.0) mm"),
+        ),
+        (
+            ({"kind": "circle", "centre_m": (0.7, -0.2, -1.6)},),
+            {},
+            "RID-PATH-SEGMENT",
+            ("segment 1 (circle)", "100 mm", "plane", "141 mm"),
+        ),
         (
             ({"kind": "spline", "through_m": ((0.7, 0.0, -1.6), (0.7, 0.0, -1.6))},),
             {},
-            "point 2, .*, is the same as the one before",
+            "RID-PATH-SEGMENT",
+            ("segment 1 (spline)", "point 2, "),
         ),
         (
             (LINE, {"kind": "line", "to_m": START}),
             {"blend_m": 0.01},
-            "segments 1 and 2 turn back .* blend_m: 0",
+            "RID-PATH-SEGMENT",
+            ("segments 1 and 2", "blend_m: 0"),
         ),
         (
             ({"kind": "circle", "centre_m": (0.0, 0.0, -1.7), "turns": 0.6},),
             {},
-            r"segment 1 \(circle\), \d+ mm into it, needs joint 'axis1' beyond its limits",
+            "RID-PATH-REACH",
+            ("segment 1 (circle)", "1911 mm", "'axis1'", "-2.7 to 2.7"),
         ),
-        ((BEND,), {"near": (0.1, -0.1)}, "near has 2 values"),
+        ((BEND,), {"near": (0.1, -0.1)}, "RID-MOTION-JOINTS", ("near", "2 values")),
         (
             (LINE, BEND),
             {"blend_m": 0.01, "keep_speed": True},
-            "the corner between segments 1 and 2, .* cannot keep 0.4 m/s",
+            "RID-MOTION-LIMIT",
+            ("segments 1 and 2", " 0.4 m/s", "0.117 m/s", "jerk_m_s3"),
         ),
         (
             (BEND,),
             {"speed_m_s": 4.0, "keep_speed": True},
-            r"cannot keep 4 m/s: the acceleration limit of joint 'axis2'",
+            "RID-MOTION-LIMIT",
+            (" 4 m/s", "acceleration limit", "'axis2'", "1.35 m/s"),
         ),
-        ((BEND,), {"speed_m_s": 1e-6}, "at most 14400 s"),
+        ((BEND,), {"speed_m_s": 1e-6}, "RID-MOTION-LONG", ("360555 s", "14400 s")),
     ],
 )
 def test_what_cannot_be_driven_is_refused_by_its_segment(
-    segments: tuple[Segment, ...], changes: dict[str, object], words: str
+    segments: tuple[Segment, ...],
+    changes: dict[str, object],
+    code: str,
+    details: tuple[str, ...],
 ) -> None:
-    with pytest.raises(ConfigError, match=words):
+    with raises_code(ConfigError, code, *details):
         path(*segments, **changes).plan(ROBOT, T)

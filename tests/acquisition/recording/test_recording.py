@@ -31,8 +31,7 @@ def test_keeps_its_own_read_only_copies() -> None:
     given["position"][0, 0] = 9.0
     assert recording.position[0, 0] == 0.0
     assert len(recording) == 5
-    with pytest.raises(ValueError, match="read-only"):
-        recording.torque_nm[0, 0] = 1.0
+    assert not recording.torque_nm.flags.writeable
 
 
 def test_names_the_row_where_time_does_not_increase() -> None:
@@ -46,23 +45,25 @@ def test_names_the_row_where_time_does_not_increase() -> None:
 def test_refuses_what_is_not_finite(name: str) -> None:
     given = fields()
     given[name].flat[1] = np.inf
-    with pytest.raises(RecordingError, match=f"{name} is not finite"):
+    with raises_code(RecordingError, "RID-API-ARGUMENT", f"{name} ", "1"):
         Recording(**given)
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "details"),
     [
-        ({"torque_nm": np.zeros((5, 3))}, r"torque_nm must have shape \(5, 2\), it has \(5, 3\)"),
-        ({"valid": np.ones(4, dtype=bool)}, r"valid must have shape \(5\)"),
-        ({"target_position": np.zeros((4, 2))}, "target_position must have shape"),
-        ({"sample_period_s": 0.0}, "not positive"),
-        ({"samples_per_period": 5}, "needs its sample_period_s"),
-        ({"joint_names": ()}, "no joints"),
+        ({"torque_nm": np.zeros((5, 3))}, ("torque_nm", "(5, 2)", "(5, 3)")),
+        ({"valid": np.ones(4, dtype=bool)}, ("valid", "(5)", "(4,)")),
+        ({"target_position": np.zeros((4, 2))}, ("target_position", "(5, 2)", "(4, 2)")),
+        ({"sample_period_s": 0.0}, ("sample_period_s 0.0",)),
+        ({"samples_per_period": 5}, ("periodic", "sample_period_s")),
+        ({"joint_names": ()}, ("no joints",)),
     ],
 )
-def test_refuses_what_does_not_fit_together(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(RecordingError, match=message):
+def test_refuses_what_does_not_fit_together(
+    change: dict[str, Any], details: tuple[str, ...]
+) -> None:
+    with raises_code(RecordingError, "RID-API-ARGUMENT", *details):
         Recording(**(fields() | change))
 
 
@@ -70,5 +71,5 @@ def test_holds_the_drives_temperatures_where_they_are_known() -> None:
     assert Recording(**fields()).temperature_k is None
     warm = np.full((5, 2), 310.0)
     assert Recording(**(fields() | {"temperature_k": warm})).temperature_k is not None
-    with pytest.raises(RecordingError, match=r"temperature_k must have shape \(5, 2\)"):
+    with raises_code(RecordingError, "RID-API-ARGUMENT", "temperature_k", "(5, 2)", "(2,)"):
         Recording(**(fields() | {"temperature_k": warm[0]}))

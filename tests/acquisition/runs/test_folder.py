@@ -164,18 +164,13 @@ def test_a_run_can_be_moved_and_opened(folder: RunFolder, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "damaged"),
-        ("[]", "damaged"),
-        ("{", "damaged"),
-        ('{"format": 99}', "damaged: run_id"),
-        ("not json \x00", "damaged"),
-    ],
+    ("text", "key"),
+    [("", ""), ("[]", ""), ("{", ""), ('{"format": 99}', " run_id "), ("not json \x00", "")],
 )
-def test_a_damaged_manifest_is_a_clear_error(folder: RunFolder, text: str, message: str) -> None:
+def test_a_damaged_manifest_is_a_clear_error(folder: RunFolder, text: str, key: str) -> None:
     (folder.path / MANIFEST).write_text(text)
-    with pytest.raises(RecordingError, match=message):
+    where = f"{folder.path / MANIFEST}: "
+    with raises_code(RecordingError, "RID-RUN-DAMAGED", where, key):
         RunFolder.open(folder.path)
 
 
@@ -220,14 +215,18 @@ def test_a_run_is_found_by_id_beginning_label_path_or_latest(root: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("reference", "message"),
-    [("0", "may be any of"), ("none", "no run"), ("", "no run"),
-     ("../..", "no run")],
-)  # fmt: skip
-def test_an_unclear_reference_is_refused(root: Path, reference: str, message: str) -> None:
+    ("reference", "code"),
+    [
+        ("0", "RID-RUN-AMBIGUOUS"),
+        ("none", "RID-RUN-UNKNOWN"),
+        ("", "RID-RUN-UNKNOWN"),
+        ("../..", "RID-RUN-UNKNOWN"),
+    ],
+)
+def test_an_unclear_reference_is_refused(root: Path, reference: str, code: str) -> None:
     for _ in range(2):
         RunFolder.create(root, "same", now_ns=NOW_NS)
-    with pytest.raises(ConfigError, match=message):
+    with raises_code(ConfigError, code, repr(reference)):
         find_run(root, reference)
 
 
@@ -245,7 +244,8 @@ def test_of_runs_of_one_label_the_newest_is_meant_and_that_is_said_with_dates(
 def test_an_ids_beginning_that_means_several_runs_is_told_with_their_dates(root: Path) -> None:
     first = RunFolder.create(root, "a", now_ns=NOW_NS)
     RunFolder.create(root, "b", now_ns=NOW_NS + 10**9)
-    with pytest.raises(ConfigError, match=rf"{first.run_id} \(20\d\d-\d\d-\d\d \d\d:\d\d UTC\), 0"):
+    created = first.manifest().created_utc[:10]
+    with raises_code(ConfigError, "RID-RUN-AMBIGUOUS", f"{first.run_id} ({created} "):
         find_run(root, first.run_id[:4])
 
 
@@ -265,7 +265,7 @@ def test_a_file_that_is_there_is_a_file_and_all_else_a_run(root: Path, tmp_path:
     file = tmp_path / "model"
     file.touch()
     assert file_or_run(root, str(file)) == file
-    with pytest.raises(ConfigError, match=r"^x\.json: there is no such file, and no run 'x\.json'"):
+    with raises_code(ConfigError, "RID-RUN-UNKNOWN", "x.json: ", "'x.json'"):
         file_or_run(root, "x.json")
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
 from pathlib import Path
 
 import can
@@ -20,6 +22,7 @@ from config.load import load_cell
 from drivers.canopen.frames import SYNC_COB_ID, tpdo_cob_id
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -84,7 +87,7 @@ def test_a_bus_that_ends_is_told_and_what_came_is_kept(
             with can.Bus(interface="rid_sim", channel=cell.channel, participant=True) as master:
                 master.send(can.Message(arbitration_id=0x123, data=b"abc", is_extended_id=False))
                 master.recv(0.01)
-        with pytest.raises(TransportError, match="the hub is gone"):
+        with raises_code(TransportError, "RID-CAN-LOST", "ir361.sock"):
             recorder.finish()
     assert (0x123, b"abc") in [frame[:2] for frame in frames(can.BLFReader(file))]
 
@@ -95,10 +98,10 @@ def test_a_session_that_fails_leaves_a_whole_file_and_no_traceback(
     file = tmp_path / "frames.blf"
     with (
         simulated as cell,
-        pytest.raises(DriverError, match="the session's own"),
+        raises_code(DriverError, "RID-INTERNAL-ERROR", "own"),
         FrameRecorder(cell.cell.can, file),
     ):
-        raise DriverError("the session's own")
+        raise DriverError("own", code="RID-INTERNAL-ERROR")
     assert capfd.readouterr().err == ""
     assert [frame[0] for frame in frames(can.BLFReader(file))].count(SYNC_COB_ID) == 0
 
@@ -107,11 +110,12 @@ def test_what_cannot_be_recorded_is_refused_at_the_start(
     simulated: SimulatedCell, tmp_path: Path
 ) -> None:
     slcan = CanBusConfig(interface="slcan", channel="/dev/ttyACM0", bitrate=1_000_000)
-    with pytest.raises(ConfigError, match="one program alone can open it; rid_sim, "):
+    names = ("can.interface slcan", "rid_sim, socketcan,", "--frames")
+    with raises_code(ConfigError, "RID-CAN-INTERFACE", *names):
         FrameRecorder(slcan, tmp_path / "frames.blf")
     nobody = CanBusConfig(interface="rid_sim", channel=str(tmp_path / "no"), bitrate=1_000_000)
     with (
-        pytest.raises(TransportError, match="nobody serves it"),
+        raises_code(TransportError, "RID-CAN-OPEN", nobody.channel),
         FrameRecorder(nobody, tmp_path / "frames.blf"),
     ):
         pass
@@ -119,7 +123,7 @@ def test_what_cannot_be_recorded_is_refused_at_the_start(
     taken.touch()
     with (
         simulated as cell,
-        pytest.raises(RecordingError, match=r"taken\.blf: cannot be written \(File exists\)"),
+        raises_code(RecordingError, "RID-RECORDING-LOST", f"{taken}: ", os.strerror(errno.EEXIST)),
         FrameRecorder(cell.cell.can, taken),
     ):
         pass

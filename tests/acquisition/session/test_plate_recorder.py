@@ -25,7 +25,7 @@ from acquisition.journal.plate import (
 )
 from acquisition.session.plate_block import PlateBlock, PlateState
 from acquisition.session.plate_recorder import PlateTask, run_plate_recorder
-from config.errors import DeviceFaultError, RecordingError, TransportError
+from config.errors import DeviceFaultError, RecordingError, RidDaqError, TransportError
 from config.simulation.faults import AmplifierFault
 from drivers.amplifier.amplifier import open_amplifier
 from drivers.amplifier.frames import PLATE_EVENT, PLATE_ROW
@@ -154,7 +154,7 @@ def test_an_amplifier_in_reset_is_refused(serve_amplifier: Serve, tmp_path: Path
     block = record(served, tmp_path / "plate.mcap")
     assert block.state is PlateState.FAILED
     assert isinstance(block.error, DeviceFaultError)
-    assert "is in reset and measures nothing: zero the plate" in str(block.error)
+    assert block.error.refusal == "RID-PLATE-NOT-ZEROED"
     assert not (tmp_path / "plate.mcap").exists()
 
 
@@ -166,7 +166,9 @@ def test_another_range_is_refused_by_name(serve_amplifier: Serve, tmp_path: Path
     )
     served.plate = served.plate.model_copy(update={"amplifier": other})
     block = record(served, tmp_path / "plate.mcap")
-    assert "range of fx12 is 1250 N, not 2500 N" in str(block.error)
+    assert isinstance(block.error, RidDaqError)
+    assert block.error.refusal == "RID-PLATE-NOT-ZEROED"
+    assert all(text in str(block.error) for text in ("fx12", "1250 N", "2500 N"))
 
 
 def test_a_port_that_is_not_there_is_told(serve_amplifier: Serve, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from config.simulation.faults import AmplifierFault, FaultScript
 from drivers.amplifier.amplifier import open_amplifier
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -152,7 +153,7 @@ def test_a_real_plate_in_reset_is_refused_before_anything_moves(
 ) -> None:
     with (
         served(loaded) as simulated,
-        pytest.raises(PreflightError, match="amplifier is in reset"),
+        raises_code(PreflightError, "RID-PLATE-NOT-ZEROED"),
     ):
         record(simulated, simulated_flag=False)
 

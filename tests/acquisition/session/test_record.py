@@ -37,6 +37,7 @@ from config.errors import ConfigError, PreflightError, RecordingError
 from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
+from tests.builders.raised_codes import raises_code
 from tests.builders.recording_program import RECORD
 
 pytestmark = pytest.mark.slow
@@ -371,13 +372,13 @@ def test_nothing_moves_for_a_motion_of_another_cycle_time_or_beyond_the_limits(
     faster = MotionSamples(
         short.joint_names, 0.004, short.position, short.velocity, short.acceleration, short.phase
     )
-    with pytest.raises(ConfigError, match="cycle"):
+    with raises_code(ConfigError, "RID-MOTION-CYCLE"):
         record(faster)
     wider = MotionSamples(
         short.joint_names, 0.008, short.position * 20.0, short.velocity * 20.0,
         short.acceleration * 20.0, short.phase,
     )  # fmt: skip
-    with pytest.raises(PreflightError, match="nothing was moved"):
+    with raises_code(PreflightError, "RID-MOTION-LIMIT"):
         record(wider)
     assert not folder.file("recording.mcap").exists()
 
@@ -387,7 +388,7 @@ def test_nothing_moves_where_nothing_can_be_recorded(
 ) -> None:
     before = simulated.axes().position
     folder.file("recording.mcap").write_bytes(b"here already")
-    with pytest.raises(RecordingError, match="exists already"):
+    with raises_code(RecordingError, "RID-OUTPUT-EXISTS", "recording.mcap"):
         record(short)
     np.testing.assert_allclose(simulated.axes().position, before, atol=1e-6)
 
@@ -396,5 +397,5 @@ def test_nothing_moves_on_a_full_disk(
     record: Record, short: MotionSamples, monkeypatch: pytest.MonkeyPatch, folder: RunFolder
 ) -> None:
     monkeypatch.setattr("acquisition.session.record.FREE_BYTES", 1 << 60)
-    with pytest.raises(RecordingError, match="MB are needed"):
+    with raises_code(RecordingError, "RID-SYSTEM-DISK-FULL", f"{1 << 40} MB"):
         record(short)

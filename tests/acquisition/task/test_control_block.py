@@ -49,7 +49,7 @@ def test_an_error_arrives_with_what_was_noted_about_it(control: ControlBlock) ->
     error = TransportError("axis3 is silent")
     error.add_note("while leaving the cell: without confirmation that power is off: axis3")
     control.task.fail(error)
-    assert "without confirmation that power is off: axis3" in str(control.task.error)
+    assert error.__notes__[0] in str(control.task.error)
 
 
 def test_nobody_says_that_power_is_off_who_has_not_seen_it(control: ControlBlock) -> None:

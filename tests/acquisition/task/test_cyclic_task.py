@@ -25,6 +25,7 @@ from config.errors import PreflightError, RecordingError, TransportError
 from config.robot.robot import RobotDescription
 from drivers.interfaces.servo_axes import Answers, DriveEvent, EventKind
 from tests.builders.clock import Clock
+from tests.builders.raised_codes import raises_code
 
 T = 0.008
 
@@ -354,7 +355,7 @@ def test_a_robot_that_stands_outside_its_limits_is_not_moved(
     bench: Bench, motion: MotionSamples
 ) -> None:
     bench.axes.answers.position[2] = 2.5
-    with pytest.raises(PreflightError, match=r"joint3 stands at 2\.5000, outside its limits -2 to"):
+    with raises_code(PreflightError, "RID-POSE-OUTSIDE", "joint3", "2.5000", "-2 to"):
         bench.run(motion)
     assert bench.axes.sent == []
 
