@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -369,9 +370,7 @@ def test_a_computer_that_dies_leaves_the_axes_at_rest_and_the_recording_recovera
 def test_nothing_moves_for_a_motion_of_another_cycle_time_or_beyond_the_limits(
     record: Record, loaded: LoadedCell, short: MotionSamples, folder: RunFolder
 ) -> None:
-    faster = MotionSamples(
-        short.joint_names, 0.004, short.position, short.velocity, short.acceleration, short.phase
-    )
+    faster = replace(short, sample_period_s=0.004)
     with raises_code(ConfigError, "RID-MOTION-CYCLE"):
         record(faster)
     wider = MotionSamples(

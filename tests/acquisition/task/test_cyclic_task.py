@@ -341,9 +341,8 @@ def test_in_lock_step_time_stands_still_until_the_recorder_has_made_room(
 ) -> None:
     bench.ring = Ring.create(3, 64)
     taken: list[bytes] = []
-    monkeypatch.setattr(
-        "acquisition.task.lockstep.time.sleep", lambda _: taken.append(bench.ring.read())
-    )
+    sleep = "acquisition.task.lockstep.time.sleep"
+    monkeypatch.setattr(sleep, lambda _: taken.append(bench.ring.read()))
     assert bench.run(motion) is None
     taken.append(bench.ring.read())
     rows = np.frombuffer(b"".join(taken), dtype=row_dtype(3))
