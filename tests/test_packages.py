@@ -78,7 +78,7 @@ def test_an_init_file_holds_one_docstring_and_nothing_else() -> None:
     ["acquisition.task.process", "acquisition.session.cycle_recorder", "mock_hw.drives_process"],
 )
 def test_a_process_of_a_cell_starts_without_what_it_does_not_use(module: str) -> None:
-    heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "typer")
+    heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "click")
     assert loaded_by(module, heavy) == "set()"
 
 
@@ -166,14 +166,13 @@ def functions_of(path: Path) -> Iterator[tuple[str, int, bool]]:
 
 
 def test_a_function_takes_at_most_eight_parameters() -> None:
-    """Commands have one a user's option; compiled kernels take arrays one by one."""
+    """Compiled kernels take arrays one by one."""
     wide = set()
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
             place = str(path.relative_to(ROOT))
             for name, width, compiled in functions_of(path):
-                is_command = place.startswith("rid_daq/commands/") and not name.startswith("_")
-                if width > WIDEST and not compiled and not is_command:
+                if width > WIDEST and not compiled:
                     wide.add(f"{place}: {name}")
     assert wide == set()
 
@@ -208,35 +207,6 @@ def test_a_motion_is_hardly_ever_asked_for_its_kind() -> None:
     }
     assert len(names) > 8
     assert len(asked) <= 3, asked
-
-
-def test_no_command_imports_another() -> None:
-    """A group names its commands; what commands share stands in the rooms below them."""
-    commands = ROOT / "rid_daq" / "commands"
-    found = {
-        f"{path.name}: {node.module}"
-        for path in commands.glob("*.py")
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.ImportFrom)
-        and (node.module or "").startswith("rid_daq.commands")
-        and not (node.module or "").startswith(f"rid_daq.commands.{path.stem}_")
-    }
-    assert found == set()
-
-
-def test_a_command_computes_nothing() -> None:
-    """Its options become a request, its performer calls the job and prints: of science types."""
-    science = ("compensation", "dynamics", "identification", "mock_hw")
-    found = {
-        f"{path.name}: {node.module}.{alias.name}"
-        for room in ("commands", "performers")
-        for path in (ROOT / "rid_daq" / room).rglob("*.py")
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in science
-        for alias in node.names
-        if not alias.name[0].isupper()
-    }
-    assert found == set()
 
 
 def test_the_help_of_no_command_waits_for_numerics() -> None:

@@ -1,8 +1,7 @@
 """Write what the service promises: `python docs/reference/api.py`.
 
-`rid_daq/service/requests.json` holds the schema of every job's request that is no operation yet,
-`openapi.json` the whole API. A change that would break programs written for the last version is
-refused, unless the first number of `API_VERSION` changes.
+`openapi.json` holds the whole API. A change that would break programs written for the last version
+is refused, unless the first number of `API_VERSION` changes.
 """
 
 from __future__ import annotations
@@ -14,24 +13,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rid_daq.operations.catalogue import OF_KINDS
 from rid_daq.service.api.app import make_api, openapi_of
 from rid_daq.service.doorkeeper import Doorkeeper
-from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.request_check import request_schemas
 from rid_daq.service.service import CellService
-from rid_daq.worker.job_requests import request_schema
 
 HERE = Path(__file__).resolve().parent
 OPENAPI = HERE / "openapi.json"
-REQUESTS = HERE.parent.parent / "rid_daq" / "service" / "requests.json"
-
-
-def requests() -> str:
-    """Return the schemas of the requests, as the code has them."""
-    kinds = [kind for kind in JobKind if kind.value not in OF_KINDS]
-    schemas = {kind.value: request_schema(kind) for kind in kinds}
-    return json.dumps(schemas, indent=1, sort_keys=True) + "\n"
 
 
 def openapi() -> str:
@@ -43,6 +31,8 @@ def openapi() -> str:
 
 
 WITHDRAWN = (
+    r"Request-payload(-\w+)?: is gone",
+    "JobKind: payload is gone",
     "Request-design-MultisineOptions: is gone",
     "Request-design-SearchOptions: is gone",
     "Request-design-TwoHarmonicOptions: is gone",
@@ -59,7 +49,8 @@ WITHDRAWN = (
 Options of `design` have other names; the documents that they describe are accepted as before. Fault
 scripts in requests could kill the service's processes and fill its disk; `record` takes the file of
 a script. A client could say that a key is held (`AxisTestRule`). No client could set the live page.
-`loaded` of `identify` names the runs with a load; `loaded` inside `how` had no effect.
+`loaded` of `identify` names the runs with a load; `loaded` inside `how` had no effect. The kind of
+job `payload` is called `payload_session`, as its command is.
 """
 
 
@@ -105,7 +96,6 @@ def breaks(before: Any, after: Any) -> list[str]:
 
 def main() -> int:
     """Write both files, or say what stands in the way."""
-    REQUESTS.write_text(requests(), encoding="utf-8")
     request_schemas.cache_clear()
     new = openapi()
     if OPENAPI.exists():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 import textwrap
 import typing
@@ -25,8 +24,7 @@ from rid_daq.operations.request import (
     plain_type,
     shown_fields,
 )
-from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.service.remote_jobs import send
 from rid_daq.terminal.console import JSON_HELP, SERVICE_HELP, Console
 
 PLACEHOLDERS: Final = {float: "NUMBER", int: "N", Path: "PATH"}
@@ -116,11 +114,10 @@ class OperationCommand(click.Command):
                     inner = inner.setdefault(part, {})
                 inner[each.path[-1]] = value
         request, console = operation.request.of(values, flags=True), Console(as_json)
-        if operation.is_job:
-            do = functools.partial(perform, operation)
-            here_or_there(service, JobKind(operation.kind), request, console, do)
-        else:
+        if service is None:
             perform(operation, request, console)
+        else:
+            send(service, operation, request, console)
 
 
 class Value(click.ParamType[str]):

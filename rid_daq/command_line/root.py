@@ -10,7 +10,6 @@ from click.shell_completion import CompletionItem
 
 from config.process.termination import signals_deferred
 from rid_daq.command_line.completion import PROGRAM, completion_options
-from rid_daq.command_line.typer_commands import TYPER
 from rid_daq.operations.catalogue import CATALOGUE, GROUPS, SECTIONS, operation
 
 WIDEST_HELP: Final = 120
@@ -26,7 +25,7 @@ _HELP: Final = (
 def _listed() -> dict[str, dict[str, str]]:
     """Return the commands of every section with their summaries, in the order of the help."""
     found: dict[str, dict[str, str]] = {section: {} for section in SECTIONS}
-    for words, entry in {**TYPER, **CATALOGUE}.items():
+    for words, entry in CATALOGUE.items():
         first, *inner = words.split()
         shown = GROUPS[first] if inner else entry
         found[shown.section][first] = shown.summary
@@ -110,10 +109,9 @@ class InnerGroup(LazyGroup):
     """
 
     def __init__(self, name: str) -> None:
-        words = {**TYPER, **CATALOGUE}
         lines = {
             each.removeprefix(f"{name} "): entry.summary
-            for each, entry in words.items()
+            for each, entry in CATALOGUE.items()
             if each.startswith(f"{name} ")
         }
         group = GROUPS[name]
@@ -137,19 +135,15 @@ class InnerGroup(LazyGroup):
 
 def command_words() -> list[tuple[str, ...]]:
     """Return the words of every command that does something, in the order of the help."""
-    every = sorted({**TYPER, **CATALOGUE}, key=lambda words: [*COMMANDS].index(words.split()[0]))
+    every = sorted(CATALOGUE, key=lambda words: [*COMMANDS].index(words.split()[0]))
     return [tuple(words.split()) for words in every]
 
 
 def _command(words: str) -> click.Command:
     with signals_deferred():  # an exception inside of pydantic's modules becomes another one
-        if words in CATALOGUE:
-            from rid_daq.command_line.operation_command import OperationCommand
+        from rid_daq.command_line.operation_command import OperationCommand
 
-            return OperationCommand(operation(words))
-        from rid_daq.command_line.typer_bridge import TyperBridge
-
-        return TyperBridge(words)
+        return OperationCommand(operation(words))
 
 
 def _version_option() -> click.Option:

@@ -114,6 +114,9 @@ CATALOGUE: Final = {
     "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
     "report": Entry("identify", "Identify", "write a run's report again from its results"),
+    "payload session": Entry(
+        "payload", "", "lead through a session: check, warm up, record, identify, judge"
+    ),
     "payload identify": Entry(
         "payload", "", "mass, centre of gravity and inertia, from recorded runs"
     ),

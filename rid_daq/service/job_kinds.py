@@ -17,7 +17,7 @@ class JobKind(StrEnum):
     JOG = "jog"
     PLATE_ZERO = "plate_zero"
     RECORD = "record"
-    PAYLOAD = "payload"
+    PAYLOAD_SESSION = "payload_session"
     STREAM = "stream"
     DESIGN = "design"
     IDENTIFY = "identify"
@@ -39,22 +39,19 @@ class JobKind(StrEnum):
     @property
     def opens_cell(self) -> bool:
         """True if it opens the cell's bus; the others only compute."""
-        declared = self._declared
-        return self is JobKind.PAYLOAD if declared is None else declared.opens_cell
+        return self.operation.opens_cell
 
     @property
     def moves(self) -> bool:
         """True if the robot moves in it."""
-        declared = self._declared
-        return self is JobKind.PAYLOAD if declared is None else declared.moves
+        return self.operation.moves
 
     @property
     def needs_axis_test(self) -> bool:
         """True if the axes of a real cell must have been tested before."""
-        declared = self._declared
-        return self.moves and not (declared is not None and declared.is_held)
+        return self.moves and not self.operation.is_held
 
     @property
-    def _declared(self) -> Operation | None:
-        """Its declaration; None if it is not an operation yet."""
-        return operation(OF_KINDS[self.value]) if self.value in OF_KINDS else None
+    def operation(self) -> Operation:
+        """Its declaration."""
+        return operation(OF_KINDS[self.value])

@@ -1,4 +1,4 @@
-"""`here_or_there`: a command's request done here, or by the service that has the cell."""
+"""`send`: a command's request done by the service that has the cell."""
 
 from __future__ import annotations
 
@@ -6,62 +6,44 @@ import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from config import errors
 from config.errors import ConfigError, RidDaqError, ServiceError
+from rid_daq.operations.operation import Operation
+from rid_daq.operations.request import Request
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.clearance import clear
 from rid_daq.terminal.console import Console, Progress
 
-R = TypeVar("R")
-
-_OWNED = ("cell", "runs", "cleared", "live")
 _NAME = re.compile(r"^name:\s*[\"']?([\w.-]+)", re.MULTILINE)
 
 
-def here_or_there(
-    service: str | None,
-    kind: JobKind,
-    request: R,
-    console: Console,
-    perform: Callable[[R, Console], None],
-) -> None:
-    """Do what was asked for here, or send it to a service and show what it says.
+def send(address: str, operation: Operation, request: Request, console: Console) -> None:
+    """Send a request to a service, and show what the job says.
 
     Parameters
     ----------
-    service : str or None
-        The service's address; None to do it here.
-    kind : JobKind
-        The kind of job.
-    request : dataclass
-        What was asked for.
+    address : str
+        The service's address.
+    operation : Operation
+        The operation.
+    request : Request
+        Its request.
     console : Console
         Where it is shown.
-    perform : callable
-        Does it here.
 
     Raises
     ------
     SystemExit
-        With the exit code of the command, where that is not 0.
+        With the exit code of the command, if that is not 0.
     RidDaqError
         As the command does; or the service refused, or cannot be reached.
     """
-    if service is None:
-        perform(request, console)
-    else:
-        _send(service, kind, request, console)
-
-
-def _send(address: str, kind: JobKind, request: Any, console: Console) -> None:
-    from pydantic import TypeAdapter
-
     from rid_daq.service.client import JobResult, ServiceClient
 
-    told = TypeAdapter(type(request)).dump_python(request, mode="json", exclude_defaults=True)
-    body = {name: value for name, value in told.items() if name not in _OWNED}
+    kind = JobKind(operation.kind)
+    body = request.model_dump(mode="json", exclude_unset=True, exclude=set(operation.owned))
     with ServiceClient.at(address) as service, ExitStack() as stack:
         cells = service.cells()
         name = _cell_name(getattr(request, "cell", None), [each.cell for each in cells])

@@ -1,8 +1,4 @@
-"""What a client may ask for: the frozen schemas of requests, and files that it may name.
-
-The schemas lie in `requests.json`, written from the requests of the commands, so that the service
-need not import what does the jobs. The worker reads a request again with all its rules.
-"""
+"""What a client may ask for, and files that it may name; the worker checks a request again."""
 
 from __future__ import annotations
 
@@ -11,14 +7,9 @@ import json
 import math
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
-
-from jsonschema import Draft202012Validator
-from jsonschema.exceptions import ValidationError as SchemaError
-from jsonschema.exceptions import best_match
 
 from config.errors import ConfigError
 from config.formats.approved_files import sha256_of
@@ -26,13 +17,11 @@ from config.formats.bounded_file import read_file
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from config.ranges import CODE
-from rid_daq.operations.catalogue import OF_KINDS, operation
 from rid_daq.operations.request import INVALID
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import MOST_CHARACTERS
 
 _NO_PATH: Final = "text"
-_BOUNDS: Final = frozenset({"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"})
 _TABLE: Final = "joint_table"
 TEXT_CODE: Final = "RID-REQ-TEXT"
 MOST_OF_PATH: Final = 1000
@@ -44,13 +33,6 @@ _MOST_OF: Final = MappingProxyType(
 )
 """Characters of a field's texts, if not `MOST_CHARACTERS`: a pasted file, and paths."""
 
-_JSON: Final = (".json",)
-OUTPUT_ENDINGS: Final = MappingProxyType(
-    {
-        JobKind.IDENTIFY: _JSON,
-    }
-)
-"""What the names of outputs end in: a job does not take the name of another kind of file."""
 MOST_HASHED: Final = 500_000_000
 """The largest file that a job may be made from: a feedforward."""
 
@@ -58,10 +40,7 @@ MOST_HASHED: Final = 500_000_000
 @functools.cache
 def request_schemas() -> dict[str, Any]:
     """Return the JSON schema of the request of every kind of job."""
-    text = files("rid_daq.service").joinpath("requests.json").read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
-    found.update((kind, operation(name).schema()) for kind, name in OF_KINDS.items())
-    return {kind.value: found[kind.value] for kind in JobKind}
+    return {kind.value: kind.operation.schema() for kind in JobKind}
 
 
 def check_request(
@@ -86,14 +65,11 @@ def check_request(
         It says what, and where.
     """
     _refuse_unreadable(kind, request, ())
-    if kind.value in OF_KINDS:
-        _check_operation(kind, request)
-    else:
-        _check_schema(kind, request)
+    _check_operation(kind, request)
     require_bounded(kind, request)
     for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
-    for name in _output_endings(kind):
+    for name in kind.operation.outputs:
         output = request.get(name)
         if output is not None and require_inside(output, folder) in map(Path.resolve, of_cells):
             raise ConfigError(
@@ -135,7 +111,7 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
     ConfigError
         It ends otherwise.
     """
-    for name, allowed in _output_endings(kind).items():
+    for name, allowed in kind.operation.outputs.items():
         output = request.get(name)
         if output is not None and allowed and Path(str(output)).suffix not in allowed:
             raise ConfigError(
@@ -145,30 +121,15 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
             )
 
 
-def _output_endings(kind: JobKind) -> dict[str, tuple[str, ...]]:
-    """Return the fields that name output files, and what their names end in; empty if any."""
-    if kind.value in OF_KINDS:
-        return operation(OF_KINDS[kind.value]).outputs
-    return {"output": OUTPUT_ENDINGS.get(kind, ()), "report": (".html",)}
-
-
 def _check_operation(kind: JobKind, request: object) -> None:
     """Refuse what is no request of an operation, or sets a field that the service sets."""
     if not isinstance(request, dict):
         raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
-    found = operation(OF_KINDS[kind.value])
+    found = kind.operation
     found.refuse_owned(request)
     fields = found.request.model_fields
     filled = {name: "" for name in found.owned if fields[name].is_required()}
     found.request.of_json({**filled, **request}, shown=kind.value)
-
-
-def _check_schema(kind: JobKind, request: Any) -> None:
-    error = best_match(_validator(kind).iter_errors(request))
-    if error is not None:
-        where = ".".join(map(str, error.absolute_path)) or "request"
-        code = CODE if _is_of_range(error) else INVALID
-        raise ConfigError(f"{kind.value}: {where}: {error.message[:MOST_SHOWN]}", code=code)
 
 
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
@@ -335,17 +296,6 @@ def _refuse_unreadable(kind: JobKind, value: Any, path: tuple[str, ...]) -> None
     for key, each in inner:
         _refuse_unreadable(kind, key, (*path, str(key)))
         _refuse_unreadable(kind, each, (*path, str(key)))
-
-
-def _is_of_range(error: SchemaError) -> bool:
-    """Return whether a number is outside of its range, be it in one of several alternatives."""
-    inner: Iterable[SchemaError] = error.context or ()
-    return error.validator in _BOUNDS or any(map(_is_of_range, inner))
-
-
-@functools.cache
-def _validator(kind: JobKind) -> Draft202012Validator:
-    return Draft202012Validator(request_schemas()[kind.value])
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -9,8 +9,8 @@ from typing import Final
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.manifest import RunStatus
 from config.errors import RidDaqError
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import SessionState
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_state import SessionState
 
 KIND: Final = "payload session"
 
@@ -54,7 +54,7 @@ def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[Interrupt
             continue
         try:
             state = SessionState.read(run)
-            now = PayloadSessionRequest(state.cell, runs, resume=run.run_id)
+            now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.run_id)
             choices = now.as_begun(state.asked).choices
         except RidDaqError:  # it cannot be gone on with; the page of runs shows what is wrong
             continue

@@ -23,8 +23,8 @@ from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
-from rid_daq.recording.payload_state import STATE, SessionState
-from rid_daq.recording.payload_steps import WARM_UP
+from rid_daq.operations.payload.session_state import STATE, SessionState
+from rid_daq.operations.payload.session_steps import WARM_UP
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.shown.bode import bode_plot

@@ -16,12 +16,12 @@ from acquisition.task.service_beat import ServiceBeat
 from config.formats.approved_files import approve_files
 from config.process.termination import signals_deferred
 from rid_daq.app import Ending, end_by_signals, ending_of
-from rid_daq.operations.catalogue import OF_KINDS, operation
+from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import printable
 from rid_daq.terminal.job_events import Ended
 from rid_daq.worker.job_console import EventFile, JobConsole
-from rid_daq.worker.job_requests import performer, request_of
+from rid_daq.worker.job_requests import request_of
 from rid_daq.worker.orders import Orders
 
 
@@ -113,7 +113,7 @@ def work(
         console = JobConsole(events=events, orders=orders)
 
         def job() -> None:
-            perform = performer(order.kind)  # an import that a signal ends is a mistake
+            operation = order.kind.operation  # an import that a signal ends is a mistake
             let_signals_in()
             told = order.request
             request = request_of(
@@ -124,7 +124,7 @@ def work(
                 cleared=order.cleared,
                 owner=order.owner,
             )
-            perform(request, console)
+            perform(operation, request, console)
 
         orders.start()
         try:
@@ -150,6 +150,4 @@ def _ended(ending: Ending) -> Ended:
 def _warm_up() -> None:
     """Import what most jobs need, so that a job begins at once."""
     for kind in (JobKind.RECORD, JobKind.IDENTIFY, JobKind.CHECK):
-        performer(kind)
-        if kind.value in OF_KINDS:
-            operation(OF_KINDS[kind.value]).load()
+        kind.operation.load()

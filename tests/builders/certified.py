@@ -17,7 +17,7 @@ from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadResult, checks
-from rid_daq.recording.payload_state import SessionState
+from rid_daq.operations.payload.session_state import SessionState
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result

@@ -35,7 +35,7 @@ from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import load_data, read_load_data
 from identification.payload.file import read_payload
 from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_robot
-from rid_daq.recording.payload_state import SessionState
+from rid_daq.operations.payload.session_state import SessionState
 from rid_daq.report.result_file import read_result
 
 pytestmark = pytest.mark.slow

@@ -20,7 +20,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.procedures import PayloadOptions, identify_payload
 from rid_daq.jobs.identification_job import EstimationRequest, estimate_runs
-from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
+from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_runs
 from rid_daq.runs.run_data import RunData
 
 LATE_S = np.array([0.004, 0.006, 0.005, 0.004, -0.003, 0.0])

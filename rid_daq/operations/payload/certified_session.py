@@ -18,7 +18,7 @@ from drivers.settings.write_log import DRIVE_WRITES, read_write_log
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
-from rid_daq.recording.payload_state import STATE, SessionState
+from rid_daq.operations.payload.session_state import STATE, SessionState
 from rid_daq.report.certificate.certificate import Certificate, CertifiedFile, CertifiedRun, Device
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result

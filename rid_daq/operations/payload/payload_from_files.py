@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
-from config.errors import ConfigError, RidDaqError
-from identification.choices import (
-    PayloadLimits,
-)
+from config.errors import ConfigError
 from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
-from identification.payload.known import Known
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from rid_daq.jobs.cell_files import estimate_for
-from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
-from rid_daq.operations.payload.payload_identify import KnownQuantity, PayloadIdentifyRequest
+from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
+from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
@@ -68,7 +64,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> PayloadIdentified:
         A run cannot be read, or a file not be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
-    known = tuple(map(_known, request.known))
+    known = tuple(each.known() for each in request.known)
     names = [*request.unloaded, *request.loaded]
     folders = find_runs(request.runs, names)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
@@ -95,8 +91,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> PayloadIdentified:
         known=known,
         torque_constant_sigma=_torque_constant_sigma(request.torque_constant_sigma, procedure),
     )
-    limits = PayloadLimits(**request.limits.model_dump())
-    asked = PayloadRequest(how, limits, request.band_hz, request.standstill_rad_s)
+    asked = PayloadRequest(how, request.limits.limits(), request.band_hz, request.standstill_rad_s)
     payload, repeats = payload_from_runs(data, flags, asked)
     first = data[flags.index(True)]
     output = request.output or first.folder.file(PAYLOAD)
@@ -109,13 +104,6 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> PayloadIdentified:
     )
     report = write_result(first.folder, result)
     return PayloadIdentified(section, verdict, output, report, notes, payload.fits)
-
-
-def _known(quantity: KnownQuantity) -> Known:
-    try:
-        return Known(**quantity.model_dump())
-    except RidDaqError as error:
-        raise ConfigError(f"--known {error}", code=error.refusal) from None
 
 
 def _torque_constant_sigma(asked: float | None, procedure: Procedure) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
+from config.errors import ConfigError, RidDaqError
 from config.ranges import KnownSigma, KnownValue
 from identification.choices import (
     BAND_HZ,
@@ -34,6 +35,7 @@ from rid_daq.operations.request import Request
 from rid_daq.terminal.choices import PAYLOAD
 
 if TYPE_CHECKING:
+    from identification.payload.known import Known
     from rid_daq.operations.payload.payload_from_files import PayloadIdentified
 
 PAYLOADS: Final = "Payload"
@@ -61,6 +63,21 @@ class KnownQuantity(Request):
             raise ValueError("must be NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005")
         return {"name": name.strip(), "value": value, "sigma": sigma or 0.0}
 
+    def known(self) -> Known:
+        """Return it as the estimators take it.
+
+        Raises
+        ------
+        ConfigError
+            There is no such quantity, or its value is not possible.
+        """
+        from identification.payload.known import Known
+
+        try:
+            return Known(**self.model_dump())
+        except RidDaqError as error:
+            raise ConfigError(f"--known {error}", code=error.refusal) from None
+
 
 class VerdictLimits(Request):
     """The largest intervals (2σ) with which a payload passes."""
@@ -85,6 +102,10 @@ class VerdictLimits(Request):
         Field(description="Residual of the torque of an axis."),
         Option(group=LIMITS, flag="residual-limit", unit="%"),
     ] = PayloadLimits.residual_percent
+
+    def limits(self) -> PayloadLimits:
+        """Return them as the verdict takes them."""
+        return PayloadLimits(**self.model_dump())
 
 
 def _of_percent(value: object, info: ValidationInfo) -> object:

@@ -28,7 +28,7 @@ function reach(name, state = "now") {
 }
 
 function begun(job) {
-  if (job.kind !== "payload") return;
+  if (job.kind !== "payload_session") return;
   reach("prepare");
   find("warm-up").hidden = true;
 }
@@ -38,7 +38,7 @@ let drawnAt = -Infinity;
 let later = null;
 
 function heard(event, job) {
-  if (job.kind !== "payload") return;
+  if (job.kind !== "payload_session") return;
   if (event.kind === "motion") {
     const found = /^Payload session: (rehearsal|warm-up|unloaded|loaded)/.exec(event.title);
     if (found) reach(found[1]);
@@ -60,7 +60,7 @@ function drawWarmUp(job) {
 }
 
 async function ended(job, document) {
-  if (job.kind === "payload") {
+  if (job.kind === "payload_session") {
     if (document?.session) await showResult(document.session);
     else if (job.state !== "done") {
       const now = window.document.querySelector('[data-state="now"]');
@@ -102,9 +102,9 @@ function request() {
   return asks;
 }
 
-press("begin", panel, "payload", () => {
+press("begin", panel, "payload_session", () => {
   const asks = resumed ? saidAnew() : { ...request(), motion: find("motion").value || null };
-  return panel.begin("payload", asks, { moves: true });
+  return panel.begin("payload_session", asks, { moves: true });
 });
 press("check", panel, "check", () => panel.begin("check"));
 
@@ -140,7 +140,7 @@ function goOn({ run, label, choices: told }) {
 // What is another now than the session was begun with, be it the usual.
 function saidAnew() {
   const changed = Object.entries(request()).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(resumed.shown[name]));
-  return { ...Object.fromEntries(changed), given: changed.map(([name]) => name), resume: resumed.run };
+  return { ...Object.fromEntries(changed), resume: resumed.run };
 }
 
 for (const button of document.querySelectorAll(".resume")) button.addEventListener("click", () => goOn(button.dataset));

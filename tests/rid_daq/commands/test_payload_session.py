@@ -23,9 +23,9 @@ from acquisition.session.early_stop import NewPeriods
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.warm_up import period_powers
 from rid_daq.app import run
-from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_runs
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
+from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_runs
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
 from rid_daq.runs.run_data import RunData
 from tests.builders.screens import noted, require_fitting
 
@@ -171,14 +171,15 @@ def test_an_option_counts_as_said_be_it_the_usual(
 ) -> None:
     asked: list[PayloadSessionRequest] = []
     monkeypatch.setattr(
-        "rid_daq.commands.payload_session.here_or_there",
-        lambda _service, _kind, request, *_more: asked.append(request),
+        "rid_daq.command_line.operation_command.perform",
+        lambda _operation, request, _console: asked.append(request),
     )
     words = ["--resume", "latest", "--mass-limit", "5", "--repeats", "1"]
     assert run(session(motion, tmp_path, *words)) == 0
     (request,) = asked
-    said = {"mass_percent", "repeats", "rehearsal_percent", "warm_up_percent", "warm_up_periods"}
-    assert set(request.given) == said
+    said = {"limits", "repeats", "rehearsal_percent", "warm_up_percent", "warm_up_periods"}
+    assert request.asked.keys() == said
+    assert request.limits.model_fields_set == {"mass_percent"}
 
 
 def test_what_cannot_be_resumed_is_refused(

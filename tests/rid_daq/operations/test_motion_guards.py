@@ -21,7 +21,7 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording import run_session
 from rid_daq.recording.run_session import RunRequest, open_session
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.remote_jobs import here_or_there
+from rid_daq.service.remote_jobs import send
 from rid_daq.service.request_check import check_request
 from rid_daq.terminal.console import Console
 from rid_daq.worker.job_requests import request_of
@@ -112,16 +112,16 @@ def test_what_opens_a_cell_what_moves_and_what_is_held_is_this() -> None:
     """The service asks for lease, preflight, clearance and axis test by these."""
     declared = {name: found for name in CATALOGUE if (found := operation(name)).is_job}
     assert {name for name, each in declared.items() if each.opens_cell} == {
-        *("check", "reset"),
+        *("check", "reset", "payload session"),
         *HELD,
         *BY_ITSELF,
     }
-    assert {name for name, each in declared.items() if each.moves} == {*HELD, *BY_ITSELF}
+    assert {name for name, each in declared.items() if each.moves} == {
+        *("payload session", *HELD, *BY_ITSELF)
+    }
     assert {name for name, each in declared.items() if each.is_held} == {*HELD}
-    assert JobKind.PAYLOAD.opens_cell
-    assert JobKind.PAYLOAD.moves
     assert {kind for kind in JobKind if kind.needs_axis_test} == {
-        *(JobKind.PAYLOAD, JobKind.RECORD, JobKind.STREAM, JobKind.PLATE_ZERO)
+        *(JobKind.PAYLOAD_SESSION, JobKind.RECORD, JobKind.STREAM, JobKind.PLATE_ZERO)
     }
 
 
@@ -209,7 +209,7 @@ def test_whether_a_cell_is_clear_comes_from_the_service(
         "stream": {"model": "model.json", "loop": "loops.json"},
     }.get(name, {})
     request = request_of(kind, dict(needed), "ir361", tmp_path, cleared=cleared)
-    assert request.cleared is cleared
+    assert request.model_dump()["cleared"] is cleared
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_a_served_real_cell_is_said_to_be_clear_by_a_person_only(
     request = operation(name).request.of({**files, "cell": "real"})
 
     def ask(person: Person) -> None:
-        here_or_there("local", kind, request, person, lambda *_: None)
+        send("local", kind.operation, request, person)
 
     if not kind.moves:
         ask(Person())

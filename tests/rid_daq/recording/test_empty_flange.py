@@ -16,11 +16,11 @@ from config.errors import PreflightError
 from config.load import load_cell
 from identification.choices import PayloadLimits
 from identification.payload.verdict import PayloadResult, checks
-from rid_daq.jobs.payload.payload_job import PayloadRequest
-from rid_daq.recording import payload_steps
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import SessionState
-from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
+from rid_daq.operations.payload import session_steps
+from rid_daq.operations.payload.payload_estimate import PayloadRequest
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.payload.session_steps import PayloadGuide, StepFailed
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
 from rid_daq.terminal.console import Console
 from rid_daq.worker.job_console import EventFile, JobConsole
@@ -68,7 +68,7 @@ def motion(six_axis_motion: Callable[[int], Path]) -> AnyMotion:
 @pytest.fixture
 def lead(monkeypatch: pytest.MonkeyPatch, state: SessionState, motion: AnyMotion) -> Lead:
     """Lead through a session whose first motion is stopped at once."""
-    monkeypatch.setattr(payload_steps, "preflight", lambda *_, **__: ([], None))
+    monkeypatch.setattr(session_steps, "preflight", lambda *_, **__: ([], None))
     loaded, stopped = load_cell("kr15"), SimpleNamespace(outcome=SimpleNamespace(stop="stopped"))
     stopped.quality = None
 
@@ -76,7 +76,7 @@ def lead(monkeypatch: pytest.MonkeyPatch, state: SessionState, motion: AnyMotion
         session = SimpleNamespace(
             simulated=simulated, loaded=loaded, cell=loaded.config, record=lambda _request: stopped
         )
-        asked = PayloadSessionRequest("kr15", state.folder.path.parent, **words)
+        asked = PayloadSessionRequest(cell="kr15", runs=state.folder.path.parent, **words)
         guide = PayloadGuide(
             asked, cast("Any", session), state, cast("Any", motion), PayloadRequest(), console
         )

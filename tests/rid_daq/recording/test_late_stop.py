@@ -20,7 +20,6 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from acquisition.task.states import Progress, TaskState
 from config.load import load_cell
 from rid_daq.app import run
-from rid_daq.jobs.payload.payload_job import PayloadRequest
 from rid_daq.operations.cell import axis_bench, zeroed_plate
 from rid_daq.operations.cell.axis_bench import AxisBench
 from rid_daq.operations.cell.plate_zero import PlateZeroRequest
@@ -28,10 +27,12 @@ from rid_daq.operations.cell.zeroed_plate import zero_plate
 from rid_daq.operations.experiment import recorded_motion
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.experiment.recorded_motion import record_motion_file
-from rid_daq.recording import payload_steps, run_session
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import SessionState
-from rid_daq.recording.payload_steps import PayloadGuide, StepFailed
+from rid_daq.operations.payload import session_steps
+from rid_daq.operations.payload.payload_estimate import PayloadRequest
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.payload.session_steps import PayloadGuide, StepFailed
+from rid_daq.recording import run_session
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.result import Result
@@ -60,7 +61,7 @@ def driven(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
         yield RunSession(loaded, loaded.config, runs, console)
 
     monkeypatch.setattr(RunSession, "recording", recording)
-    monkeypatch.setattr(payload_steps, "preflight", lambda *_, **__: ([], None))
+    monkeypatch.setattr(session_steps, "preflight", lambda *_, **__: ([], None))
     for module in (recorded_motion, zeroed_plate):
         monkeypatch.setattr(module, "open_session", opened)
     return roles
@@ -111,7 +112,7 @@ def test_a_payload_session_keeps_the_step_and_begins_no_other(
     state = SessionState(RunFolder.create(tmp_path, "payload", kind="payload session"), "kr15")
     simulated = SimpleNamespace(attach=lambda payload: None)
     guide = PayloadGuide(
-        PayloadSessionRequest("kr15", tmp_path, warm_up_percent=0.0, repeats=1),
+        PayloadSessionRequest(cell="kr15", runs=tmp_path, warm_up_percent=0.0, repeats=1),
         RunSession(loaded, loaded.config, tmp_path, Console(), cast("Any", simulated)),
         state,
         cast("Any", load_motion(six_axis_motion(2))),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,12 +10,11 @@ import pytest
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.load import load_cell
-from identification.choices import PayloadLimits
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
-from identification.payload.known import Known
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import SessionState, is_measurement
-from rid_daq.recording.payload_steps import rehearsal_of
+from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_state import SessionState, is_measurement
+from rid_daq.operations.payload.session_steps import rehearsal_of
 from tests.builders.raised_codes import raises_code
 
 
@@ -77,43 +75,45 @@ def test_a_session_that_goes_on_keeps_what_it_was_begun_with_unless_that_is_said
     folder: RunFolder,
 ) -> None:
     begun = PayloadSessionRequest(
-        "kr15",
-        folder.path.parent,
+        cell="kr15",
+        runs=folder.path.parent,
         model=Path("model.json"),
-        known=(Known("m", 2.8, 0.005),),
+        known=(KnownQuantity(name="m", value=2.8, sigma=0.005),),
         warm_up_percent=0.0,
         repeats=2,
-        limits=PayloadLimits(mass_percent=2.0),
+        limits=VerdictLimits(mass_percent=2.0),
     )
     SessionState(folder, "kr15", asked=begun.asked).write()
     asked = SessionState.read(folder).asked
-    again = PayloadSessionRequest("kr15", folder.path.parent, resume="latest", yes=True)
+    again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest", yes=True)
     kept = again.as_begun(asked)
     assert kept.model == Path("model.json").absolute()
     assert (kept.warm_up_percent, kept.repeats, kept.known) == (0.0, 2, begun.known)
     assert (kept.limits, kept.resume, kept.yes) == (begun.limits, "latest", True)
-    warm = replace(again, given=("warm_up_percent",), limits=PayloadLimits(centre_mm=1.0))
-    kept = warm.as_begun(asked)
+    warm = {"warm_up_percent": 1.0, "limits": VerdictLimits(centre_mm=1.0)}
+    kept = again.model_copy(update=warm).as_begun(asked)
     assert (kept.warm_up_percent, kept.repeats) == (1.0, 2)
-    assert kept.limits == PayloadLimits(mass_percent=2.0, centre_mm=1.0)
+    assert kept.limits == VerdictLimits(mass_percent=2.0, centre_mm=1.0)
     with raises_code(ConfigError, "RID-SESSION-STATE", "--resume", "latest", "repeats"):
         again.as_begun({"repeats": "many"})
 
 
 def test_what_a_person_says_anew_counts_be_it_the_usual(folder: RunFolder) -> None:
     begun = PayloadSessionRequest(
-        "kr15",
-        folder.path.parent,
+        cell="kr15",
+        runs=folder.path.parent,
         model=Path("model.json"),
-        known=(Known("m", 12.0, 0.005),),
+        known=(KnownQuantity(name="m", value=12.0, sigma=0.005),),
         repeats=3,
-        limits=PayloadLimits(mass_percent=20.0, centre_mm=30.0),
+        limits=VerdictLimits(mass_percent=20.0, centre_mm=30.0),
     )
-    again = PayloadSessionRequest("kr15", folder.path.parent, resume="latest")
-    taken_back = replace(again, given=("known", "model", "repeats", "limits"))
-    kept = taken_back.as_begun(begun.asked)
+    again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest")
+    usual = VerdictLimits(**VerdictLimits().model_dump())  # each of them is given
+    taken_back = {"known": (), "model": None, "repeats": 1, "limits": usual}
+    kept = again.model_copy(update=taken_back).as_begun(begun.asked)
     assert (kept.known, kept.model, kept.repeats) == ((), None, 1)
-    assert kept.limits == PayloadLimits()
-    kept = replace(again, given=("mass_percent",)).as_begun(begun.asked)
-    assert kept.limits == PayloadLimits(centre_mm=30.0)
+    assert kept.limits == VerdictLimits()
+    usual = VerdictLimits(mass_percent=VerdictLimits().mass_percent)
+    kept = again.model_copy(update={"limits": usual}).as_begun(begun.asked)
+    assert kept.limits == VerdictLimits(centre_mm=30.0)
     assert (kept.known, kept.repeats) == (begun.known, 3)

@@ -17,12 +17,12 @@ from config.errors import ConfigError, EstimationError
 from config.load import load_cell, load_robot
 from identification.estimation.estimate import Estimate
 from identification.payload.procedures import PayloadOptions
-from rid_daq.jobs.payload.payload_job import PayloadRequest
-from rid_daq.recording import payload_session_job, payload_watch
+from rid_daq.operations.payload import guided_session, session_watches
+from rid_daq.operations.payload.guided_session import run_payload_session
+from rid_daq.operations.payload.payload_estimate import PayloadRequest
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
 from rid_daq.recording.average_so_far import AverageSoFar
-from rid_daq.recording.payload_session_job import run_payload_session
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
 from rid_daq.terminal.console import Console
 from tests.builders.known_model import known
 from tests.builders.warm_model import by_temperature
@@ -38,7 +38,7 @@ def watched(
     said = []
     for piece in pieces:
         power = np.array(piece).reshape(-1, len(JOINTS))
-        monkeypatch.setattr(payload_watch, "period_powers", lambda *_, power=power: power)
+        monkeypatch.setattr(session_watches, "period_powers", lambda *_, power=power: power)
         said.append(watch.enough(NEW))
     return said
 
@@ -91,7 +91,7 @@ def weighing(goal_kg: float | None, monkeypatch: pytest.MonkeyPatch, sigma_kg: f
     average = cast(PeriodAverage, SimpleNamespace())
     monkeypatch.setattr(AverageSoFar, "with_more", lambda _self, _new: average)
     estimate = SimpleNamespace(sigma=np.array([sigma_kg]), reported=np.array([9.3]))
-    monkeypatch.setattr(payload_watch, "identify_payload", lambda *_: estimate)
+    monkeypatch.setattr(session_watches, "identify_payload", lambda *_: estimate)
     return watch
 
 
@@ -116,7 +116,7 @@ def test_an_estimate_that_fails_says_why_and_ends_nothing(monkeypatch: pytest.Mo
     def fail(*_: object) -> None:
         raise EstimationError("the motion does not show the mass")
 
-    monkeypatch.setattr(payload_watch, "identify_payload", fail)
+    monkeypatch.setattr(session_watches, "identify_payload", fail)
     assert not watch.enough(PERIODS)
     assert watch.sentences() == ["the motion does not show the mass"]
 
@@ -147,7 +147,7 @@ def test_a_mass_is_not_followed_by_a_model_that_holds_in_time_alone(
 def test_until_mass_with_such_a_model_is_refused_before_there_is_a_session(
     what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(payload_session_job, "estimate_for", lambda *_: says_of_time(what))
+    monkeypatch.setattr(guided_session, "estimate_for", lambda *_: says_of_time(what))
     request = PayloadSessionRequest(
         cell="ir361",
         runs=tmp_path / "runs",

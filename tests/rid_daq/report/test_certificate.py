@@ -20,7 +20,7 @@ from identification.choices import REPORTED
 from rid_daq.app import run
 from rid_daq.operations.payload.certified_session import certificate_of, write_certificate
 from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
-from rid_daq.recording.payload_state import SessionState
+from rid_daq.operations.payload.session_state import SessionState
 from rid_daq.report.certificate.pdf import certificate_pdf
 from rid_daq.terminal.choices import CERTIFICATE
 from rid_daq.terminal.exit_codes import ExitCode

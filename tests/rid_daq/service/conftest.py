@@ -56,7 +56,7 @@ def service(tmp_path: Path) -> CellService:
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
 
 
-def job(kind: JobKind = JobKind.PAYLOAD) -> Job:
+def job(kind: JobKind = JobKind.PAYLOAD_SESSION) -> Job:
     return Job(
         id=f"job-{kind}",
         cell="ir361",

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,8 @@ from hypothesis import strategies as st
 
 from config.errors import ConfigError
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import check_request, request_schemas, require_inside
-from rid_daq.worker.job_requests import OWNED, request_of, request_schema, request_type
+from rid_daq.service.request_check import check_request, require_inside
+from rid_daq.worker.job_requests import request_of
 from tests.builders.raised_codes import raises_code
 
 JSON = st.recursive(
@@ -21,25 +20,15 @@ JSON = st.recursive(
 )
 
 
-@pytest.mark.parametrize("kind", list(JobKind))
-def test_the_frozen_schemas_are_those_of_the_commands_requests(kind: JobKind) -> None:
-    frozen = request_schemas()[kind.value]
-    assert json.loads(json.dumps(request_schema(kind))) == frozen, (
-        "run: .venv/bin/python docs/reference/api.py"
-    )
-
-
-@pytest.mark.parametrize("kind", list(JobKind))
-def test_what_the_service_owns_is_nothing_that_a_client_can_say(kind: JobKind) -> None:
-    assert not OWNED & set(request_schemas()[kind.value]["properties"])
-
-
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
         (JobKind.RECORD, {"motion": "motion.yaml", "simulation": {"pace": 2.0}}),
         (JobKind.IDENTIFY, {"names": ["latest"], "choose": True}),
-        (JobKind.PAYLOAD, {"payload": "2kg", "limits": {"mass_percent": 2.0}, "periods": 5}),
+        (
+            JobKind.PAYLOAD_SESSION,
+            {"payload": "2kg", "limits": {"mass_percent": 2.0}, "periods": 5},
+        ),
         (JobKind.VALIDATE, {"model": "model.json", "run": "latest"}),
         (JobKind.EXPORT, {"what": "model.json", "to": "urdf", "output": "robot.urdf"}),
     ],
@@ -49,7 +38,7 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
 ) -> None:
     check_request(kind, told, tmp_path)
     request = request_of(kind, told, "ir361", tmp_path, cleared=False)
-    assert type(request) is request_type(kind)
+    assert type(request) is kind.operation.request
 
 
 @pytest.mark.parametrize(
@@ -80,8 +69,12 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
             {"model": "m.json", "run": "latest", "mass_kg": 2e5},
             r"mass_kg: 200000 kg is implausible",
         ),
-        (JobKind.PAYLOAD, {"until_mass_kg": 50.0}, "until_mass_kg: 50 kg is implausible"),
-        (JobKind.PAYLOAD, {"warm_up_percent": 1e-3}, "warm_up_percent: 0.001 % is implausible"),
+        (JobKind.PAYLOAD_SESSION, {"until_mass_kg": 50.0}, "until_mass_kg: 50 kg is implausible"),
+        (
+            JobKind.PAYLOAD_SESSION,
+            {"warm_up_percent": 1e-3},
+            "warm_up_percent: 0.001 % is implausible",
+        ),
     ],
 )
 def test_what_a_command_refuses_as_implausible_a_service_refuses_too(

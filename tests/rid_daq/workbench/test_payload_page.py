@@ -9,10 +9,9 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from acquisition.runs.folder import RunFolder
-from identification.choices import PayloadLimits
-from identification.payload.known import Known
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import SessionState
+from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
+from rid_daq.operations.payload.payload_session import PayloadSessionRequest
+from rid_daq.operations.payload.session_state import SessionState
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, ready, take_cell
 
@@ -26,13 +25,16 @@ def session(served_pages: ServedProcess) -> str:
     """Return a session that was begun with other choices than the usual, and interrupted."""
     runs = served_pages.folder / "runs"
     begun = PayloadSessionRequest(
-        CELL,
-        runs,
+        cell=CELL,
+        runs=runs,
         label="gripper",
         model=served_pages.folder / "robot.json",
-        known=(Known("m", 12.0, 0.02), Known("cz", 0.1, 0.01)),
+        known=(
+            KnownQuantity(name="m", value=12.0, sigma=0.02),
+            KnownQuantity(name="cz", value=0.1, sigma=0.01),
+        ),
         repeats=3,
-        limits=PayloadLimits(mass_percent=20.0),
+        limits=VerdictLimits(mass_percent=20.0),
     )
     folder = RunFolder.create(runs, "gripper", kind="payload session")
     SessionState(folder, CELL, asked=begun.asked).write()
@@ -78,7 +80,7 @@ def test_it_is_shown_what_a_session_was_begun_with_and_that_holds(
         expect(page.locator(f"#{field}")).to_have_value(value)
     expect(page.locator("#going-on")).to_contain_text("cz is known: 0.1 ± 0.01.")
     expect(page.locator("#begin")).to_have_text("Go on with gripper")
-    assert asked_for(page) == {"resume": session, "given": []}
+    assert asked_for(page) == {"resume": session}
     problems.clear()  # the browser's own words on the refusal
 
 
@@ -91,7 +93,6 @@ def test_what_is_changed_is_said_anew_be_it_the_usual(
         page.locator(f"#{field}").fill(value)
     page.locator("#model").select_option("")
     request = asked_for(page)
-    assert set(request.pop("given")) == {"known", "limits", "repeats", "model"}
     limits = {"mass_percent": 5, "centre_mm": 10, "inertia_percent": 100, "residual_percent": 20}
     known = [{"name": "cz", "value": 0.1, "sigma": 0.01}]
     left = {"known": known, "limits": limits, "repeats": 1, "model": None}

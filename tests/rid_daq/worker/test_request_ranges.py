@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
-import typing
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,13 +14,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from config.errors import ConfigError, RidDaqError
-from config.ranges import Ranged
-from rid_daq.command_line.typer_bridge import TyperBridge
-from rid_daq.command_line.typer_commands import TYPER
-from rid_daq.operations.catalogue import OF_KINDS
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import OUTPUT_ENDINGS, check_request, require_inside
-from rid_daq.worker.job_requests import OWNED, request_of, request_schema, request_type
+from rid_daq.service.request_check import check_request, require_inside
+from rid_daq.worker.job_requests import request_of
 from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.promise("ranges-everywhere")
@@ -30,7 +24,7 @@ pytestmark = pytest.mark.promise("ranges-everywhere")
 Schema = dict[str, Any]
 Place = tuple[str | int, ...]
 
-SCHEMAS = {kind: request_schema(kind) for kind in JobKind}
+SCHEMAS: dict[JobKind, Schema] = {kind: kind.operation.schema() for kind in JobKind}
 LOW, HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum", "plausible")
 ODD = (math.nan, math.inf, -math.inf, -1e300, 1e300)
 
@@ -120,7 +114,7 @@ def test_there_are_numbers_to_look_at() -> None:
     assert {kind for kind, _, _ in (each.values for each in OWN)} >= {
         JobKind.CHECK,
         JobKind.JOG,
-        JobKind.PAYLOAD,
+        JobKind.PAYLOAD_SESSION,
         JobKind.STREAM,
         JobKind.DESIGN,
         JobKind.PLATE_ZERO,
@@ -134,21 +128,6 @@ def test_every_number_of_every_request_says_its_range(
 ) -> None:
     assert any(side in schema for side in LOW), "say the least value in the field's type"
     assert any(side in schema for side in HIGH), "say the largest value in the field's type"
-
-
-def dataclasses_in(annotation: Any) -> Iterator[type]:
-    if dataclasses.is_dataclass(annotation) and isinstance(annotation, type):
-        yield annotation
-        for hint in typing.get_type_hints(annotation).values():
-            yield from dataclasses_in(hint)
-    for argument in typing.get_args(annotation):
-        yield from dataclasses_in(argument)
-
-
-@pytest.mark.parametrize("kind", JobKind)
-def test_every_part_of_a_request_refuses_by_itself(kind: JobKind) -> None:
-    for part in dataclasses_in(request_type(kind)):
-        assert issubclass(part, Ranged), f"{part.__name__} must be Ranged"
 
 
 def outside(schema: Schema) -> Iterator[float]:
@@ -176,70 +155,6 @@ def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drive
             with pytest.raises(ConfigError) as caught:
                 refuse()
             assert caught.value.refusal == "RID-REQ-RANGE", (value, str(caught.value))
-
-
-@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.value not in OF_KINDS])
-def test_a_request_that_is_made_in_python_refuses_what_is_outside(
-    kind: JobKind, tmp_path: Path
-) -> None:
-    """Such as by a script, or by a command whose option forgot its bounds."""
-    told = least_document(SCHEMAS[kind], SCHEMAS[kind])
-    if "output" in told and kind in OUTPUT_ENDINGS:
-        told["output"] = f"a{OUTPUT_ENDINGS[kind][0]}"
-    if kind is JobKind.PAYLOAD_READ_BACK:
-        told["text"] = "load data"
-    request = request_of(kind, told, "ir361", tmp_path, cleared=False)
-    for part in (request, *(getattr(request, field.name) for field in dataclasses.fields(request))):
-        if not dataclasses.is_dataclass(part) or isinstance(part, type):
-            continue
-        for field in dataclasses.fields(part):
-            value = getattr(part, field.name)
-            if isinstance(value, (int, float)) and not isinstance(value, bool):
-                for odd in ODD:
-                    with pytest.raises(ConfigError) as caught:
-                        dataclasses.replace(part, **{field.name: odd})
-                    assert caught.value.refusal == "RID-REQ-RANGE"
-
-
-OPTIONS = {
-    "payload session.periods": "payload periods",
-    "payload session.repeats": "payload repeats",
-    "payload session.seed": "payload seed",
-    "payload session.pace": "payload pace",
-    "payload session.warm_up_periods": "payload warm_up_periods",
-}
-"""Options with a range, and the fields that they become. Options with a plausible range have their
-own message, by the same type (`plausible_as`)."""
-
-
-def ranged_options() -> Iterator[tuple[str, Any]]:
-    """Yield the numeric options of the commands that a service can do, by command and name."""
-    for words in TYPER:
-        options = TyperBridge(words).command.params
-        for option in options if any(each.name == "service" for each in options) else ():
-            kind = option.type_descriptor
-            if kind.annotation in (int, float, list[int], list[float]):
-                yield f"{words}.{option.name}", option
-
-
-def test_the_ranges_of_options_are_those_of_the_requests() -> None:
-    seen = set()
-    for name, kind in ranged_options():
-        if kind.callback is not None:
-            continue
-        assert name in OPTIONS, f"{name}: say here which field of a request it becomes"
-        seen.add(name)
-        job, *fields = OPTIONS[name].split()
-        whole = SCHEMAS[JobKind(job)]
-        for field in fields:
-            place = tuple(int(part) if part.isdigit() else part for part in field.split("."))
-            found = {
-                (schema["minimum"], schema["maximum"])
-                for at, schema in numbers(whole, whole)
-                if at == place
-            }
-            assert found == {(getattr(kind, "min", None), getattr(kind, "max", None))}, name
-    assert OPTIONS.keys() - seen == set()
 
 
 # ---- random documents
@@ -308,17 +223,11 @@ def values_of(schema: Schema, whole: Schema, depth: int = 0) -> st.SearchStrateg
     return st.one_of(usual, usual, usual, usual, odd_values())
 
 
-def field_names(request: Any) -> list[str]:
-    if isinstance(request, BaseModel):
-        return list(type(request).model_fields)
-    return [field.name for field in dataclasses.fields(request)]
-
-
 def paths_in(value: object) -> Iterator[Path]:
     if isinstance(value, Path):
         yield value
-    elif dataclasses.is_dataclass(value) or isinstance(value, BaseModel):
-        for name in field_names(value):
+    elif isinstance(value, BaseModel):
+        for name in type(value).model_fields:
             yield from paths_in(getattr(value, name))
     elif isinstance(value, (tuple, list)):
         for each in value:
@@ -345,8 +254,8 @@ def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: P
         finally:
             assert sorted(tmp_path.parent.iterdir()) == before
         json.dumps(told, allow_nan=False)
-        for name in field_names(request):
-            if name not in OWNED:
+        for name in type(request).model_fields:
+            if name not in kind.operation.owned:
                 for path in paths_in(getattr(request, name)):
                     require_inside(str(path), tmp_path)
 

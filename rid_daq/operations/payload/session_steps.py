@@ -13,23 +13,23 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError, PreflightError
 from config.load import to_yaml
 from identification.payload.periodic_runs import PeriodicRuns
-from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
-from rid_daq.preflight.last_pose import PoseRule
-from rid_daq.preflight.preflight import lines_before_bus, preflight
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import (
+from rid_daq.operations.payload.payload_estimate import PayloadRequest, periodic_runs
+from rid_daq.operations.payload.payload_session import UNLOADED, PayloadSessionRequest
+from rid_daq.operations.payload.session_state import (
     EMPTY_FLANGE,
-    UNLOADED,
     SessionState,
     is_measurement,
 )
-from rid_daq.recording.payload_watch import MassWatch, WarmUpWatch
+from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
+from rid_daq.preflight.axis_test import AxisTestRule
+from rid_daq.preflight.last_pose import PoseRule
+from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession, Watch
 from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import MOTION
 from rid_daq.terminal.clearance import require_cleared, require_yes
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 PREFLIGHT_S: Final = 0.5
 REHEARSAL: Final = "rehearsal"
@@ -72,7 +72,7 @@ class PayloadGuide:
         What is asked about the payload.
     payload_request : PayloadRequest
         How it will be estimated.
-    console : Console
+    context : Context
         Where it is told, and a person asked.
     """
 
@@ -81,7 +81,7 @@ class PayloadGuide:
     state: SessionState
     motion: FourierMotion
     payload_request: PayloadRequest
-    console: Console
+    context: Context
 
     def lead(self) -> StepFailed | None:
         """Do what is left to do; return the step that failed, where one did."""
@@ -100,7 +100,7 @@ class PayloadGuide:
             measurement = is_measurement(step.name)
             if measurement and run.quality is not None:
                 for sentence in run.quality.sentences():
-                    self.console.say(f"{step.name}: {sentence}")
+                    self.context.say(f"{step.name}: {sentence}")
             if run.outcome.stop is not None or (measurement and run.exit_code):
                 return StepFailed(step.name, run, self.state.folder.run_id)
             self.state.note_step(step.name, run.folder.run_id)
@@ -121,12 +121,12 @@ class PayloadGuide:
     def _require_cleared(self) -> None:
         config, request = self.session.loaded.config, self.request
         if request.yes and not config.simulated:
-            self.console.say(f"Nobody in cell {config.name}, the emergency stop at hand: by --yes.")
+            self.context.say(f"Nobody in cell {config.name}, the emergency stop at hand: by --yes.")
         motion = to_yaml(self.motion, SESSION_MOTION).encode()
         require_cleared(
             config,
             request.yes,
-            self.console,
+            self.context,
             practise=request.practise,
             files={**self.session.loaded.files, MOTION: motion},
         )
@@ -143,14 +143,14 @@ class PayloadGuide:
             return EmptyFlange.SIMULATED
         question = "Is the flange empty: no payload, gripper or cable hangs on it?"
         if self.request.yes:
-            self.console.say(f"{question} Answered by --yes.")
+            self.context.say(f"{question} Answered by --yes.")
             return EmptyFlange.BY_FLAG
-        if not self.console.can_ask:
+        if not self.context.can_ask:
             raise PreflightError(
                 f"{question} Nobody can be asked here: answer by the flags (--yes)",
                 code="RID-ANSWER-NOBODY",
             )
-        if not self.console.confirm(question):
+        if not self.context.confirm(question):
             raise PreflightError(
                 "nothing was moved: take off what hangs on the flange, then go on with --resume"
                 f" {self.state.folder.run_id}; or weigh against a model of the robot as it stands"
@@ -161,14 +161,14 @@ class PayloadGuide:
 
     def _preflight(self) -> None:
         request, session = self.request, self.session
-        before = lines_before_bus(session.loaded, request.runs, request.axis_test)
+        before = lines_before_bus(session.loaded, request.runs, AxisTestRule(request.axis_test))
         pose = PoseRule.COMPARED if session.simulated is None else PoseRule.LEFT_OUT
         lines, problem = preflight(
             session.loaded, session.cell, before, PREFLIGHT_S, cleared=True, pose=pose
         )
         red = [line for line in lines if line.verdict == "red"]
         for line in red:
-            self.console.say(f"RED {line.where}, {line.what}: {line.next_action}")
+            self.context.say(f"RED {line.where}, {line.what}: {line.next_action}")
         if problem is not None:
             raise problem
         if red:
@@ -176,7 +176,7 @@ class PayloadGuide:
                 f"red lines in the preflight: {len(red)}; see `rid-daq check`",
                 code="RID-PREFLIGHT-RED",
             )
-        self.console.say(f"Preflight: {len(lines)} lines, none red.")
+        self.context.say(f"Preflight: {len(lines)} lines, none red.")
 
     def _steps(self) -> Iterator[Step]:
         """Yield the steps that are left; between them the payload is attached."""
@@ -203,7 +203,7 @@ class PayloadGuide:
         if not request.warm_up_percent:
             self.state.note_fact("warm_up", "skipped")
             return
-        watch = WarmUpWatch(request.warm_up_percent, self.console.warms_up)
+        watch = WarmUpWatch(request.warm_up_percent, self.context.warms_up)
         most = {"periods": request.warm_up_periods, "transient_periods": 0}
         yield Step(WARM_UP, self.motion.model_copy(update=most), watch)
         fact: JsonValue = {
@@ -217,13 +217,13 @@ class PayloadGuide:
     def _attach(self) -> None:
         simulated, payload = self.session.simulated, self.request.payload
         if self._asks:
-            self.console.say("The robot stands still, its power is off. Attach the payload.")
-            require_yes(self.console, "Is the payload attached?", self.request.yes)
+            self.context.say("The robot stands still, its power is off. Attach the payload.")
+            require_yes(self.context, "Is the payload attached?", self.request.yes)
             self._require_cleared()
         if simulated is None:
             return
         simulated.attach(payload)
-        self.console.say(f"On the simulated flange: {payload or 'nothing'}.")
+        self.context.say(f"On the simulated flange: {payload or 'nothing'}.")
 
     def _recorded(self, step: Step) -> RecordedRun:
         cell, loaded = self.session.cell, self.session.loaded

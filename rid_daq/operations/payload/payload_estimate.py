@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from acquisition.processing.periods import PeriodAverage
-from config.errors import ConfigError, EstimationError
-from config.formats.number import parse_number
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.options import EstimationOptions
-from identification.payload.known import Known
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, left_on_flange
@@ -169,27 +166,3 @@ def _compared(data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptio
     own = () if how.robot is None else how.robot.run_ids
     pairs = enumerate(zip(data, loaded, strict=True))
     return [i for i, (run, carried) in pairs if not carried and run.folder.run_id not in own]
-
-
-def known_quantity(text: str) -> Known:
-    """Return what a word such as m=2.805+-0.005 says.
-
-    Raises
-    ------
-    ConfigError
-        It says nothing that can be meant.
-    """
-    name, equals, rest = text.partition("=")
-    value, _, sigma = rest.replace("±", "+-").partition("+-")
-    try:
-        if not equals:
-            raise ValueError
-        return Known(name.strip(), parse_number(value), parse_number(sigma) if sigma else 0.0)
-    except EstimationError as error:
-        raise ConfigError(f"--known {text}: {error}", code=error.refusal) from None
-    except (ConfigError, ValueError) as error:
-        raise ConfigError(
-            f"--known {text}: give NAME=VALUE or NAME=VALUE+-SIGMA, such as m=2.805+-0.005"
-            f"{f' ({error})' if str(error) else ''}",
-            code="RID-OPTION-SYNTAX",
-        ) from None

@@ -13,11 +13,10 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from config.formats.json_file import parse_json
 from config.model import ConfigModel
+from rid_daq.operations.payload.payload_session import LOADED, UNLOADED
 from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import SESSION, RunData
 
-UNLOADED: Final = "unloaded"
-LOADED: Final = "loaded"
 STATE: Final = SESSION
 EMPTY_FLANGE: Final = "empty_flange"
 SCHEMA: Final = "rid-daq payload session 1"

@@ -16,7 +16,7 @@ from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import identify_payload
 from identification.payload.warm_up import FEWEST_PERIODS, period_powers, power_change_percent
 from rid_daq.blocks.formats import measured
-from rid_daq.jobs.payload.payload_job import PayloadRequest, periodic_runs
+from rid_daq.operations.payload.payload_estimate import PayloadRequest, periodic_runs
 from rid_daq.recording.average_so_far import AverageSoFar
 
 WarmUpTold = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]

@@ -20,15 +20,17 @@ from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOpti
 from identification.payload.rating import refuse_heavier
 from identification.payload.verdict import PayloadResult
 from rid_daq.jobs.cell_files import estimate_for, motion_for
-from rid_daq.jobs.payload.payload_job import PayloadRequest, payload_from_runs
-from rid_daq.recording.payload_session_request import PayloadSessionRequest
-from rid_daq.recording.payload_state import STATE, UNLOADED, SessionState
-from rid_daq.recording.payload_steps import SESSION_MOTION, PayloadGuide, StepFailed
+from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
+from rid_daq.operations.payload.payload_session import UNLOADED, PayloadSessionRequest
+from rid_daq.operations.payload.session_state import STATE, SessionState
+from rid_daq.operations.payload.session_steps import SESSION_MOTION, PayloadGuide, StepFailed
+from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.run_session import open_session
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
+from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.flange import compared
 from rid_daq.runs.origins import note_cell
@@ -37,14 +39,14 @@ from rid_daq.session.cells import Simulation
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.choices import PAYLOAD
-from rid_daq.terminal.console import Console
+from rid_daq.terminal.context import Context
 
 PERIOD_S: Final = 7.2
 
 
 @dataclass(frozen=True)
-class PayloadSessionResult:
-    """A session that came to its end.
+class SessionIdentified:
+    """The payload of a session.
 
     Attributes
     ----------
@@ -52,22 +54,25 @@ class PayloadSessionResult:
         What was done.
     judged : PayloadResult
         The payload.
-    result : Result
-        The session's result.
+    section : PayloadSection
+        The payload as the report has it.
+    verdict : Verdict
+        Whether it is as certain as was asked for.
     file, report : Path
         Where payload and report are.
     """
 
     state: SessionState
     judged: PayloadResult
-    result: Result
+    section: PayloadSection
+    verdict: Verdict
     file: Path
     report: Path
 
 
 def run_payload_session(
-    request: PayloadSessionRequest, console: Console
-) -> PayloadSessionResult | StepFailed:
+    request: PayloadSessionRequest, context: Context
+) -> SessionIdentified | StepFailed:
     """Lead through a session, or go on with an interrupted one.
 
     Raises
@@ -85,40 +90,46 @@ def run_payload_session(
     if request.resume is not None:
         state = SessionState.read(find_run(request.runs, request.resume, having=STATE))
         request = request.as_begun(state.asked)
+    known = tuple(each.known() for each in request.known)
     payload_request = PayloadRequest(
         how=PayloadOptions(
             procedure="together" if request.model is None else "model",
             robot=None if request.model is None else estimate_for(request.model, loaded.robot),
-            known=request.known,
+            known=known,
             torque_constant_sigma=TORQUE_CONSTANT_SIGMA,
         ),
-        limits=request.limits,
+        limits=request.limits.limits(),
     )
     done: Mapping[str, str] = {} if state is None else state.done
     moves = any(name not in done for name in request.wanted)
     if moves:
         _require_followed(request, payload_request)
-        for known in request.known:
-            if known.name == "m":
-                refuse_heavier(loaded.robot, known.value)
+        for each in known:
+            if each.name == "m":
+                refuse_heavier(loaded.robot, each.value)
     if state is None:
         state, motion = _begun(request, loaded)
     else:
         motion = _motion_of(state, loaded)
-        console.say(
+        context.say(
             f"Session {state.folder.run_id} goes on; done already:"
             f" {', '.join(state.done) or 'nothing'}."
         )
-    console.say(motion.describe())
+    context.say(motion.describe())
     if moves:
         simulation = Simulation(seed=request.seed, pace=request.pace)
         with (
             unfinished(state.folder),
             open_session(
-                loaded, request.runs, console, simulation, request.live, request.axis_test
+                loaded,
+                request.runs,
+                context,
+                simulation,
+                request.live.options(),
+                AxisTestRule(request.axis_test),
             ) as session,
         ):
-            guide = PayloadGuide(request, session, state, motion, payload_request, console)
+            guide = PayloadGuide(request, session, state, motion, payload_request, context)
             failed = guide.lead()
         if failed is not None:
             return failed
@@ -188,7 +199,7 @@ def _periodic(motion: AnyMotion) -> FourierMotion:
 
 def _result(
     state: SessionState, loaded: LoadedCell, payload_request: PayloadRequest, motion: FourierMotion
-) -> PayloadSessionResult:
+) -> SessionIdentified:
     """Identify the payload from the session's runs, judge it, and write the report."""
     data = state.runs()
     carried = [name != UNLOADED for name in state.measurements]
@@ -200,15 +211,17 @@ def _result(
         *compared(data, carried, judged),
         *_warm_up_finding(state.facts.get("warm_up")),
     ]
+    section = PayloadSection.of(judged, repeats, findings)
+    verdict = payload_verdict(judged, state.empty_flange)
     title = f"Payload session on {loaded.config.name}"
     result = Result.new(title, loaded.robot.name).updated(
         cell=CellSection.of(loaded.config),
-        payload=PayloadSection.of(judged, repeats, findings),
+        payload=section,
         runs=tuple(
             RunSection.of(name, motion.describe(), item.tally, item.robot)
             for name, item in zip(state.measurements, data, strict=True)
         ),
-        verdict=payload_verdict(judged, state.empty_flange),
+        verdict=verdict,
         timing=Timing(
             created_utc=state.folder.manifest().created_utc, run_ids=tuple(state.done.values())
         ),
@@ -216,7 +229,7 @@ def _result(
     report = write_result(state.folder, result)
     word = "passed" if judged.passed else "failed"
     state.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})
-    return PayloadSessionResult(state, judged, result, file, report)
+    return SessionIdentified(state, judged, section, verdict, file, report)
 
 
 def _warm_up_finding(warm: Any) -> list[str]:

@@ -1,0 +1,299 @@
+"""`payload session`: a guided session from preflight to a payload with its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from config.errors import ConfigError
+from config.ranges import Pace, Periods, Repeats, Seed, WarmUpPeriods
+from identification.choices import RehearsalPercent, UntilMassKg, WarmUpPercent
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
+from rid_daq.operations.cell.shared import BEFORE, SIMULATED, AxisTest, Live, Practise
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
+from rid_daq.operations.request import Request
+
+if TYPE_CHECKING:
+    from rid_daq.operations.payload.guided_session import SessionIdentified
+    from rid_daq.operations.payload.session_steps import StepFailed
+
+LENGTHS: Final = "Steps and lengths"
+UNLOADED: Final = "unloaded"
+LOADED: Final = "loaded"
+
+_OF_SESSION: Final = frozenset(
+    {
+        *("repeats", "model", "payload", "known", "until_mass_kg", "limits", "label", "seed"),
+        *("rehearsal_percent", "warm_up_percent", "warm_up_periods"),
+    }
+)
+"""Fields that a resumed session keeps from its beginning; its motion is in its folder."""
+
+
+class PayloadSessionRequest(Request):
+    """Lead through a payload session: check, rehearse, warm up, record, attach, record, identify.
+
+    An interrupted session is continued with --resume: recorded runs count, and the options that it
+    was begun with hold unless they are given again. The exit code is 1 if an interval is larger
+    than its limit, and 6 if a run is not good enough or the torque of an axis is not explained.
+    """
+
+    cell: CellName
+    motion: Annotated[
+        Path | None,
+        Field(description="Periodic motion file; a motion is searched if not set."),
+        Option(metavar="MOTION", file="input"),
+    ] = None
+    model: Annotated[
+        Path | None,
+        Field(description="Model file of the unloaded robot, in place of the unloaded run."),
+        Option(metavar="MODEL", file="input"),
+    ] = None
+    known: Annotated[
+        tuple[KnownQuantity, ...],
+        Field(description="Quantity that was measured otherwise, such as m=2.805+-0.005."),
+        Option(metavar="NAME=VALUE[±SIGMA]"),
+    ] = ()
+    resume: Annotated[
+        str | None,
+        Field(description="Continue an interrupted session: its folder, id or label, or `latest`."),
+        Option(metavar="SESSION"),
+    ] = None
+    periods: Annotated[
+        Periods,
+        Field(description="Periods measured in each run, at most."),
+        Option(group=LENGTHS),
+    ] = 18
+    repeats: Annotated[
+        Repeats, Field(description="Runs with the payload."), Option(group=LENGTHS)
+    ] = 1
+    until_mass_kg: Annotated[
+        UntilMassKg | None,
+        Field(description="End a loaded run when 2σ of the mass is this small."),
+        Option(group=LENGTHS, flag="until-mass", unit="kg"),
+    ] = None
+    rehearsal_percent: Annotated[
+        RehearsalPercent,
+        Field(description="Speed of a first, slow period; 0 skips it."),
+        Option(group=LENGTHS, flag="rehearsal", unit="%"),
+    ] = 25.0
+    warm_up_percent: Annotated[
+        WarmUpPercent,
+        Field(
+            description="The robot is warm when friction changes by less in a period; 0 skips the"
+            " warm-up."
+        ),
+        Option(group=LENGTHS, flag="warm-up", unit="%"),
+    ] = 1.0
+    warm_up_periods: Annotated[
+        WarmUpPeriods,
+        Field(description="Periods of the warm-up, at most."),
+        Option(group=LENGTHS),
+    ] = 30
+    limits: VerdictLimits = Field(default_factory=VerdictLimits)
+    yes: Annotated[
+        bool,
+        Field(
+            description="Answer every question with yes: the cell is clear, the payload is"
+            " attached."
+        ),
+        Option(group=BEFORE),
+    ] = False
+    axis_test: AxisTest = "required"
+    practise: Practise = False
+    payload: Annotated[
+        str | None,
+        Field(description="Payload of a simulated robot, by its name in the plant file."),
+        Option(group=SIMULATED, metavar="NAME"),
+    ] = None
+    pace: Annotated[
+        Pace | None,
+        Field(
+            description="Run a simulated cell at N times real time; simulated time waits for slow"
+            " processes."
+        ),
+        Option(group=SIMULATED, metavar="N"),
+    ] = None
+    seed: Annotated[
+        Seed,
+        Field(description="Random seed of the searched motion and of a simulated cell."),
+        Option(group=SIMULATED),
+    ] = 0
+    live: Annotated[Live, Option(owned=True)] = Live()
+    label: Annotated[
+        str, Field(description="Name of the session and of its runs."), Option(group=FILES)
+    ] = "payload"
+    runs: RunsFolder = DEFAULT_RUNS
+
+    @property
+    def asked(self) -> dict[str, object]:
+        """The fields of the session that were given, as JSON has them."""
+        return self._of_session(exclude_unset=True)
+
+    @property
+    def choices(self) -> dict[str, object]:
+        """All fields of the session, as JSON has them."""
+        return self._of_session(exclude_unset=False)
+
+    def _of_session(self, *, exclude_unset: bool) -> dict[str, object]:
+        found = self.model_dump(mode="json", exclude_unset=exclude_unset, include=set(_OF_SESSION))
+        if self.model is not None:
+            found["model"] = str(self.model.absolute())
+        return found
+
+    def as_begun(self, asked: Mapping[str, object]) -> PayloadSessionRequest:
+        """Return the request of a session that was begun with `asked`; what is given now counts.
+
+        Raises
+        ------
+        ConfigError
+            `asked` is not of a payload session (RID-SESSION-STATE).
+        """
+        begun = {name: value for name, value in asked.items() if name in _OF_SESSION}
+        now = self.model_dump(mode="json", exclude_unset=True)
+        limits: dict[str, object] = {}
+        for each in (begun, now):
+            found = each.get("limits")
+            limits |= found if isinstance(found, dict) else {}
+        try:
+            PayloadSessionRequest.of_json({"cell": self.cell, **begun})
+            return PayloadSessionRequest.of_json({**begun, **now, "limits": limits})
+        except ConfigError as error:
+            raise ConfigError(
+                f"--resume {self.resume}: its file is not that of a session: {error}; was it"
+                " edited?",
+                code="RID-SESSION-STATE",
+            ) from None
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The steps whose runs the payload is estimated from."""
+        loaded = tuple(f"{LOADED} {i + 1}" for i in range(self.repeats))
+        return (UNLOADED, *loaded) if self.model is None else loaded
+
+
+@dataclass(frozen=True)
+class StoppedSession:
+    """A session that can be resumed: a step was stopped, or its run is not good enough.
+
+    Attributes
+    ----------
+    failed : StepFailed
+        The step and its run.
+    resume : tuple of str
+        The command that continues the session.
+    """
+
+    failed: StepFailed
+    resume: tuple[str, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """That of the run."""
+        return self.failed.run.exit_code
+
+    def document(self) -> dict[str, object]:
+        """Return the step, its folder, and why it does not count."""
+        from rid_daq.recording.recorded_run import stop_document
+
+        run = self.failed.run
+        told: dict[str, object] = {"step": self.failed.name, "folder": str(run.folder.path)}
+        if run.outcome.stop is not None:
+            return told | stop_document(run.outcome)
+        return told if run.quality is None else told | {"quality": run.quality.to_dict()}
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield why the step does not count, and the command that continues."""
+        run, name = self.failed.run, self.failed.name
+        if run.outcome.stop is not None:
+            yield Verdict(passed=False, text=f"Stopped in step {name}: {run.outcome.stop.text}")
+        elif run.quality is not None:
+            text = f"Step {name} is not good enough to identify the payload: {run.quality.trouble}"
+            yield Verdict(passed=False, text=text)
+        yield Next(words=self.resume)
+
+
+@dataclass(frozen=True)
+class FinishedSession:
+    """A session that came to its end.
+
+    Attributes
+    ----------
+    found : SessionIdentified
+        The payload, its verdict, and the files.
+    """
+
+    found: SessionIdentified
+
+    @property
+    def exit_code(self) -> int:
+        """1 if an interval is larger than its limit, 6 if a torque is not explained."""
+        from rid_daq.terminal.exit_codes import ExitCode
+
+        judged = self.found.judged
+        if judged.passed:
+            return ExitCode.DONE
+        return ExitCode.VERDICT_FAILED if judged.fits else ExitCode.DATA_QUALITY
+
+    def document(self) -> dict[str, object]:
+        """Return the payload, its verdict, and what was done."""
+        found = self.found
+        return {
+            "session": found.state.folder.run_id,
+            "file": str(found.file),
+            "payload": found.section,
+            "verdict": found.verdict,
+            "done": found.state.done,
+            "facts": found.state.facts,
+            "report": str(found.report),
+        }
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield the payload, the verdict, the files and the next commands."""
+        from rid_daq.report.shown.payload import payload_blocks
+
+        found = self.found
+        yield from payload_blocks(found.section)
+        yield Verdict(passed=found.judged.passed, text=found.verdict.headline)
+        yield Text(text=found.verdict.sentence)
+        yield Text(text=f"Payload: {found.file}")
+        yield Text(text=f"Report: {found.report}")
+        if found.judged.passed:
+            yield Next(words=("payload", "export", str(found.file), "--to", "FORMAT", "-o", "FILE"))
+            yield Next(
+                words=("payload", "certificate", str(found.state.folder.path), "--by", "NAME")
+            )
+
+
+def run(request: PayloadSessionRequest, context: Context) -> FinishedSession | StoppedSession:
+    """Lead through a session."""
+    from rid_daq.operations.payload.guided_session import run_payload_session
+    from rid_daq.operations.payload.session_steps import StepFailed
+
+    ended = run_payload_session(request, context)
+    if not isinstance(ended, StepFailed):
+        return FinishedSession(ended)
+    elsewhere = () if request.runs == DEFAULT_RUNS else ("--runs", str(request.runs))
+    words = ("payload", request.cell, "--resume", ended.session_id, *elsewhere)
+    return StoppedSession(ended, words)
+
+
+OPERATION: Final = Operation(
+    name="payload session",
+    label="Payload session",
+    request=PayloadSessionRequest,
+    run=run,
+    examples=(
+        "payload session kr15 --payload gripper --known m=2.805+-0.005",
+        "payload session cell.yaml --resume latest --json",
+    ),
+    opens_cell=True,
+    moves=True,
+    module="rid_daq.operations.payload.guided_session",
+)
