@@ -158,4 +158,5 @@ def test_an_error_of_its_own_releases_the_key_ends_the_motion_and_is_told(
     desk.key = "+"
     with pytest.raises(ZeroDivisionError), Pilot(dead_man, 2, desk, desk.plan):
         wait_for(lambda: dead_man.finishing)
+    assert dead_man.finishing
     assert dead_man.held_until_s == 0.0

@@ -185,3 +185,14 @@ def test_what_is_accepted_is_commanded_within_the_limits(
             change = abs(command[number] - before[number]) / T
             assert change <= 1.5 * limits.acceleration
         at, before = at + T * command, command
+
+
+def test_a_motor_of_a_coupled_wrist_that_is_commanded_too_fast_is_refused() -> None:
+    """alpha3' = q3' + 50 q2'; each joint is within its limits."""
+    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -50.0, 1.0))
+    coupled = CELL.robot.model_copy(update={"coupling": coupling})
+    samples = motion()
+    samples = replace(samples, feedforward=samples.velocity)
+    verify_command(samples, CELL.config, CELL.robot)
+    with raises_code(LimitError, "RID-MOTION-COMMAND", "velocity of the motor"):
+        verify_command(samples, CELL.config, coupled)

@@ -115,3 +115,19 @@ def test_a_motor_must_not_be_faster_than_its_axis_may_be(
     assert reason is not None
     assert (reason.code, reason.joint) == (StopCode.SET_POINT, "joint3")
     assert "for its motor" in reason.text
+
+
+def test_a_motor_that_is_measured_faster_than_its_axis_may_be_stops(watch: Watch) -> None:
+    """alpha3' = q3' + 0.5 q2' = 2.9 rad/s of 2.2, while both joints are within their limits."""
+
+    def fault(cycle: Cycle) -> None:
+        if cycle.number == 10:
+            cycle.position[1] += (2.0 - SPEED) * T
+            cycle.position[2] += (1.9 - SPEED) * T
+
+    number, reason = watch.run(fault)
+    assert number == 10
+    assert reason is not None
+    assert (reason.code, reason.joint) == (StopCode.VELOCITY_LIMIT, "joint3")
+    assert reason.value == pytest.approx(2.9)
+    assert reason.limit == pytest.approx(2.2)

@@ -16,7 +16,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.cell.servo_profile import ServoProfile
-from config.errors import PreflightError
+from config.errors import PreflightError, RecordingError
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell
 from drivers.ports.can_link import CanLink
@@ -187,3 +187,29 @@ def test_a_stop_while_the_drives_are_enabled_ends_that_within_a_cycle(
     started.assert_stopped_by(StopCode.STOP_BUTTON)
     assert after[0] == b"\x02\x00"
     assert b"\x0f\x00" not in after
+
+
+@pytest.mark.parametrize("state", [RecorderState.STARTING, RecorderState.FAILED])
+def test_without_a_recorder_nothing_is_opened(
+    started: Started, monkeypatch: pytest.MonkeyPatch, state: RecorderState
+) -> None:
+    monkeypatch.setattr(process, "RECORDER_PATIENCE_S", 0.0)
+    started.control.recorder.state = state
+    started.run()
+    error = started.control.task.error
+    assert isinstance(error, RecordingError)
+    assert error.refusal == "RID-SYSTEM-PROCESS-DIED"
+    assert started.bus.trace == []
+    started.bus.shutdown()
+
+
+def test_a_drive_that_stops_too_late_without_this_computer_is_not_moved(
+    started: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.servo.watchdog_test.acts_within_s", lambda _cell: 1e-3)
+    started.run()
+    error = started.control.task.error
+    assert isinstance(error, PreflightError)
+    assert error.refusal == "RID-DRIVE-WATCHDOG"
+    assert started.control.task.cycles == 0
+    assert not any(axis.powered for axis in started.bus.axes)

@@ -325,6 +325,7 @@ class TestStopping:
         bench.bus.sent.clear()
         axes.quick_stop()
         assert [frame.cob_id for _, frame in bench.bus.sent] == [0x201, 0x202, 0x203]
+        assert not axes.command(np.full(3, 0.5)), "before any drive has said that it stops"
         assert not bench.cycle((0.5, 0.5, 0.5))
 
     def test_quick_stop_tries_every_axis_even_on_a_failing_bus(

@@ -1,9 +1,20 @@
 """What the preflight says of this computer."""
 
 import multiprocessing
+import shutil
+import time
 from pathlib import Path
 
-from rid_daq.preflight.computer_check import disk_lines, time_lines, try_awake
+import pytest
+
+from acquisition.session.record import FREE_BYTES
+from rid_daq.preflight.computer_check import (
+    SLOWEST_BYTES_S,
+    WRITE_BYTES,
+    disk_lines,
+    time_lines,
+    try_awake,
+)
 from rid_daq.preflight.lateness import sleep_like_the_task
 
 
@@ -26,6 +37,31 @@ def test_how_late_cycles_begin_is_measured_as_the_task_would_begin_them() -> Non
     median, worst = (float(each.removesuffix(" ms")) for each in late.split(", "))
     assert source
     assert 0.0 <= median <= worst + 0.005
+
+
+def test_a_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for free, verdict in ((FREE_BYTES, "ok"), (FREE_BYTES - 1, "red")):
+        usage = shutil.disk_usage(tmp_path)._replace(free=free)
+        monkeypatch.setattr("shutil.disk_usage", lambda _, usage=usage: usage)
+        (line,) = [each for each in disk_lines(tmp_path) if each.what == "free disk"]
+        assert line.verdict == verdict
+
+
+@pytest.mark.parametrize("taken_s", [5.01, 1.01 * WRITE_BYTES / SLOWEST_BYTES_S])
+def test_a_disk_that_is_too_slow_is_red(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, taken_s: float
+) -> None:
+    monkeypatch.setattr("rid_daq.preflight.computer_check.write_seconds", lambda *_: taken_s)
+    (line,) = [each for each in disk_lines(tmp_path) if each.what == "writing to disk"]
+    assert line.verdict == "red"
+
+
+def test_a_date_before_the_program_existed_is_red(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rid_daq.preflight.computer_check.lateness", lambda: "not measured")
+    before = time.struct_time((2024, 12, 31, 23, 59, 59, 1, 366, 0))
+    monkeypatch.setattr("time.gmtime", lambda *_: before)
+    (line,) = [each for each in time_lines() if each.what == "date"]
+    assert line.verdict == "red"
 
 
 def test_a_folder_that_cannot_be_written_to_is_no_slow_disk() -> None:

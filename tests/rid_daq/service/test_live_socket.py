@@ -132,6 +132,22 @@ def test_a_key_that_is_held_with_a_revoked_token_moves_nothing(
     assert [each.key for each in keys.passed_on] == ["up"]
 
 
+def test_a_viewers_key_moves_nothing_whatever_lease_it_shows(
+    app: FastAPI, service: CellService, lease: HeldLease, keys: Keys
+) -> None:
+    _, secret = service.tokens.add("screen", Role.VIEWER, person=True)
+
+    async def hold() -> None:
+        async with looking_on(app, secret) as viewer:
+            viewer.say(job="1", lease=lease.key, held="up", sequence=1)
+            viewer.say(stop="ir361", number=7)  # answered after the key was looked at
+            while json.loads((await viewer.got.get())["text"]).get("number") != 7:
+                pass
+
+    asyncio.run(hold())
+    assert keys.passed_on == []
+
+
 @pytest.mark.promise("held-key-fresh")
 def test_a_held_key_is_passed_on_with_the_age_of_the_challenge_that_it_answers(
     app: FastAPI, tablet: tuple[Token, str], lease: HeldLease, keys: Keys

@@ -6,7 +6,7 @@ import pytest
 
 from config.errors import ConfigError, PreflightError
 from config.load import load_cell
-from rid_daq.terminal.clearance import require_cleared
+from rid_daq.terminal.clearance import require_cleared, require_yes
 from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
 
@@ -57,3 +57,23 @@ def test_a_cell_is_cleared_by_one_question_each(
         monkeypatch.setattr("sys.stdin", io.StringIO(answers))
         with pytest.raises(PreflightError, match=refusal):
             require_cleared(cell, cleared=False, context=Console(), practise=True)
+
+
+def test_a_real_cell_is_asked_about_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a terminal nobody can be asked: nothing moves unless that was said before."""
+    real = load_cell("ir361").config.model_copy(update={"simulated": False})
+    monkeypatch.setattr("sys.stdin", io.StringIO("ir361\ny\n"))
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY"):
+        require_cleared(real, cleared=False, context=Console())
+    require_cleared(real, cleared=True, context=Console())
+
+
+def test_only_yes_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Console, "can_ask", True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\ny\n"))
+    with raises_code(PreflightError, "RID-ANSWER-NO"):
+        require_yes(Console(), "Mounted?", answered=False)
+    require_yes(Console(), "Mounted?", answered=False)
+    monkeypatch.setattr(Console, "can_ask", False)
+    with raises_code(PreflightError, "RID-ANSWER-NOBODY"):
+        require_yes(Console(), "Mounted?", answered=False)

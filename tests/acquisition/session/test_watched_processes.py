@@ -1,0 +1,90 @@
+"""The program's watch of the cyclic task and the recorder, with processes that only look alive."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import cast
+
+import pytest
+
+from acquisition.session.helper_process import HelperProcess
+from acquisition.session.record import _watch
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
+from acquisition.task.joint_values import JointWatch
+from acquisition.task.states import TaskState
+
+LOOKS = 3
+
+
+class Process:
+    """A process that has ended after some looks, or was killed."""
+
+    def __init__(self, looks: int) -> None:
+        self.sentinel, self._other_end = os.pipe()  # nothing is ever written
+        self.killed = False
+        self._looks = looks
+
+    @property
+    def is_alive(self) -> bool:
+        self._looks -= 1
+        return self._looks >= 0
+
+    def kill(self) -> None:
+        self.killed = True
+
+    def close(self) -> None:
+        os.close(self.sentinel)
+        os.close(self._other_end)
+
+
+Make = Callable[[int], Process]
+
+
+@pytest.fixture
+def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
+    """Return what makes processes on which nobody waits."""
+    monkeypatch.setattr("acquisition.session.record.WATCH_S", 0.0)
+    made: list[Process] = []
+
+    def one(looks: int) -> Process:
+        made.append(Process(looks))
+        return made[-1]
+
+    yield one
+    for each in made:
+        each.close()
+
+
+def watch(task: Process, recorder: Process, control: ControlBlock) -> None:
+    processes = (cast(HelperProcess, task), cast(HelperProcess, recorder))
+    _watch(*processes, None, control, cast(JointWatch, None), None, None, None)
+
+
+@pytest.mark.parametrize("state", [TaskState.BRING_UP, TaskState.MOVING, TaskState.STOPPING])
+def test_a_task_without_a_sign_of_life_is_killed(
+    make: Make, monkeypatch: pytest.MonkeyPatch, state: TaskState
+) -> None:
+    """Then the drives stop by their own watch."""
+    patience = "START" if state is TaskState.BRING_UP else "BEAT"
+    monkeypatch.setattr(f"acquisition.session.record.{patience}_PATIENCE_S", -1.0)
+    control = ControlBlock.create()
+    control.task.state = state
+    task = make(LOOKS)
+    watch(task, make(9), control)
+    assert task.killed
+
+
+def test_a_task_that_gives_signs_of_life_goes_on(make: Make) -> None:
+    control = ControlBlock.create()
+    task = make(LOOKS)
+    watch(task, make(9), control)
+    assert not task.killed
+    assert not control.program.stop_code
+
+
+def test_a_recorder_that_has_died_stops_the_motion(make: Make) -> None:
+    control = ControlBlock.create()
+    watch(make(LOOKS), make(0), control)
+    assert control.program.stop_code == StopCode.RECORDER

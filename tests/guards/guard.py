@@ -1,0 +1,88 @@
+"""`Guard`: one check in the code that refuses or stops a motion, and the tests that need it.
+
+The files `*.yaml` beside this one list the guards. Each entry says how the guard is removed:
+`code`, which stands once in `file`, is replaced by `without`.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import yaml
+from pydantic import BaseModel, ConfigDict
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+FOLDER: Final = Path(__file__).parent
+
+
+class Guard(BaseModel):
+    """One guard.
+
+    Attributes
+    ----------
+    guard : str
+        What it refuses or stops, in a sentence.
+    file : str
+        The source file that it stands in.
+    code, without : str
+        Its text, and the text that takes its place when it is removed.
+    tests : tuple of str
+        Test functions of which at least one fails without it.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    guard: str
+    file: str
+    code: str
+    without: str = ""
+    tests: tuple[str, ...]
+
+    def removed_from(self, text: str) -> str:
+        """Return a source text without this guard.
+
+        Raises
+        ------
+        ValueError
+            The guard's code does not stand in it exactly once.
+        """
+        found = text.count(self.code)
+        if found != 1:
+            raise ValueError(f"{self.file}: the code of the guard stands in it {found} times")
+        return text.replace(self.code, self.without)
+
+
+class Section(BaseModel):
+    """The guards of one file, under one title."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title: str
+    guards: tuple[Guard, ...]
+
+
+def sections() -> list[Section]:
+    """Return the guards of motion, by the order of their files' names."""
+    files = sorted(FOLDER.glob("*.yaml"))
+    return [Section.model_validate(yaml.safe_load(each.read_text("utf-8"))) for each in files]
+
+
+def guards() -> list[Guard]:
+    """Return all guards."""
+    return [guard for section in sections() for guard in section.guards]
+
+
+def functions_of(path: Path) -> set[str]:
+    """Return the test functions of a file, `test_a` or `TestA::test_b`."""
+    return set(_functions(ast.parse(path.read_text(encoding="utf-8")), ""))
+
+
+def _functions(node: ast.Module | ast.ClassDef, prefix: str) -> Iterator[str]:
+    for child in node.body:
+        if isinstance(child, ast.ClassDef):
+            yield from _functions(child, f"{prefix}{child.name}::")
+        elif isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            yield f"{prefix}{child.name}"

@@ -1,0 +1,105 @@
+"""Remove guards of motion, one after the other, and see that a test of each fails.
+
+`python -m tests.guards.removed [TEXT...]` tries the guards whose sentence or file contains one of
+the texts; all of them if none is given, which takes about half an hour. The guards are removed in a
+copy of the project in a temporary folder. `--page` writes `docs/guards.md` instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from tests.guards.guard import ROOT, Guard, Section, guards, sections
+
+PAGE: Final = ROOT / "docs" / "guards.md"
+FAILED: Final = 1
+"""Exit code of pytest if a test failed."""
+
+_HEAD: Final = """# Guards of motion
+
+Each row is a check that refuses a motion before it begins, or stops it while it runs. The tests in
+the last column fail if the check is removed: `python -m tests.guards.removed` removes each check in
+a copy of the project and runs them. `tests/guards/test_guards.py` fails if a check or a test of
+this page no longer exists. What happens when a drive, a bus or a program fails is on the page
+[faults](faults.md), promises against people and programs are on the page [security](security.md).
+
+rid-daq is not a safety function. The cell's own emergency stop is required and must be within
+reach.
+
+Written by `python -m tests.guards.removed --page` from the lists in `tests/guards`.
+"""
+
+
+def page(parts: Sequence[Section]) -> str:
+    """Return the page of all guards."""
+    lines = [_HEAD]
+    for part in parts:
+        lines += [f"## {part.title}", "", "| guard | code | fails without it |", "|---|---|---|"]
+        for each in part.guards:
+            tests = "<br>".join(f"`{test}`" for test in each.tests)
+            lines.append(f"| {each.guard} | `{each.file}` | {tests} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def copy_project(target: Path) -> None:
+    """Copy the project's files, without what is made from them."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout.decode()
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, target / name)
+
+
+def fails_without(guard: Guard, copy: Path) -> bool:
+    """Return whether a test of a guard fails in a copy of the project from which it is removed."""
+    path = copy / guard.file
+    text = path.read_text(encoding="utf-8")
+    path.write_text(guard.removed_from(text), encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
+    try:
+        command += ["-o", "timeout=120", *guard.tests]
+        ran = subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False)
+    finally:
+        path.write_text(text, encoding="utf-8")
+    return ran.returncode == FAILED
+
+
+def main() -> int:
+    """Try guards; return 1 if one can be removed without a failing test."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("texts", nargs="*", metavar="TEXT", help="Part of a sentence or file name.")
+    parser.add_argument("--page", action="store_true", help="Write docs/guards.md.")
+    asked = parser.parse_args()
+    if asked.page:
+        PAGE.write_text(page(sections()), encoding="utf-8")
+        return 0
+    chosen = [
+        each
+        for each in guards()
+        if not asked.texts or any(text in each.guard or text in each.file for text in asked.texts)
+    ]
+    missed = 0
+    with tempfile.TemporaryDirectory(prefix="guards-") as folder:
+        copy_project(Path(folder))
+        for each in chosen:
+            held = fails_without(each, Path(folder))
+            missed += not held
+            sys.stdout.write(f"{'held' if held else 'NOT HELD'}: {each.guard} ({each.file})\n")
+            sys.stdout.flush()
+    sys.stdout.write(f"{len(chosen)} guards, {missed} of them without a failing test\n")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

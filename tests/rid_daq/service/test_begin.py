@@ -1,0 +1,158 @@
+"""What keeps a service from beginning a motion or answering for one, and what ends it."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from acquisition.supervision.stop_reason import StopCode
+from acquisition.task.control_block import ControlBlock
+from config.errors import LockedError, PreflightError
+from config.load import load_cell
+from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.records import HeldLease, Identity, Role
+from rid_daq.service.refusals import NotAllowedError
+from rid_daq.service.running_job import RunningJob
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
+from rid_daq.terminal.job_events import Asked
+from tests.builders.raised_codes import raises_code
+from tests.rid_daq.service.conftest import Worker, job
+
+ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
+VIEWER = Identity(name="screen", role=Role.VIEWER, person=True, token="v")
+
+
+@pytest.fixture
+def lease(service: CellService) -> HeldLease:
+    cell = service.cell("ir361")
+    checked = {"passed": True, "lines": [], "files_hash": cell.loaded.files_hash}
+    service.readiness.note_check(cell, checked)
+    return service.leases.take("ir361", ANNA, "", 600.0)
+
+
+def jog(service: CellService, lease: HeldLease, who: Identity = ANNA) -> None:
+    begun = service.begin(service.cell("ir361"), JobKind.JOG, {}, who, lease=lease.key)
+    asyncio.run(begun)
+
+
+def running(service: CellService, lease: HeldLease) -> RunningJob:
+    """Begin a motion of which the worker is this process."""
+    wanted = job(JobKind.RECORD).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
+    asyncio.run(service.workshop.begin(wanted, service.cell("ir361"), cleared=False))
+    (begun,) = service.workshop
+    return begun
+
+
+def test_a_motion_begins_where_nothing_keeps_it(
+    service: CellService, worker: Worker, lease: HeldLease
+) -> None:
+    jog(service, lease)
+    assert service.workshop.is_busy("ir361")
+
+
+def test_a_service_that_is_ending_begins_nothing(service: CellService, lease: HeldLease) -> None:
+    service.workshop.closing = True
+    with raises_code(LockedError, "RID-SERVICE-ENDING"):
+        jog(service, lease)
+
+
+def test_a_viewer_begins_nothing_whatever_lease_they_show(
+    service: CellService, lease: HeldLease
+) -> None:
+    with raises_code(NotAllowedError, "RID-ACCESS-ROLE"):
+        jog(service, lease, VIEWER)
+
+
+def test_without_the_lease_nothing_begins(service: CellService, lease: HeldLease) -> None:
+    service.leases.give_back("ir361", lease.key)
+    with raises_code(LockedError, "RID-LEASE-NONE"):
+        jog(service, lease)
+
+
+def test_a_cell_with_a_job_begins_no_other(
+    service: CellService, worker: Worker, lease: HeldLease
+) -> None:
+    running(service, lease)
+    with raises_code(LockedError, "RID-JOB-RUNNING"):
+        jog(service, lease)
+
+
+def test_a_real_cell_must_be_said_to_be_clear_each_time(
+    service: CellService, lease: HeldLease, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = service.cell("ir361").loaded
+    real = replace(loaded, config=loaded.config.model_copy(update={"simulated": False}))
+    monkeypatch.setattr(ServedCell, "loaded", real)
+    monkeypatch.setattr(ServedCell, "look_again", lambda _: real)
+    with raises_code(PreflightError, "RID-ANSWER-NO"):
+        jog(service, lease)
+
+
+def test_a_file_that_was_changed_a_moment_ago_is_seen(tmp_path: Path) -> None:
+    for name, content in load_cell("ir361").files.items():
+        (tmp_path / name).write_bytes(content)
+    file = tmp_path / "cell.yaml"
+    file.write_text(file.read_text().replace("robot: ir361", "robot: robot.yaml"))
+    service = CellService(tmp_path, [ServedCell(str(file), 20.0)])
+    cell = service.cell("ir361")
+    checked = {"passed": True, "lines": [], "files_hash": cell.look_again().files_hash}
+    service.readiness.note_check(cell, checked)
+    lease = service.leases.take("ir361", ANNA, "", 600.0)
+    file.write_text(file.read_text() + "# changed\n")
+    with raises_code(PreflightError, "RID-CELL-NOT-READY"):
+        jog(service, lease)
+
+
+def ask(begun: RunningJob) -> None:
+    begun.question = Asked(at_s=0.0, question=3, form="yes_no", text="Mounted?")
+
+
+def test_only_who_has_the_cell_answers_and_only_what_is_asked(
+    service: CellService, worker: Worker, lease: HeldLease
+) -> None:
+    begun = running(service, lease)
+    with raises_code(LockedError, "RID-JOB-UNKNOWN"):
+        service.answer(begun.job, 3, "y", ANNA, lease.key)
+    ask(begun)
+    with raises_code(LockedError, "RID-JOB-UNKNOWN"):
+        service.answer(begun.job, 2, "y", ANNA, lease.key)
+    with raises_code(LockedError, "RID-LEASE-OTHER"):
+        service.answer(begun.job, 3, "y", ANNA, "another")
+    with raises_code(NotAllowedError, "RID-ACCESS-ROLE"):
+        service.answer(begun.job, 3, "y", VIEWER, lease.key)
+    service.answer(begun.job, 3, "y", ANNA, lease.key)
+
+
+def test_a_motion_whose_lease_was_given_back_is_stopped(
+    service: CellService, worker: Worker, lease: HeldLease
+) -> None:
+    begun = running(service, lease)
+    control = ControlBlock.create()
+    service.leases.give_back("ir361", lease.key)
+    asyncio.run(service.workshop.look())
+    assert control.program.stop_code == StopCode.CLIENT_LOST
+    assert begun.stopping == "anna is out of reach"
+    control.program.declare_task_gone()
+
+
+def test_a_service_that_ends_stops_its_motions(
+    service: CellService, worker: Worker, lease: HeldLease, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rid_daq.service.workshop.END_PATIENCE_S", 0.0)
+    running(service, lease)
+    control = ControlBlock.create()
+    asyncio.run(service.workshop.close())
+    assert control.program.stop_code == StopCode.INTERRUPTED
+    control.program.declare_task_gone()
+
+
+def test_a_stop_of_a_job_that_moves_nothing_yet_ends_its_process(
+    service: CellService, worker: Worker, lease: HeldLease
+) -> None:
+    running(service, lease)
+    assert service.stop("ir361", "anna")
+    assert worker.terminated == 1

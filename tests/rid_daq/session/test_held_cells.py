@@ -1,0 +1,44 @@
+"""A cell is opened by one session at a time, and not beside a service that owns it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from config.errors import LockedError
+from config.load import LoadedCell, load_cell
+from rid_daq.session.cells import reachable_cell
+from rid_daq.session.ownership import owned
+from tests.builders.raised_codes import raises_code
+
+
+@pytest.fixture
+def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCell:
+    """Return a real cell; opening it sends nothing."""
+    monkeypatch.setattr("rid_daq.session.session.machine_lock_folders", lambda: [tmp_path])
+    loaded = load_cell("ir361")
+    can = loaded.config.can.model_copy(update={"interface": "socketcan", "channel": "can9"})
+    config = loaded.config.model_copy(update={"simulated": False, "can": can})
+    return replace(loaded, config=config)
+
+
+def test_a_real_cell_is_held_alone_while_it_is_open(real: LoadedCell) -> None:
+    with reachable_cell(real), raises_code(LockedError, "RID-CELL-BUSY"), reachable_cell(real):
+        pass
+    with reachable_cell(real):
+        pass
+
+
+def test_a_cell_that_a_service_owns_is_not_opened_by_others(
+    real: LoadedCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rid_daq.session.ownership.file_holder", lambda _: 1)
+    with raises_code(LockedError, "RID-CELL-BUSY", "process 1"), reachable_cell(real):
+        pass
+
+
+def test_a_cell_has_one_service(real: LoadedCell) -> None:
+    with owned(real.config), raises_code(LockedError, "RID-CELL-BUSY"), owned(real.config):
+        pass
