@@ -12,9 +12,11 @@ from markupsafe import Markup
 
 from config.errors import RecordingError
 from rid_daq.blocks.formats import duration, measured, moment, number, unit
+from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
 from rid_daq.report.sections.section import Section
+from rid_daq.report.shown.certificate import certificate_blocks
 from rid_daq.report.shown.sections import SHOWN
 from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
@@ -50,7 +52,47 @@ def render_report(result: Result, before: Result | None = None) -> str:
             parts.append(_origin(result, name))
     with _shown("the document", read=before is not None):
         page = _environment().get_template("page.html")
-        return page.render(result=result, parts=parts, figures=figures)
+        simulated = result.cell is not None and result.cell.simulated
+        return page.render(
+            result=result,
+            parts=parts,
+            figures=figures,
+            simulated=simulated,
+            name="Name",
+            is_certificate=False,
+        )
+
+
+def render_certificate(certificate: Certificate) -> str:
+    """Return the certificate of a payload as a page to print; the same gives the same bytes.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        Its contents.
+    """
+    robot = certificate.payload.estimate.robot.name
+    result = Result.new("rid-daq payload certificate", robot).updated(
+        verdict=certificate.verdict, software=dict(certificate.software), cell=certificate.cell
+    )
+    blocks = list(certificate_blocks(certificate))
+    part = (
+        _environment()
+        .get_template("blocks.html")
+        .render(blocks=blocks, name="certificate", live=lambda *_of, **_named: "")
+    )
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            result=result,
+            parts=[Markup(part)],
+            figures=LiveFigures(),
+            simulated=certificate.simulated,
+            name=certificate.by or "Name",
+            is_certificate=True,
+        )
+    )
 
 
 def _part(result: Result, name: str, section: Section, figures: LiveFigures) -> Markup:

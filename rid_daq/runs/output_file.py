@@ -12,7 +12,7 @@ from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError, system_errors
 from rid_daq.runs.made_file import MadeFile
 
-_RESULTS: Final = (".json", ".pdf")
+_RESULTS: Final = (".json", ".pdf", ".html")
 
 
 def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:

@@ -11,7 +11,7 @@ from acquisition.runs.catalogue import find_run, find_run_inside
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import Manifest, RunStatus
 from config.cell.cell import CellConfig
-from config.errors import DataQualityError, RecordingError
+from config.errors import ConfigError, DataQualityError, RecordingError
 from config.formats.whole_file import write_whole
 from config.load import load_bundled_or_path
 from drivers.settings.write_log import DRIVE_WRITES, read_write_log
@@ -19,9 +19,12 @@ from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
 from rid_daq.operations.payload.session_state import STATE, SessionState
-from rid_daq.report.certificate.certificate import Certificate, CertifiedFile, CertifiedRun, Device
+from rid_daq.report.certificate import Certificate, CertifiedFile, CertifiedRun, Device
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
+from rid_daq.report.sections.runs import CellSection
+from rid_daq.report_page.printed_page import print_pdf
+from rid_daq.report_page.render import render_certificate
 from rid_daq.runs import made_file
 from rid_daq.runs.flange import FACT
 from rid_daq.runs.origins import cell_of
@@ -45,14 +48,24 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
     RecordingError
         A file is not what was written, cannot be read, or cannot be written.
     """
-    from rid_daq.report.certificate.pdf import certificate_pdf
-
-    refuse_output(request.output, request.overwrite, made_file.CERTIFICATE)
+    if request.output is not None and request.output.suffix not in (".html", ".pdf"):
+        raise ConfigError(
+            f"{request.output}: a certificate ends in .html or .pdf: give such a name",
+            code="RID-OUTPUT-ENDING",
+        )
+    made = made_file.REPORT if request.is_page else made_file.CERTIFICATE
+    refuse_output(request.output, request.overwrite, made)
     folder = find_run(request.runs, request.session)
     output = request.output or folder.file(CERTIFICATE)
     certificate = certificate_of(folder, None if request.by is None else request.by.strip())
-    write_whole(output, certificate_pdf(certificate))
-    note_output(folder, output)
+    page = output.with_suffix(".html")
+    if page != output:
+        refuse_output(request.output and page, request.overwrite, made_file.REPORT)
+    write_whole(page, render_certificate(certificate).encode())
+    note_output(folder, page)
+    if page != output:
+        print_pdf(page, output)
+        note_output(folder, output)
     return certificate, output
 
 
@@ -98,7 +111,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
         begun_utc=manifest.created_utc,
         ended_utc=manifest.finished_utc or manifest.created_utc,
         identified_utc=made.get("payload"),
-        cell=cells[0].name if cells else None,
+        cell=CellSection.of(cells[0]) if cells else None,
         simulated=any(cell.simulated for cell in cells)
         or any(FACT in each.manifest().facts for each in all_folders),
         devices=_devices(payload.estimate.robot.name, cells, folders),

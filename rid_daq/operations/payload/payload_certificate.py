@@ -16,7 +16,7 @@ from rid_daq.operations.request import Request
 from rid_daq.terminal.choices import CERTIFICATE
 
 if TYPE_CHECKING:
-    from rid_daq.report.certificate.certificate import Certificate
+    from rid_daq.report.certificate import Certificate
 
 LONGEST_NAME: Final = 200
 
@@ -31,7 +31,7 @@ class PayloadCertificateRequest(Request):
     """Write a payload's certificate: values with intervals, verdict and limits, origin, SHA-256.
 
     Every file that it lists is compared with its SHA-256 first. A failed verdict is certified as
-    failed; a session that is not finished is refused. The same session gives the same bytes.
+    failed; a session that is not finished is refused. The same session gives the same page.
     """
 
     session: Annotated[
@@ -41,8 +41,12 @@ class PayloadCertificateRequest(Request):
     ]
     output: Annotated[
         Path | None,
-        Field(description=f"PDF to write; {CERTIFICATE} of the session if not set."),
-        Option(short="o", metavar="FILE", group=FILES, file="output", endings=(".pdf",)),
+        Field(
+            description=f"File to write (.html or .pdf); {CERTIFICATE} of the session if not set. A"
+            " page (.html) is always written; PDF is printed from it and needs an installed"
+            " Chromium."
+        ),
+        Option(short="o", metavar="FILE", group=FILES, file="output", endings=(".pdf", ".html")),
     ] = None
     by: Annotated[
         str | None,
@@ -52,6 +56,11 @@ class PayloadCertificateRequest(Request):
     ] = None
     overwrite: Overwrite = False
     runs: RunsFolder = DEFAULT_RUNS
+
+    @property
+    def is_page(self) -> bool:
+        """True if no PDF is asked for."""
+        return self.output is not None and self.output.suffix == ".html"
 
 
 @dataclass(frozen=True)

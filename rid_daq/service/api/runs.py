@@ -39,7 +39,7 @@ AXIS_TEST_SUFFIX: Final = ".axes.json"
 """Names under which axis tests lay in folders once."""
 
 _SAVED = KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
-_SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf"}
+_SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf", ".html"}
 
 
 class RunEntry(Record):

@@ -69,7 +69,7 @@ async function ended(job, document) {
   }
   if (job.kind === "payload_export" && document) showLoadData(document);
   if (job.kind === "payload_certificate" && document) {
-    find("certificate").replaceChildren(fileLink(document.file, "Save the certificate (PDF)"));
+    find("certificate").replaceChildren(fileLink(document.file, "Save the certificate"));
   }
   if (job.kind === "payload_read_back" && document) {
     find("compared").replaceChildren(verdictOf(document.verdict), checksOf(document.verdict));
@@ -216,7 +216,7 @@ function papers(run) {
   const by = element("input", { id: "by", type: "text", autocomplete: "off", maxlength: "80" });
   const make = element("button", { id: "certify", type: "button", "data-needs": "role", disabled: true }, "Make the certificate");
   make.addEventListener("click", () => {
-    const asks = { session: run, output: `certificate-${run}.pdf`, overwrite: true };
+    const asks = { session: run, output: `certificate-${run}.html`, overwrite: true };
     panel.begin("payload_certificate", by.value.trim() ? { ...asks, by: by.value.trim() } : asks);
   });
   return element("div", { class: "tools" },

@@ -1,12 +1,12 @@
-"""`Certificate`: what a payload's certificate says; `certificate_pdf` makes pages of it."""
+"""`Certificate`: the contents of a payload's certificate."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 
 from identification.payload.verdict import PayloadResult
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
+from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.verdict import Verdict
 
 
@@ -71,8 +71,8 @@ class Certificate:
         Of the session or run, ISO 8601.
     identified_utc : str or None
         When the payload was identified; None where that is not recorded.
-    cell : str or None
-        Name of the cell; None of recordings from elsewhere.
+    cell : CellSection or None
+        The cell; None of recordings from elsewhere.
     simulated : bool
         Whether any of the runs is of a simulated cell.
     devices : tuple of Device
@@ -99,7 +99,7 @@ class Certificate:
     begun_utc: str
     ended_utc: str
     identified_utc: str | None
-    cell: str | None
+    cell: CellSection | None
     simulated: bool
     devices: tuple[Device, ...]
     runs: tuple[CertifiedRun, ...]
@@ -118,8 +118,3 @@ class Certificate:
     def is_whole(self) -> bool:
         """Whether the motion shows all ten parameters."""
         return all(self.payload.estimate.seen)
-
-    @property
-    def dated(self) -> datetime:
-        """When the session or run ended."""
-        return datetime.fromisoformat(self.ended_utc)

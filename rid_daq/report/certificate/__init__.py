@@ -1,4 +1,0 @@
-"""A payload's certificate as PDF: what stands on it, its pages, its picture.
-
-Begin with `certificate.py`.
-"""
