@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from pydantic import BaseModel
+
 from rid_daq.operations.operation import Operation
 from rid_daq.operations.option import FILES
 from rid_daq.operations.request import ShownField, choices_of, plain_type, shown_fields
@@ -45,6 +47,8 @@ class FormField:
         What a choice may be.
     offers : str
         What is offered while somebody types: "files", "runs" or nothing.
+    parts : tuple of (str, str)
+        Name and kind of what one value consists of, written in one line; none for a plain value.
     """
 
     path: str
@@ -56,6 +60,7 @@ class FormField:
     is_required: bool
     choices: tuple[str, ...]
     offers: Literal["", "files", "runs"]
+    parts: tuple[tuple[str, FieldKind], ...] = ()
 
     @classmethod
     def of(cls, shown: ShownField) -> FormField:
@@ -63,6 +68,7 @@ class FormField:
         option, default = shown.option, shown.info.default
         many, element = _many(shown)
         choices = choices_of(element)
+        model = isinstance(element, type) and issubclass(element, BaseModel)
         name = option.flag or shown.path[-1]
         unit = f" [{option.unit}]" if option.unit else ""
         is_run = (option.metavar or "").startswith("RUN")
@@ -71,12 +77,15 @@ class FormField:
             path=".".join(shown.path),
             label=f"{name.replace('_', ' ').replace('-', ' ')}{unit}",
             hint=str(shown.info.description).replace("`", ""),
-            kind="choice" if choices else _KINDS[element],
+            kind="choice" if choices else _KINDS.get(element, "text"),
             many=many,
             default=str(default) if known else "",
             is_required=shown.info.is_required(),
             choices=choices,
             offers="runs" if is_run else "files" if option.file == "input" else "",
+            parts=tuple((each.path[-1], _KINDS[each.type]) for each in shown_fields(element))
+            if model
+            else (),
         )
 
 

@@ -35,15 +35,23 @@ function request() {
 
 // Return null for a field that was left as it is.
 function valueOf(input) {
-  const { kind, many } = input.dataset;
+  const { kind, many, parts = "" } = input.dataset;
   if (kind === "flag") return input.checked === input.defaultChecked ? null : input.checked;
   const text = input.value.trim();
   if (!text || (kind === "choice" && [...(input.options ?? [])].some((each) => each.defaultSelected && each.value === text))) return null;
-  const one = (part) => read(part.trim(), kind, input.name);
+  const one = (part) => (parts ? whole(part.trim(), parts, input.name) : read(part.trim(), kind, input.name));
   if (many === "list") return text.split("\n").filter((line) => line.trim()).map(one);
   if (many === "numbers") return text.split(/[\s;]+/).map(one);
   if (many === "pairs") return Object.fromEntries(text.split("\n").map((line) => pair(line, kind, input.name)));
   return one(text);
+}
+
+// A value of several parts, in one line: "m 2.805 0.005".
+function whole(line, parts, name) {
+  const names = parts.trim().split(" ").map((each) => each.split(":"));
+  const words = line.split(/\s+/);
+  if (words.length !== names.length) throw new Error(`${name}: "${line}" must have ${names.map(([part]) => part).join(", ")}.`);
+  return Object.fromEntries(names.map(([part, kind], i) => [part, read(words[i], kind, `${name}, ${part}`)]));
 }
 
 function pair(line, kind, name) {

@@ -53,6 +53,21 @@ def test_what_is_written_into_a_form_is_asked_for_as_json(
 
 
 @pytest.mark.slow
+def test_a_value_of_several_parts_is_one_line(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = _form(open_page, served_pages, "payload_identify")
+    page.locator("[name=loaded]").fill("a\nb")
+    page.locator("[name=known]").fill("m 2,8 0.005\ncz 0.1 0")
+    known = [
+        {"name": "m", "value": 2.8, "sigma": 0.005},
+        {"name": "cz", "value": 0.1, "sigma": 0},
+    ]
+    assert _asked(page, "payload_identify") == {"loaded": ["a", "b"], "known": known}
+    problems.clear()
+
+
+@pytest.mark.slow
 def test_the_service_names_the_field_that_it_refuses(
     open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
 ) -> None:
