@@ -29,7 +29,7 @@ def folder(tmp_path: Path) -> RunFolder:
 
 @pytest.mark.parametrize("name", [*PARTS, "manifest.json", "map.yaml", "feedforward.json"])
 def test_no_output_takes_the_place_of_a_part_of_a_run(folder: RunFolder, name: str) -> None:
-    with pytest.raises(ConfigError, match=rf"{name}: is a part of run {folder.run_id}"):
+    with raises_code(ConfigError, "RID-OUTPUT-RUN", f"{name}: ", folder.run_id):
         refuse_output(folder.path / name, overwrite=True, made=MOTION)
 
 
@@ -110,6 +110,8 @@ def test_every_command_refuses_it_and_the_run_stays_whole(
 ) -> None:
     monkeypatch.chdir(folder.path.parents[1])
     assert run([*words.split(), str(folder.file("recording.mcap")), "--overwrite"]) == 2
-    assert "recording.mcap: is a part of run" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "[RID-OUTPUT-RUN]" in error
+    assert "recording.mcap: " in error
     assert folder.verify() == ()
     assert folder.read("recording.mcap") == b"recording.mcap"

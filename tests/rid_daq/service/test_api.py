@@ -124,7 +124,7 @@ def test_a_simulated_cell_says_so(api: Api) -> None:
 def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
     answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", CHECK)
     assert answer.status_code == 409
-    assert "take it first" in answer.json()["message"]
+    assert answer.json()["code"] == "RID-LEASE-NONE"
     api.lease()
     answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", CHECK, lease="guessed")
     assert answer.status_code == 409
@@ -143,7 +143,7 @@ def test_a_motion_needs_a_cell_that_is_ready(api: Api) -> None:
     key = api.lease()
     answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", RECORD, lease=key)
     assert answer.status_code == 409
-    assert "is not ready: it was not checked yet" in answer.json()["message"]
+    assert answer.json()["code"] == "RID-CELL-NOT-READY"
 
 
 def test_a_fault_must_be_reset_by_a_person(api: Api) -> None:
@@ -225,15 +225,16 @@ def test_a_report_that_is_not_there_yet_is_not_found(api: Api, name: str) -> Non
 def test_a_request_with_a_mistake_is_refused_before_it_is_journalled(api: Api) -> None:
     api.make_ready()
     key = api.lease()
-    for request, said in [
-        ({"motion": "../../motion.yaml"}, "not inside the service's folder"),
-        ({"motion": "m.yaml", "sped": 2}, "'sped' was unexpected"),
-        ({}, "'motion' is a required property"),
+    for request, code, field in [
+        ({"motion": "../../motion.yaml"}, "RID-PATH-OUTSIDE", "'../../motion.yaml'"),
+        ({"motion": "m.yaml", "sped": 2}, "RID-REQUEST-INVALID", "sped"),
+        ({}, "RID-REQUEST-INVALID", "motion"),
     ]:
         wanted = {"kind": "record", "request": request}
         answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", wanted, lease=key)
         assert answer.status_code == 422
-        assert said in answer.json()["message"]
+        assert answer.json()["code"] == code
+        assert f"{field}:" in answer.json()["message"]
     assert api.service.jobs.newest() == []
 
 
@@ -243,7 +244,7 @@ def test_a_file_is_put_once_and_read_back(api: Api) -> None:
     assert api.ask(Role.VIEWER, "GET", "/api/v1/files/motions/a.json").json() == {"kind": "none"}
     again = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/motions/a.json", {})
     assert again.status_code == 422
-    assert "is there already" in again.json()["message"]
+    assert again.json()["code"] == "RID-FILE-EXISTS"
     assert api.ask(Role.VIEWER, "PUT", "/api/v1/files/b.json", {}).status_code == 403
 
 
@@ -258,7 +259,7 @@ def test_a_motion_that_reads_outside_the_folder_is_not_put(api: Api) -> None:
     motion = {"kind": "joint_table", "robot": "ir361", "file": "../table.csv"}
     put = api.ask(Role.OPERATOR, "PUT", "/api/v1/files/a.yaml", motion)
     assert put.status_code == 422
-    assert "not inside the service's folder" in put.json()["message"]
+    assert put.json()["code"] == "RID-PATH-OUTSIDE"
     assert api.ask(Role.OPERATOR, "GET", "/api/v1/files/a.yaml").status_code == 404
 
 

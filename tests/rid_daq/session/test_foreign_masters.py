@@ -17,6 +17,7 @@ from acquisition.motion.samples import Phase
 from acquisition.runs.folder import RunFolder
 from acquisition.session.record import record_motion
 from acquisition.supervision.stop_reason import StopCode
+from config.errors import LockedError
 from config.load import LoadedCell, load_cell
 from drivers.cell import open_cell
 from mock_hw.bus.hub_client import HubClient
@@ -24,6 +25,7 @@ from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.session.session import hold_cell
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -75,7 +77,7 @@ def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
             check=False,
         )
     assert second.returncode == 8, second.stderr
-    assert "is held by another session" in second.stderr
+    assert "[RID-CELL-BUSY]" in second.stderr
     logged.simulated.__exit__(None, None, None)
     sent = [frame for frame in logged.frames() if not 0x700 < frame[1] < 0x77F]
     assert sent == []
@@ -91,7 +93,7 @@ def test_a_foreign_master_before_the_session_is_refused(
     try:
         with open_cell(logged.simulated.cell, logged.loaded.robot) as cell:
             stranger.send(0x080, b"", 0)
-            with pytest.raises(Exception, match="another master is active") as refused:
+            with raises_code(LockedError, "RID-CAN-FOREIGN-MASTER") as refused:
                 cell.axes.bring_up()
     finally:
         stranger.close()

@@ -26,6 +26,7 @@ from rid_daq.app import run
 from rid_daq.session.running_sessions import ProcessIdentity, RunningSession, running_sessions
 from rid_daq.session.session import hold_cell
 from tests.builders.people import LIAR, ME, PERSON, STRANGER, People, heard, lives
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -291,7 +292,7 @@ theirs = Path({str(ours.with_name(ours.name.replace(".0.", f".{NEXT}.")))!r})
 theirs.touch()
 """
     blocker = people.session(script, user=COLLEAGUE)
-    with pytest.raises(LockedError, match=rf"process {blocker.pid}: rid-daq"), hold_cell(cell):
+    with raises_code(LockedError, "RID-CELL-BUSY", f"process {blocker.pid}"), hold_cell(cell):
         pass
     blocker.kill()
     blocker.wait(120.0)
@@ -322,5 +323,5 @@ def test_a_lock_that_the_kernel_does_not_show_is_explained(
     (tmp_path / "empty").touch()
     with hold_cell(cell):
         monkeypatch.setattr(file_locks, "LOCKS", tmp_path / "empty")
-        with pytest.raises(LockedError, match="runs in another container"), hold_cell(cell):
+        with raises_code(LockedError, "RID-CELL-BUSY", "container"), hold_cell(cell):
             pass

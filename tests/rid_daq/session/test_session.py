@@ -36,7 +36,10 @@ def test_a_second_session_on_the_same_bus_is_refused_and_told_who_holds_it(
     other.start()
     try:
         assert ours.recv() == "held"
-        with pytest.raises(LockedError, match=f"process {other.pid}"), hold_cell(cell, tmp_path):
+        with (
+            raises_code(LockedError, "RID-CELL-BUSY", f"process {other.pid}"),
+            hold_cell(cell, tmp_path),
+        ):
             pass
         renamed = cell.model_copy(update={"name": "the_same_bus_under_another_name"})
         with pytest.raises(LockedError), hold_cell(renamed, tmp_path):
