@@ -50,8 +50,8 @@ class Result(Section):
 
     All sections but the first five keys are left out where nothing was computed. What differs from
     one execution to the next (run ids, clock times, loop timing) stands under `timing` and nowhere
-    else, so that two simulated runs with the same seed agree in all the rest, bit for bit. The page
-    of a section is the template of its name; their order here is their order on the page.
+    else, so that two simulated runs with the same seed agree in all the rest, bit for bit. Their
+    order here is their order on the page.
 
     Attributes
     ----------

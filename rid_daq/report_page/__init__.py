@@ -1,5 +1,5 @@
 """The report: a result as one HTML file that is read, zoomed and printed.
 
-Templates say what stands on it, `drawings` what is printed, `rid_daq/figures` what is zoomed. It
-computes nothing that the result does not hold. Begin with `render.py`.
+Sections give blocks, which `blocks.html` lays out; `drawings` draws plots for paper,
+`rid_daq/figures` for zooming. Nothing is computed here. Begin with `render.py`.
 """

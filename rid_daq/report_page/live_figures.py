@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from markupsafe import Markup
 
+from rid_daq.blocks.plot import Plot
 from rid_daq.figures.palette import dark_colours
 
 STILL_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -36,22 +37,19 @@ class LiveFigures:
     def __len__(self) -> int:
         return len(self._packed)
 
-    def keep(self, kind: str, *shown: object, name: str = "") -> str:
+    def keep(self, plot: Plot) -> str:
         """Put a figure into the page; return its name there.
 
         Parameters
         ----------
-        kind : str
-            One of `rid_daq.report_page.figure_kinds.FIGURES`.
-        *shown : object
-            What it is made of.
-        name : str
-            Begin of its name; the kind if empty.
+        plot : Plot
+            The declaration of the figure.
         """
-        from rid_daq.report_page.figure_kinds import item_of  # it loads what draws
+        from rid_daq.figures.embedding import as_item  # they load what draws
+        from rid_daq.figures.plot_figure import plot_figure
 
-        item = item_of(kind, *shown)
-        name = f"{name or kind}-{len(self._packed) + 1}"
+        item = as_item(plot_figure(plot), dark=False)
+        name = f"{plot.name}-{len(self._packed) + 1}"
         self._packed[name] = packed(json.dumps(item, allow_nan=False, separators=(",", ":")))
         return name
 

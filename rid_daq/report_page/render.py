@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Iterator
-from typing import Any, Final
+from collections.abc import Iterator
 
 import jinja2
 from markupsafe import Markup
 
 from config.errors import RecordingError
-from rid_daq.blocks.formats import duration, measured, moment, number, unit
+from rid_daq.blocks.formats import duration, moment, number
+from rid_daq.blocks.plot import Plot
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
@@ -21,12 +21,6 @@ from rid_daq.report.shown.sections import SHOWN
 from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
 from rid_daq.terminal.console import printable
-
-DRAWN: Final = (
-    "plot_svg",
-    "stop_figure",
-)
-"""The drawings that templates ask for."""
 
 
 def render_report(result: Result, before: Result | None = None) -> str:
@@ -48,7 +42,7 @@ def render_report(result: Result, before: Result | None = None) -> str:
     figures = LiveFigures()
     for name, section in result.sections():
         with _shown(name, read=getattr(before, name, None) == section):
-            parts.append(_part(result, name, section, figures))
+            parts.append(_part(name, section, figures))
             parts.append(_origin(result, name))
     with _shown("the document", read=before is not None):
         page = _environment().get_template("page.html")
@@ -95,13 +89,11 @@ def render_certificate(certificate: Certificate) -> str:
     )
 
 
-def _part(result: Result, name: str, section: Section, figures: LiveFigures) -> Markup:
-    """Return a section's part of the page: its blocks, or its template if it has none yet."""
-    if name in SHOWN:
-        template, blocks = _environment().get_template("blocks.html"), list(SHOWN[name](section))
-        return Markup(template.render(blocks=blocks, name=name, live=figures.keep))
-    template = _environment().get_template(f"{name}.html")
-    return Markup(template.render(result=result, section=section, live=figures.keep))
+def _part(name: str, section: Section, figures: LiveFigures) -> Markup:
+    """Return a section's part of the page."""
+    template = _environment().get_template("blocks.html")
+    blocks = list(SHOWN[name](section))
+    return Markup(template.render(blocks=blocks, name=name, live=figures.keep))
 
 
 def _origin(result: Result, name: str) -> Markup:
@@ -122,24 +114,18 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for show in (number, duration, unit, moment):
+    for show in (number, duration, moment):
         environment.filters[show.__name__] = show
-    for name in DRAWN:
-        environment.globals[name] = _drawn(name)
-    for tell in (colours, dark_map, library, measured, script):
+    for tell in (_plot_svg, colours, dark_map, library, script):
         environment.globals[tell.__name__] = tell
     return environment
 
 
-def _drawn(name: str) -> Callable[..., Markup]:
-    """Return a drawing; what draws is loaded for the first, which takes as long as a page."""
+def _plot_svg(plot: Plot, name: str) -> Markup:
+    """Return the drawing of a plot; matplotlib is loaded for the first one."""
+    from rid_daq.report_page.drawings.plot import plot_svg
 
-    def draw(*shown: Any, **how: Any) -> Markup:
-        from rid_daq.report_page.drawings.every_drawing import DRAWINGS
-
-        return DRAWINGS[name](*shown, **how)
-
-    return draw
+    return plot_svg(plot, name)
 
 
 def _visible(value: object) -> object:

@@ -21,7 +21,6 @@ from rid_daq.blocks.plot import Plot
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.operations.payload.session_state import STATE, SessionState
 from rid_daq.operations.payload.session_steps import WARM_UP
@@ -32,6 +31,7 @@ from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
 from rid_daq.report.shown.payload_centre import centre_plot
+from rid_daq.report.shown.runs import stop_plot
 from rid_daq.report.shown.tracking import path_plots
 from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData
 from rid_daq.terminal.choices import PAYLOAD
@@ -89,7 +89,7 @@ def _of_result(result: Result) -> list[Drawing]:
     for i, run in enumerate(result.runs or (), start=1):
         if run.stop_curve is not None:
             title = f"{run.stop_curve.joint} before the stop"
-            found.append(Drawing(f"stop-{i}", title, partial(stop_figure, run.stop_curve)))
+            found.append(Drawing(f"stop-{i}", title, partial(_declared, stop_plot, run.stop_curve)))
     if curves is not None and curves.torque is not None:
         title = "Measured and predicted torque"
         found.append(Drawing("fit", title, partial(_declared, torque_plot, curves.torque)))

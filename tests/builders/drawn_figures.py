@@ -20,7 +20,6 @@ from rid_daq.figures.history_figure import PastValue, history_figure
 from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.figures.stop_figure import stop_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
 from rid_daq.report.shown.bode import bode_plot
@@ -30,6 +29,7 @@ from rid_daq.report.shown.friction import friction_plot
 from rid_daq.report.shown.loop_timing import lateness_plot
 from rid_daq.report.shown.payload_centre import centre_plot
 from rid_daq.report.shown.retiming import way_plot
+from rid_daq.report.shown.runs import stop_plot
 from rid_daq.report.shown.tracking import path_plots
 from rid_daq.report.shown.truth import truth_plot
 from tests.builders.invented import whole_result
@@ -132,7 +132,7 @@ def all_figures() -> dict[str, UIElement]:
         "warm-up": warm_up_figure(JOINTS, power, 1.0),
         "history": history_figure("Coulomb friction of axis2", "N m", past),
         "payload": plot_figure(centre_plot(CentreOfGravity.of(payload()))),
-        "stop": stop_figure(stopped),
+        "stop": plot_figure(stop_plot(stopped)),
         "lateness": plot_figure(lateness_plot(late[0])),
         "truth": plot_figure(truth_plot(long.truth)),
         "retiming": plot_figure(way_plot(timed.ways[0], [joint.joint for joint in timed.joints])),

@@ -20,6 +20,7 @@ from rid_daq.report.shown.plate import (
     reaction_blocks,
 )
 from rid_daq.report.shown.retiming import retiming_blocks
+from rid_daq.report.shown.runs import runs_blocks
 from rid_daq.report.shown.tracking import tracking_blocks
 from rid_daq.report.shown.truth import truth_blocks
 from rid_daq.report.shown.validation import validation_blocks
@@ -37,10 +38,11 @@ SHOWN: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "plate_zero": plate_zero_blocks,
     "reaction": reaction_blocks,
     "retiming": retiming_blocks,
+    "runs": runs_blocks,
     "timing": timing_blocks,
     "truth": truth_blocks,
     "validation": validation_blocks,
     "tracking": tracking_blocks,
     "velocity_loops": loop_blocks,
 }
-"""By the name of the section; sections without an entry have a template."""
+"""By the name of the section."""
