@@ -15,6 +15,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import regressor
 from identification.wiring.mistakes import Kind, Mistake, of_robot
 from identification.wiring.signals import WiredSignals
@@ -73,6 +74,25 @@ class GravitySearch:
         known = np.vstack([np.eye(3), -np.eye(3), stated / size])
         if (known @ best).max() < math.cos(LEAST_TILT_RAD) * size:
             yield self._mistake(best)
+
+    def is_oblique(self, found: Mistake) -> bool:
+        """Return whether a mistake is gravity along no axis of the base."""
+        robot = found.robot if found.kind is Kind.MOUNTING else None
+        return robot is not None and bool(np.count_nonzero(robot.gravity_m_s2) > 1)
+
+    def is_turned(self, oblique: Mistake, other: Mistake) -> bool:
+        """Return whether another mistake is gravity along an axis, turned about the first joint.
+
+        A wrong zero position of the first joint turns gravity about its axis: no data tell an
+        oblique base from one that is mounted along an axis and has a wrong zero position.
+        """
+        if other.kind is not Kind.MOUNTING or self.is_oblique(other):
+            return False
+        chain = Chain.from_description(self.signals.robot)
+        one, two = (np.array(each.robot.gravity_m_s2) for each in (oblique, other) if each.robot)
+        reach = math.sin(LEAST_TILT_RAD) * float(np.linalg.norm(one))
+        axis = chain.fixed_rotations[0][:, 2]
+        return not chain.prismatic[0] and bool(abs(axis @ (two - one)) < reach)
 
     def without(self) -> Condensed:
         """Return the equations of a robot without gravity."""

@@ -79,6 +79,11 @@ class Mistake:
     what: str = ""
 
     @property
+    def is_first_zero(self) -> bool:
+        """True if it is the zero position of the first joint."""
+        return self.kind is Kind.POSITION_OFFSET and self.joints == (0,)
+
+    @property
     def moves(self) -> bool:
         """True if undoing it changes the motion or the robot, not the torques alone."""
         n = len(self.offset_rad)

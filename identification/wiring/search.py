@@ -157,7 +157,23 @@ def _best(signals: WiredSignals, stated: Condensed, gravity: GravitySearch) -> F
         return None
     tried.sort(key=lambda each: each.held_out.cost)
     best = tried[0]
-    near = [each.mistake for each in tried[1:] if each.held_out.cost - best.held_out.cost < AS_GOOD]
+    if gravity.is_oblique(best.mistake):
+        best = next(
+            (
+                each
+                for each in tried[1:]
+                if gravity.is_turned(best.mistake, each.mistake)
+                or (
+                    each.mistake.is_first_zero and each.held_out.cost - best.held_out.cost < AS_GOOD
+                )
+            ),
+            best,
+        )
+    near = [
+        each.mistake
+        for each in tried
+        if each is not best and each.held_out.cost - best.held_out.cost < AS_GOOD
+    ]
     return Found(best.mistake, _distinct(best.mistake, near), before, best.after)
 
 

@@ -100,6 +100,24 @@ def test_a_base_that_is_tilted_is_found_with_its_direction(
     assert math.degrees(math.acos(right @ gravity / 9.81**2)) < 2.0
 
 
+def test_a_wrong_zero_of_the_first_joint_is_not_taken_for_an_oblique_base(
+    arm: WiredSignals,
+) -> None:
+    """On a wall a zero position that is off by 40 degrees turns gravity about the first joint."""
+    wall = replace(arm, robot=arm.robot.model_copy(update={"gravity_m_s2": (9.81, 0.0, 0.0)}))
+    model = plain_model(wall)
+    own = model.parameter_groups["rigid_body"]
+    change = regressor(model, *arm.joints()) - regressor(plain_model(arm), *arm.joints())
+    torque_nm = arm.torque_nm + change[:, :, own] @ _fitted(arm)[own]
+    off = arm.position - math.radians(40.0) * np.eye(6)[0]
+    found = find_mistakes(replace(wall, torque_nm=torque_nm, position=off))
+    assert [(each.mistake.kind, each.mistake.joints) for each in found] == [
+        (Kind.POSITION_OFFSET, (0,))
+    ]
+    assert math.degrees(found[0].mistake.factor) == pytest.approx(40.0, abs=1.0)
+    assert [each.kind for each in found[0].alternatives] == [Kind.MOUNTING]
+
+
 def test_torques_without_gravity_are_found(arm: WiredSignals) -> None:
     model = plain_model(arm)
     own = model.parameter_groups["rigid_body"]
