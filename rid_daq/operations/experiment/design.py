@@ -114,9 +114,13 @@ class Excitation(Request):
     @classmethod
     def _with_method(cls, values: object, info: ValidationInfo) -> object:
         """Take the method from options that only it has, for programs that do not know `method`."""
-        if info.mode == "json" and isinstance(values, dict) and values.keys() & _METHOD_KEYS:
-            return {"method": "two-harmonic", **values}
-        return values
+        if info.mode != "json" or not isinstance(values, dict):
+            return values
+        own = values.keys() & _METHOD_KEYS
+        found: dict[object, object] = {"method": "two-harmonic"} if own else {}
+        for name, value in values.items():  # no longer JSON for pydantic: its lists are tuples
+            found[name] = tuple(value) if isinstance(value, list) else value
+        return found
 
 
 class Multisine(Request):

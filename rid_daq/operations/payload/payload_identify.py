@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
 
 from config.errors import ConfigError, RidDaqError
+from config.plausible import Plausible
 from config.ranges import KnownSigma, KnownValue
 from identification.choices import (
     BAND_HZ,
@@ -113,9 +115,13 @@ def _of_percent(value: object, info: ValidationInfo) -> object:
     if info.mode == "json" or not isinstance(value, str):
         return value
     try:
-        return 0.01 * float(value)
+        percent = float(value)
     except ValueError:
         return value
+    problem = Plausible(5e-2, 50.0, "%").refusal(percent)
+    if problem is not None:
+        raise PydanticCustomError("range", "{text}", {"text": problem})
+    return 0.01 * percent
 
 
 class PayloadIdentifyRequest(Request):

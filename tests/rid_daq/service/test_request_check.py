@@ -29,6 +29,7 @@ JSON = st.recursive(
             JobKind.PAYLOAD_SESSION,
             {"payload": "2kg", "limits": {"mass_percent": 2.0}, "periods": 5},
         ),
+        (JobKind.DESIGN, {"output": "motion.yaml", "excitation": {"wanted": ["m1", "sx2"]}}),
         (JobKind.VALIDATE, {"model": "model.json", "run": "latest"}),
         (JobKind.EXPORT, {"what": "model.json", "to": "urdf", "output": "robot.urdf"}),
     ],

@@ -125,7 +125,7 @@ def test_a_newcomer_comes_to_a_payload_verdict(
     begin_motion(page, "#begin")
     expect(page.locator("[data-stage=warm-up]")).to_contain_text("now", timeout=LONG_MS)
     page.locator("#stop").click()
-    expect(page.locator("#job .verdict.end")).to_contain_text("Payload: stopped")
+    expect(page.locator("#job .verdict.end")).to_contain_text("Payload session: stopped")
 
     page.reload()
     checked(page)
