@@ -121,7 +121,8 @@ class JobConsole(Console):
             for each in blocks
             if not isinstance(each, Plot)
         ]
-        self.events.write(Resulted(at_s=time.time(), document=told, blocks=shown))
+        result = {"at_s": time.time(), "document": told, "blocks": shown}
+        self.events.write(Resulted.model_validate(result))
 
     def table(
         self,
