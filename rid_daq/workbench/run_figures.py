@@ -27,10 +27,9 @@ from rid_daq.operations.payload.session_steps import WARM_UP
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.shown.bode import bode_plot
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
-from rid_daq.report.shown.payload_centre import centre_plot
 from rid_daq.report.shown.runs import stop_plot
 from rid_daq.report.shown.tracking import path_plots
 from rid_daq.runs.run_data import CELL, MOTION, ROBOT, RunData

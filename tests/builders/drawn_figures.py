@@ -23,11 +23,10 @@ from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
 from rid_daq.report.shown.bode import bode_plot
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.friction import friction_plot
 from rid_daq.report.shown.loop_timing import lateness_plot
-from rid_daq.report.shown.payload_centre import centre_plot
 from rid_daq.report.shown.retiming import way_plot
 from rid_daq.report.shown.runs import stop_plot
 from rid_daq.report.shown.tracking import path_plots

@@ -13,8 +13,7 @@ from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Interval, Tabl
 from rid_daq.blocks.formats import number, unit
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.sections.section import units
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
-from rid_daq.report.shown.payload_centre import centre_plot
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 
 NOT_RECORDED: Final = "not recorded"
 _MEANING: Final = {

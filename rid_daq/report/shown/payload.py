@@ -8,8 +8,7 @@ from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text
 from rid_daq.blocks.formats import measured, number, unit
 from rid_daq.report.sections.payload import PayloadParameter, PayloadSection
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
-from rid_daq.report.shown.payload_centre import centre_plot
+from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 
 
 def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:

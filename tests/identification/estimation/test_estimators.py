@@ -242,5 +242,5 @@ def test_an_estimate_with_the_wrong_number_of_values_is_refused(
     arm: KnownArm, measure: Measure
 ) -> None:
     estimate = estimate_periodic(arm.robot, [average_periods(measure())])
-    with raises_code(EstimationError, "", "estimate values", "(3,)"):
+    with raises_code(EstimationError, "RID-API-ARGUMENT", "estimate values", "(3,)"):
         replace(estimate, values=np.zeros(3))

@@ -24,9 +24,8 @@ from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.shown.bode import bode_plot
-from rid_daq.report.shown.centre_of_gravity import CentreOfGravity
+from rid_daq.report.shown.centre_of_gravity import VIEWS, CentreOfGravity, centre_plot
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
-from rid_daq.report.shown.payload_centre import VIEWS, centre_plot
 from rid_daq.report.shown.tracking import path_plots
 from tests.builders.drawn_figures import (
     JOINTS,
