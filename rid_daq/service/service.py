@@ -184,7 +184,7 @@ class CellService:
         kind : JobKind
             What is done.
         request : dict
-            What is asked for, as `requests.json` has it.
+            What is asked for, as the schema of its operation has it.
         who : Identity
             Who asks.
         lease : str, optional

@@ -50,6 +50,22 @@ OfFile = Annotated[
 ]
 
 
+SimulatedPace = Annotated[
+    Pace | None,
+    Field(
+        description="Run a simulated cell at N times real time; simulated time waits for slow"
+        " processes."
+    ),
+    Option(group=SIMULATED, metavar="N"),
+]
+
+SimulatedPayload = Annotated[
+    str | None,
+    Field(description="Payload of a simulated robot, by its name in the plant file."),
+    Option(group=SIMULATED, metavar="NAME"),
+]
+
+
 class Simulation(Request):
     """Options of a simulated cell that the operation starts."""
 
@@ -58,22 +74,11 @@ class Simulation(Request):
         Field(description="Run a simulated cell in real time, instead of as fast as possible."),
         Option(group=SIMULATED),
     ] = False
-    pace: Annotated[
-        Pace | None,
-        Field(
-            description="Run a simulated cell at N times real time; simulated time waits for slow"
-            " processes."
-        ),
-        Option(group=SIMULATED, metavar="N"),
-    ] = None
+    pace: SimulatedPace = None
     seed: Annotated[
         Seed, Field(description="Random seed of the simulated noise."), Option(group=SIMULATED)
     ] = 0
-    payload: Annotated[
-        str | None,
-        Field(description="Payload of a simulated robot, by its name in the plant file."),
-        Option(group=SIMULATED, metavar="NAME"),
-    ] = None
+    payload: SimulatedPayload = None
 
     def with_faults(self, faults: FaultScript = NO_SCRIPT) -> SimulatedCell:
         """Return the options with a fault script.

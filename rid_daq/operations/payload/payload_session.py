@@ -10,10 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from config.errors import ConfigError
-from config.ranges import Pace, Periods, Repeats, Seed, WarmUpPeriods
+from config.ranges import Periods, Repeats, Seed, WarmUpPeriods
 from identification.choices import RehearsalPercent, UntilMassKg, WarmUpPercent
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
-from rid_daq.operations.cell.shared import BEFORE, SIMULATED, AxisTest, Live, Practise
+from rid_daq.operations.cell.shared import (
+    BEFORE,
+    SIMULATED,
+    AxisTest,
+    Live,
+    Practise,
+    SimulatedPace,
+    SimulatedPayload,
+)
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
@@ -107,19 +115,8 @@ class PayloadSessionRequest(Request):
     ] = False
     axis_test: AxisTest = "required"
     practise: Practise = False
-    payload: Annotated[
-        str | None,
-        Field(description="Payload of a simulated robot, by its name in the plant file."),
-        Option(group=SIMULATED, metavar="NAME"),
-    ] = None
-    pace: Annotated[
-        Pace | None,
-        Field(
-            description="Run a simulated cell at N times real time; simulated time waits for slow"
-            " processes."
-        ),
-        Option(group=SIMULATED, metavar="N"),
-    ] = None
+    payload: SimulatedPayload = None
+    pace: SimulatedPace = None
     seed: Annotated[
         Seed,
         Field(description="Random seed of the searched motion and of a simulated cell."),
