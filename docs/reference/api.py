@@ -33,6 +33,8 @@ def openapi() -> str:
 WITHDRAWN = (
     r"Request-payload(-\w+)?: is gone",
     "JobKind: payload is gone",
+    "Documented: is gone",
+    "Tabled: is gone",
     "Request-design-MultisineOptions: is gone",
     "Request-design-SearchOptions: is gone",
     "Request-design-TwoHarmonicOptions: is gone",
@@ -50,7 +52,8 @@ Options of `design` have other names; the documents that they describe are accep
 scripts in requests could kill the service's processes and fill its disk; `record` takes the file of
 a script. A client could say that a key is held (`AxisTestRule`). No client could set the live page.
 `loaded` of `identify` names the runs with a load; `loaded` inside `how` had no effect. The kind of
-job `payload` is called `payload_session`, as its command is.
+job `payload` is called `payload_session`, as its command is. The events `documented` and `tabled`
+are parts of the event `result`.
 """
 
 

@@ -27,7 +27,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import CellStatus, FilesOfCell, HeldLease, Job, JobState, OnLostClient
 from rid_daq.service.refusals import refusal_of
 from rid_daq.service.sockets import is_this_computer, local_sockets
-from rid_daq.terminal.job_events import EVENT, AnyEvent, Documented, Ended, Resulted
+from rid_daq.terminal.job_events import EVENT, AnyEvent, Ended, Resulted
 
 LOOK_S: Final = 0.1
 LEASE_S: Final = 15.0
@@ -305,7 +305,7 @@ class ServiceClient:
             for told in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
                 known += 1
                 event = EVENT.validate_python(told)
-                if isinstance(event, Documented | Resulted):
+                if isinstance(event, Resulted):
                     document = event.document
                 if isinstance(event, Ended):
                     ended = event

@@ -140,10 +140,6 @@ class _Shown:
                 console.say(event.text)
             case "judged":
                 console.verdict(event.passed, event.text)
-            case "tabled":
-                console.table(event.columns, event.rows, event.red, event.key)
-            case "documented":
-                console.document(event.document)
             case "result":
                 console.result(event.document, event.blocks)
             case "asked":

@@ -26,7 +26,6 @@ from rid_daq.terminal.job_events import (
     Answered,
     AnyEvent,
     Asked,
-    Documented,
     Ended,
     Judged,
     MotionBegun,
@@ -141,8 +140,6 @@ class RunningJob:
                     self.question = event
                 case Answered():
                     self.question = None
-                case Documented():
-                    self.document = event.document
                 case Resulted():
                     self.document = event.document
                     self.last_bad = _failed_verdict(event.blocks) or self.last_bad

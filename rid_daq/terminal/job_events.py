@@ -6,7 +6,7 @@ the client shows them as the command would have.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -37,23 +37,6 @@ class Judged(_Event):
     kind: Literal["judged"] = "judged"
     passed: bool | None
     text: str
-
-
-class Tabled(_Event):
-    """A table for people; `red` marks rows, the first `key` columns say what a row is."""
-
-    kind: Literal["tabled"] = "tabled"
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    red: tuple[bool, ...] | None = None
-    key: int = 1
-
-
-class Documented(_Event):
-    """The result for programs."""
-
-    kind: Literal["documented"] = "documented"
-    document: dict[str, Any]
 
 
 class Resulted(_Event):
@@ -154,8 +137,6 @@ class Ended(_Event):
 AnyEvent = Annotated[
     Said
     | Judged
-    | Tabled
-    | Documented
     | Resulted
     | MotionBegun
     | Progressed

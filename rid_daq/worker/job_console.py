@@ -23,14 +23,12 @@ from rid_daq.terminal.job_events import (
     AnyEvent,
     Asked,
     Choice,
-    Documented,
     Judged,
     KeyRefused,
     MotionBegun,
     Progressed,
     Resulted,
     Said,
-    Tabled,
     WarmedUp,
 )
 from rid_daq.worker.orders import Orders
@@ -104,11 +102,6 @@ class JobConsole(Console):
         """Tell the sentence that matters."""
         self.events.write(Judged(at_s=time.time(), passed=passed, text=printable(text)))
 
-    def document(self, document: Mapping[str, object] | BaseModel) -> None:
-        """Tell the command's result for programs."""
-        told: dict[str, object] = json.loads(self.as_text(document))
-        self.events.write(Documented(at_s=time.time(), document=told))
-
     def result(
         self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
     ) -> None:
@@ -123,19 +116,6 @@ class JobConsole(Console):
         ]
         result = {"at_s": time.time(), "document": told, "blocks": shown}
         self.events.write(Resulted.model_validate(result))
-
-    def table(
-        self,
-        columns: Sequence[str],
-        rows: Sequence[Sequence[str]],
-        red: Sequence[bool] | None = None,
-        key: int = 1,
-    ) -> None:
-        """Tell a table."""
-        told = tuple(tuple(printable(cell) for cell in row) for row in rows)
-        marked = None if red is None else tuple(bool(each) for each in red)
-        head = tuple(columns)
-        self.events.write(Tabled(at_s=time.time(), columns=head, rows=told, red=marked, key=key))
 
     def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Tell that a motion begins."""

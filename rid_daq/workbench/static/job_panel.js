@@ -165,8 +165,6 @@ export class JobPanel {
       case "said": return event.text && this.say("p", event.text);
       case "key_refused": return this.say("p", event.text, "problem");
       case "judged": return this.judge(event);
-      case "tabled": return this.said.append(table(event.columns, event.rows, event.red));
-      case "documented": return (this.document = event.document);
       case "result": return this.showResult(event);
       case "motion": return this.say("h3", event.title);
       case "progress": return this.showProgress(event);

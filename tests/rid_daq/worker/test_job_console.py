@@ -24,7 +24,7 @@ from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.service.remote_jobs import _Shown
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.console import Console
-from rid_daq.terminal.job_events import Asked, Documented, KeyRefused, Progressed
+from rid_daq.terminal.job_events import Asked, KeyRefused, Progressed, Resulted
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
 from tests.builders.clock import Clock
@@ -54,8 +54,10 @@ def console(events: Path, orders: Orders) -> Iterator[JobConsole]:
 
 def speak(console: Console) -> None:
     console.say("Cell ir361: 3 drives.\x1b[31m")
-    console.table(("drive", "is"), [("axis1", "ok"), ("axis2", "RED")], red=[False, True])
-    console.document({"passed": False, "sigma": 0.25})
+    columns = (Column(title="drive", is_text=True), Column(title="is", is_text=True))
+    rows = (("axis1", "ok"), ("axis2", "RED"))
+    drives = Table(columns=columns, rows=rows, failed=(False, True))
+    console.result({"passed": False, "sigma": 0.25}, [drives])
     console.verdict(False, "Not ready: no motion.")
     console.next_step("check", "ir361")
 
@@ -113,11 +115,11 @@ def test_programs_get_the_document_of_the_command(
 
 
 def test_a_line_that_was_torn_by_a_kill_is_left_out(console: JobConsole, events: Path) -> None:
-    console.document({"a": 1})
+    console.result({"a": 1}, [])
     tail = EventTail(events)
     with events.open("ab") as file:
         file.write(b'{"kind": "said", "at_s": 1.0, "te')
-    assert [type(each) for each in tail.new()] == [Documented]
+    assert [type(each) for each in tail.new()] == [Resulted]
     with events.open("ab") as file:
         file.write(b"\n")
     assert list(tail.new()) == []
