@@ -35,16 +35,11 @@ SLOW: Final = ("/api/v1/runs", "/api/v1/files", "/api/v1/openapi.json", "/metric
 class Target:
     """A service that is attacked.
 
-    Attributes
-    ----------
-    port : int
-        Where it listens.
-    cell : str
-        A cell of it.
-    viewer : str
-        The secret of a viewer's token.
-    database : Path
-        Its file.
+    Attributes:
+        port: Where it listens.
+        cell: A cell of it.
+        viewer: The secret of a viewer's token.
+        database: Its file.
     """
 
     port: int

@@ -59,20 +59,13 @@ UR10E_NM_PER_A: Final = (11.976, 11.976, 9.839, 10.76, 10.76, 10.75)
 class Case:
     """What became of one recording.
 
-    Attributes
-    ----------
-    name : str
-        Robot, motion and case.
-    clock : Clock
-        The judgement.
-    made, found : float
-        Repeated rows that were made, and that were found [share].
-    stamped_s, judged_s : float
-        Time error by the stamps and by the judged times, RMS [s].
-    errors : tuple of float
-        Held-out torque error of the worst joint by stamps, judged and true times [%].
-    passed : bool
-        Whether the bars hold.
+    Attributes:
+        name: Robot, motion and case.
+        clock: The judgement.
+        made, found: Repeated rows that were made, and that were found [share].
+        stamped_s, judged_s: Time error by the stamps and by the judged times, RMS [s].
+        errors: Held-out torque error of the worst joint by stamps, judged and true times [%].
+        passed: Whether the bars hold.
     """
 
     name: str

@@ -62,14 +62,11 @@ SCENARIOS = (Scenario(4, 0.001, trimmed=True), Scenario(6, 0.002, trimmed=False)
 class Outcome:
     """What one program's run of a scenario showed.
 
-    Attributes
-    ----------
-    late_s, exchange_s
-        How late each cycle began, and how long its exchange took [s].
-    cpu, cpu_per_cycle_s
-        Processor time over time, and over cycles [s]: who is late does fewer in a second.
-    sent, received
-        Set-points sent, answers received.
+    Attributes:
+        late_s, exchange_s: How late each cycle began, and how long its exchange took [s].
+        cpu, cpu_per_cycle_s: Processor time over time, and over cycles [s]: who is late does fewer
+            in a second.
+        sent, received: Set-points sent, answers received.
     """
 
     late_s: Times

@@ -47,16 +47,11 @@ PRESS_S: Final = 0.1
 class Served:
     """A service.
 
-    Attributes
-    ----------
-    process : subprocess.Popen
-        It.
-    port : int
-        Where it listens.
-    token : str
-        The secret of a viewer.
-    log : Path
-        What it writes.
+    Attributes:
+        process: It.
+        port: Where it listens.
+        token: The secret of a viewer.
+        log: What it writes.
     """
 
     process: subprocess.Popen[bytes]

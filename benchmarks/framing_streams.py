@@ -52,14 +52,10 @@ _WEBSOCKET: Final = (
 class Streams:
     """Makes streams, the same for the same seed.
 
-    Parameters
-    ----------
-    random : random.Random
-        Where chance comes from.
-    port : int
-        The service's, for the header Host.
-    token : str
-        A viewer's secret, which some of the streams show.
+    Args:
+        random: Where chance comes from.
+        port: The service's, for the header Host.
+        token: A viewer's secret, which some of the streams show.
     """
 
     random: random.Random

@@ -57,16 +57,11 @@ NOISES: Final = ("white", "coloured", "encoder alone")
 class Plan:
     """Numbers of recordings.
 
-    Attributes
-    ----------
-    arms : tuple of str
-        Which arms.
-    trajectories, draws : int
-        Motions of each kind for each arm, and draws of noise on each of them.
-    rates_hz, bias_rates_hz : tuple of int
-        Rates for intervals and for the bias.
-    slack : float
-        Percentage points by which coverage and agreement may miss their limits.
+    Attributes:
+        arms: Which arms.
+        trajectories, draws: Motions of each kind for each arm, and draws of noise on each of them.
+        rates_hz, bias_rates_hz: Rates for intervals and for the bias.
+        slack: Percentage points by which coverage and agreement may miss their limits.
     """
 
     arms: tuple[str, ...]

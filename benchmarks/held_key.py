@@ -37,14 +37,11 @@ FALSE_A_MINUTE_BAR: Final = 1.0
 class Outcome:
     """What became of the motion over one link.
 
-    Attributes
-    ----------
-    moved : bool
-        Whether the robot moved at all.
-    late_s : float
-        How long it still moved after the release, beyond what is allowed [s]; negative if less.
-    restarts : int
-        How often it began to move again within one press, or without any.
+    Attributes:
+        moved: Whether the robot moved at all.
+        late_s: How long it still moved after the release, beyond what is allowed [s]; negative if
+            less.
+        restarts: How often it began to move again within one press, or without any.
     """
 
     moved: bool

@@ -37,12 +37,9 @@ START: Final = np.array(LOADED.config.home)
 class Connection:
     """A connection of a page: its challenges, and the way back.
 
-    Parameters
-    ----------
-    back : Way
-        Leads to the page.
-    clock : Clock
-        The simulated time.
+    Args:
+        back: Leads to the page.
+        clock: The simulated time.
     """
 
     def __init__(self, back: Way, clock: Clock) -> None:
@@ -87,12 +84,8 @@ class Stall:
 class SimulatedJog:
     """A jog that one page holds keys for, for as long as the `with` lasts.
 
-    Parameters
-    ----------
-    page : Page
-        The page.
-    back : Way
-        The way from the service to the page.
+    Args:
+        back: The way from the service to the page.
     """
 
     def __init__(self, page: Page, back: Way) -> None:

@@ -33,14 +33,10 @@ class Way(Protocol):
 class DisturbedWay:
     """A way with any delay a message, in order or not, and with messages that come again.
 
-    Parameters
-    ----------
-    arrival_s : callable
-        Returns when a message arrives that is sent at a time [s].
-    ordered : bool
-        Whether a message waits for those that were sent before it.
-    again_s : float or None
-        How long after its arrival each message comes again [s].
+    Args:
+        arrival_s: Returns when a message arrives that is sent at a time [s].
+        ordered: Whether a message waits for those that were sent before it.
+        again_s: How long after its arrival each message comes again [s].
     """
 
     def __init__(
@@ -89,17 +85,12 @@ class LossyWay:
     A packet counts as lost once so many packets that were sent after it, or after it was sent
     again, are known to have arrived, or after its timeout. One message is one packet.
 
-    Parameters
-    ----------
-    latency_s : float
-        One way [s]; the same for acknowledgements, which are not lost.
-    loss : float
-        Share of packets.
-    chance : random.Random
-        Decides which.
-    later : int
-        1 as Linux and Windows do (RACK, RFC 8985, which also waits for a quarter of the round
-        trip); 3 as older systems (fast retransmit, RFC 5681).
+    Args:
+        latency_s: One way [s]; the same for acknowledgements, which are not lost.
+        loss: Share of packets.
+        chance: Decides which.
+        later: 1 as Linux and Windows do (RACK, RFC 8985, which also waits for a quarter of the
+            round trip); 3 as older systems (fast retransmit, RFC 5681).
     """
 
     def __init__(self, latency_s: float, loss: float, chance: random.Random, later: int) -> None:
@@ -151,10 +142,8 @@ class LossyWay:
 class NarrowWay:
     """A way that takes a time for each message.
 
-    Parameters
-    ----------
-    each_s : float
-        That time [s].
+    Args:
+        each_s: That time [s].
     """
 
     def __init__(self, each_s: float) -> None:
@@ -175,12 +164,10 @@ class NarrowWay:
 class Page:
     """What `held_key.js` does; or, if careless, a program that answers whatever comes.
 
-    Parameters
-    ----------
-    there : Way
-        Leads to the service.
-    careless : bool
-        Whether it goes on with a press after a gap, and after its connection was replaced.
+    Args:
+        there: Leads to the service.
+        careless: Whether it goes on with a press after a gap, and after its connection was
+            replaced.
     """
 
     def __init__(self, there: Way, *, careless: bool) -> None:

@@ -142,14 +142,11 @@ class Watcher:
 class RealLinks:
     """What was seen over sockets.
 
-    Attributes
-    ----------
-    links, late, restarts, unmoved : int
-        Links; on how many the robot moved too late, began again, and did not move at first.
-    loopback_s : float
-        How long keys were held on loopback [s].
-    lost : list of str
-        What was said of presses that were lost there.
+    Attributes:
+        links, late, restarts, unmoved: Links; on how many the robot moved too late, began again,
+            and did not move at first.
+        loopback_s: How long keys were held on loopback [s].
+        lost: What was said of presses that were lost there.
     """
 
     links: int

@@ -73,14 +73,10 @@ OTHER_KIND_LIMIT: Final = 1.10
 class Case:
     """A simulated recording session.
 
-    Attributes
-    ----------
-    arm, friction : str
-        Keys of `ARMS` and `FRICTIONS`.
-    effect : str
-        Effect on the recorded torque or its clock.
-    seed : int
-        Seed of motions, noise and delays.
+    Attributes:
+        arm, friction: Keys of `ARMS` and `FRICTIONS`.
+        effect: Effect on the recorded torque or its clock.
+        seed: Seed of motions, noise and delays.
     """
 
     arm: str

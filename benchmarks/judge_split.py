@@ -48,10 +48,8 @@ class JudgeSplit(ConfigModel):
 def find_splits(folder: Path) -> dict[Path, JudgeSplit]:
     """Return every folder below `folder` with a `judge.yaml`, or one shipped by its name.
 
-    Raises
-    ------
-    ValueError
-        A file is not a split; the message names file and key.
+    Raises:
+        ValueError: A file is not a split; the message names file and key.
     """
     found = {}
     for place in sorted(path for path in [folder, *folder.rglob("*")] if path.is_dir()):

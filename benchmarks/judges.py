@@ -47,17 +47,13 @@ class CommandError(Exception):
 class Way:
     """One way through a robot's recordings: trained on some, judged on others.
 
-    Attributes
-    ----------
-    plain, moving, every : list of float
-        Largest relative error of each joint over the judging runs [%]: of the terms of the robot
-        file on moving samples, then of the chosen terms on moving and on all samples.
-    peer : list of float
-        figaroh's on moving samples; empty without it.
-    consistent : bool
-        No finding says that no robot can have the chosen model's parameters.
-    values : dict
-        Rigid base parameter to value and standard deviation.
+    Attributes:
+        plain, moving, every: Largest relative error of each joint over the judging runs [%]: of the
+            terms of the robot file on moving samples, then of the chosen terms on moving and on all
+            samples.
+        peer: figaroh's on moving samples; empty without it.
+        consistent: No finding says that no robot can have the chosen model's parameters.
+        values: Rigid base parameter to value and standard deviation.
     """
 
     plain: list[float] = field(default_factory=list)
@@ -71,10 +67,8 @@ class Way:
 def command(*words: str) -> dict[str, Any]:
     """Run a command with `--json` and return its document; exit 1 and 6 are verdicts.
 
-    Raises
-    ------
-    CommandError
-        It ended without a document.
+    Raises:
+        CommandError: It ended without a document.
     """
     done = subprocess.run(
         [sys.executable, "-m", "rid_daq", *words, "--json"],

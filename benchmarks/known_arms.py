@@ -33,12 +33,9 @@ Vector = tuple[float, ...]
 class Friction:
     """Friction beside Coulomb and viscous friction, the same on every joint.
 
-    Attributes
-    ----------
-    stribeck : float
-        Additional friction at standstill, as a share of the Coulomb friction.
-    load : float
-        Share of the load's torque.
+    Attributes:
+        stribeck: Additional friction at standstill, as a share of the Coulomb friction.
+        load: Share of the load's torque.
     """
 
     stribeck: float = 0.0
@@ -59,16 +56,10 @@ class _Link:
 class Arm:
     """An arm.
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    links : tuple of _Link
-        Base to flange.
-    rotor, coulomb, viscous : tuple of float
-        Of each joint [kg m^2, N m, N m s/rad].
-    reach_rad, speed_rad_s : tuple of float
-        Largest angle to both sides, and largest speed.
+    Attributes:
+        links: Base to flange.
+        rotor, coulomb, viscous: Of each joint [kg m^2, N m, N m s/rad].
+        reach_rad, speed_rad_s: Largest angle to both sides, and largest speed.
     """
 
     name: str
@@ -187,12 +178,9 @@ ARMS: Final[dict[str, Arm]] = {
 class Driven:
     """What an arm did, every `STEP_S`.
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (samples,)
-        Time [s].
-    position, velocity, torque_nm : ndarray, shape (samples, n)
-        Without noise; the torque is the motor's.
+    Attributes:
+        time_s: Shape (samples,). Time [s].
+        position, velocity, torque_nm: Shape (samples, n). Without noise; the torque is the motor's.
     """
 
     time_s: FloatArray

@@ -37,14 +37,11 @@ REFUSED: Final = ("stamps jitter, v differenced", "every tenth row twice, v diff
 class Arm:
     """An arm with known bodies and friction, and the description that `rid-daq` gets.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        Its geometry.
-    model : pinocchio.Model
-        The same with bodies.
-    coulomb, viscous, rotor : ndarray, shape (n,)
-        Friction [N m, N m s/rad], and inertia of the rotors at the joints [kg m^2].
+    Attributes:
+        robot: Its geometry.
+        model: The same with bodies.
+        coulomb, viscous, rotor: Shape (n,). Friction [N m, N m s/rad], and inertia of the rotors at
+            the joints [kg m^2].
     """
 
     robot: RobotDescription
@@ -106,14 +103,10 @@ class Arm:
 class Logged:
     """A recording, and when its rows were sampled.
 
-    Attributes
-    ----------
-    case : str
-        What the logger did.
-    samples : Samples
-        What it wrote.
-    true_s : ndarray, shape (rows,)
-        When each row was sampled [s].
+    Attributes:
+        case: What the logger did.
+        samples: What it wrote.
+        true_s: Shape (rows,). When each row was sampled [s].
     """
 
     case: str
@@ -124,16 +117,12 @@ class Logged:
 def motion(kind: str, joints: int, seconds: float, seed: int) -> tuple[FloatArray, ...]:
     """Return times, positions, velocities and accelerations at 1 kHz; never periodic.
 
-    Parameters
-    ----------
-    kind : "sines" or "points"
-        Sums of sines of frequencies without a common period, or quintic ways from rest to rest.
-    joints : int
-        Number of joints.
-    seconds : float
-        Duration [s].
-    seed : int
-        Of the motion.
+    Args:
+        kind: Sums of sines of frequencies without a common period, or quintic ways from rest to
+            rest.
+        joints: Number of joints.
+        seconds: Duration [s].
+        seed: Of the motion.
     """
     random = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, FINE_S)

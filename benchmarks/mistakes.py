@@ -89,12 +89,9 @@ def _real(folder: Path) -> Stated:
 def tell(stated: Stated, folder: Path) -> tuple[bool, set[tuple[str, tuple[str, ...]]]]:
     """Import and identify a recording by the commands.
 
-    Returns
-    -------
-    refused : bool
-        Whether a command refused it, or called the fit bad.
-    named : set of (kind, joints)
-        What `identify` named, alternatives too.
+    Returns:
+        `refused`. Whether a command refused it, or called the fit bad.
+        `named`: Set of (kind, joints). What `identify` named, alternatives too.
     """
     np.savetxt(folder / "rec.csv", stated.table, delimiter=",", fmt="%.9g")
     (folder / "robot.yaml").write_text(to_yaml(stated.robot))

@@ -24,20 +24,14 @@ OTHERS: Final = {"kr15": "ur10e", "ur10e": "kr15"}
 class Stated:
     """What an engineer hands over: a table of columns, and the robot's file.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot's file.
-    time_s : ndarray, shape (samples,)
-        Time stamps [s].
-    position, torque_nm : ndarray, shape (samples, n)
-        Link side [rad, N m].
-    gravity_nm : ndarray, shape (samples, n)
-        What of the torques is gravity, of the real arm or by its drawings.
-    unit : str
-        What the map says that positions are in.
-    velocity : ndarray, shape (samples, n), or None
-        Recorded velocities [rad/s], if there are columns of them.
+    Attributes:
+        robot: The robot's file.
+        time_s: Shape (samples,). Time stamps [s].
+        position, torque_nm: Shape (samples, n). Link side [rad, N m].
+        gravity_nm: Shape (samples, n). What of the torques is gravity, of the real arm or by its
+            drawings.
+        unit: What the map says that positions are in.
+        velocity: Shape (samples, n). Recorded velocities [rad/s], if there are columns of them.
     """
 
     robot: RobotDescription
@@ -88,18 +82,12 @@ class Stated:
 class Made:
     """A mistake that was made.
 
-    Attributes
-    ----------
-    name : str
-        What was done.
-    kinds : tuple of Kind
-        As what it may be named: the keys to change are these kinds'.
-    joints : tuple of int
-        The joints that must be named, from 0; none where all are meant.
-    stated : Stated
-        What is handed over then.
-    shown : bool
-        Whether the data show it though a robot explains them as well as the truth.
+    Attributes:
+        name: What was done.
+        kinds: As what it may be named: the keys to change are these kinds'.
+        joints: The joints that must be named, from 0; none where all are meant.
+        stated: What is handed over then.
+        shown: Whether the data show it though a robot explains them as well as the truth.
     """
 
     name: str

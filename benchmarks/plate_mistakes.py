@@ -34,18 +34,12 @@ EXTERNAL: Final = EstimationOptions(model=ModelOptions(kind="external"))
 class MadePlate:
     """A mistake that was made.
 
-    Attributes
-    ----------
-    name : str
-        What was done.
-    kinds : tuple of PlateKind
-        As what it may be named.
-    plate : PlateConfig
-        The plate as stated.
-    channels : ndarray, shape (8, 8)
-        What the recorded channels are of the real ones.
-    of_all : bool
-        Whether all channels have it in common, so that only the arm's weight shows it.
+    Attributes:
+        name: What was done.
+        kinds: As what it may be named.
+        plate: The plate as stated.
+        channels: Shape (8, 8). What the recorded channels are of the real ones.
+        of_all: Whether all channels have it in common, so that only the arm's weight shows it.
     """
 
     name: str

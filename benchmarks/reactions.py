@@ -89,16 +89,12 @@ Mark = Callable[[list[Frame]], float]
 class Kind:
     """A fault, how it is seen on the wire, and how soon the quick stop is due.
 
-    Attributes
-    ----------
-    name : str
-        What goes wrong.
-    mark : callable
-        When it could first be known.
-    cycles : float
-        What the last axis's quick stop may take from there, in cycle times (faults.md's rows).
-    waits_s : float
-        What may pass besides, until it is noticed.
+    Attributes:
+        name: What goes wrong.
+        mark: When it could first be known.
+        cycles: What the last axis's quick stop may take from there, in cycle times (faults.md's
+            rows).
+        waits_s: What may pass besides, until it is noticed.
     """
 
     name: str

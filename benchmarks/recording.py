@@ -31,12 +31,9 @@ LOOK_S: Final = 0.05
 class Cost:
     """What a command took.
 
-    Attributes
-    ----------
-    time_s : float
-        From its start to its end [s].
-    peak_mb : dict of str to float
-        Peak resident memory of each of its processes, by name [MB].
+    Attributes:
+        time_s: From its start to its end [s].
+        peak_mb: Peak resident memory of each of its processes, by name [MB].
     """
 
     time_s: float
@@ -51,10 +48,8 @@ class Cost:
 def measured(folder: Path, *arguments: str) -> Cost:
     """Run `rid-daq` in a folder; return what it took.
 
-    Raises
-    ------
-    CalledProcessError
-        It failed.
+    Raises:
+        CalledProcessError: It failed.
     """
     command = [sys.executable, "-m", "rid_daq", *arguments]
     peaks: dict[int, tuple[str, float]] = {}

@@ -60,16 +60,13 @@ for cycle in range(1 << 30):
 class Tally:
     """What became of damaged files.
 
-    Attributes
-    ----------
-    files, refused : int
-        How many, and of how many nothing was readable.
-    there, kept : int
-        Rows that stood wholly before the damage (cuts) or in the file (flips), and rows read.
-    wrong : int
-        Files with a wrong row, or with a loss that nobody was told.
-    longest_s : float
-        The longest processor time that one took [s]; what else the computer does is no matter.
+    Attributes:
+        files, refused: How many, and of how many nothing was readable.
+        there, kept: Rows that stood wholly before the damage (cuts) or in the file (flips), and
+            rows read.
+        wrong: Files with a wrong row, or with a loss that nobody was told.
+        longest_s: The longest processor time that one took [s]; what else the computer does is no
+            matter.
     """
 
     files: int = 0

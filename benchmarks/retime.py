@@ -61,16 +61,11 @@ ACCELERATION = 40.0
 class SixAxes:
     """A robot with friction: for the timer, and as a judge sees it.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        Its description, with armatures.
-    torque : SampleTorque
-        Its model.
-    limits : TimingLimits
-        What is kept to.
-    judge : Pinocchio model
-        Its links and armatures.
+    Attributes:
+        robot: Its description, with armatures.
+        torque: Its model.
+        limits: What is kept to.
+        judge: Its links and armatures.
     """
 
     robot: RobotDescription

@@ -123,16 +123,11 @@ def serving(folder: Path) -> Iterator[Served]:
 class Served:
     """A service whose cell is ready.
 
-    Attributes
-    ----------
-    client : ServiceClient
-        Asks it.
-    folder : Path
-        Its own, and that of the simulated bus.
-    lease : str
-        The key of the cell's lease.
-    port, server : int
-        Where it listens, and its process.
+    Attributes:
+        client: Asks it.
+        folder: Its own, and that of the simulated bus.
+        lease: The key of the cell's lease.
+        port, server: Where it listens, and its process.
     """
 
     client: ServiceClient

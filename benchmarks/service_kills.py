@@ -77,14 +77,10 @@ joints:
 class Tally:
     """What the kills have left, so far.
 
-    Attributes
-    ----------
-    fell : Counter
-        How many kills fell on what.
-    accepted : list of str
-        The jobs that the service has said it accepted.
-    enabled, still : int
-        Drives that were enabled, and workers that were there, when neither may be.
+    Attributes:
+        fell: How many kills fell on what.
+        accepted: The jobs that the service has said it accepted.
+        enabled, still: Drives that were enabled, and workers that were there, when neither may be.
     """
 
     fell: Counter[str] = field(default_factory=Counter)
@@ -135,10 +131,8 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
     """Wait until a service answers.
 
-    Raises
-    ------
-    SystemExit
-        It has ended, or does not in `PATIENCE_S`.
+    Raises:
+        SystemExit: It has ended, or does not in `PATIENCE_S`.
     """
     if (
         not until(lambda: answers(folder) or process.poll() is not None)
@@ -203,17 +197,12 @@ def _answer(bus: can.BusABC, identifier: int) -> int | None:
 class Attacker:
     """Starts services of one folder and kills them.
 
-    Parameters
-    ----------
-    folder : Path
-        Theirs.
-    chance : random.Random
-        When they are killed.
+    Args:
+        folder: Theirs.
+        chance: When they are killed.
 
-    Attributes
-    ----------
-    tally : Tally
-        What that has left.
+    Attributes:
+        tally: What that has left.
     """
 
     def __init__(self, folder: Path, chance: random.Random) -> None:

@@ -35,10 +35,8 @@ _STOPPING: Final = 0x86
 class BusListener:
     """Listens to the controlwords on the simulated bus of a cell.
 
-    Parameters
-    ----------
-    client : HubClient
-        An observer of the bus.
+    Args:
+        client: An observer of the bus.
     """
 
     def __init__(self, client: HubClient) -> None:
@@ -76,18 +74,12 @@ class BusListener:
 class Moving:
     """A motion that is under way, and whom to ask for its stop.
 
-    Attributes
-    ----------
-    control : ControlBlock
-        The motion's words.
-    folder : Path
-        The runtime folder that its simulated bus is in.
-    port : int
-        Where the server listens.
-    server : int
-        The server's process.
-    path : str
-        What is posted to.
+    Attributes:
+        control: The motion's words.
+        folder: The runtime folder that its simulated bus is in.
+        port: Where the server listens.
+        server: The server's process.
+        path: What is posted to.
     """
 
     control: ControlBlock
@@ -112,9 +104,7 @@ class Moving:
     def stop_by_memory(self) -> tuple[float, int]:
         """Write the stop's word; return when the last axis was told [s].
 
-        Returns
-        -------
-        (float, int)
+        Returns:
             That, and the cycles until the task saw the word.
         """
         with BusListener.on_the_bus(self.folder) as bus:
@@ -146,15 +136,11 @@ class Moving:
 class Stops:
     """Stops that were pressed: those by the server, and those over shared memory.
 
-    Attributes
-    ----------
-    task_ms, bus_ms : list of float
-        How long each by the server took until the task saw it, and until the last axis's quick
-        stop was on the bus [ms].
-    memory_ms : list of float
-        The latter of those over shared memory [ms].
-    cycles : list of int
-        Within how many cycles those over shared memory were seen.
+    Attributes:
+        task_ms, bus_ms: How long each by the server took until the task saw it, and until the last
+            axis's quick stop was on the bus [ms].
+        memory_ms: The latter of those over shared memory [ms].
+        cycles: Within how many cycles those over shared memory were seen.
     """
 
     task_ms: list[float] = field(default_factory=list)

@@ -37,14 +37,10 @@ LATENESS_BAR: Final = 1.1
 class Segment:
     """Cycles of a motion, with viewers or without.
 
-    Attributes
-    ----------
-    first, last : int
-        The cycles.
-    viewers : int
-        How many looked on, by the service's own word.
-    messages : int
-        How many they have got meanwhile, all together.
+    Attributes:
+        first, last: The cycles.
+        viewers: How many looked on, by the service's own word.
+        messages: How many they have got meanwhile, all together.
     """
 
     first: int
@@ -57,14 +53,10 @@ class Segment:
 class Lateness:
     """How late cycles began, without viewers and with them: p99 of calm windows, and of all [us].
 
-    Attributes
-    ----------
-    without_us, with_us : float
-        Of calm windows: `calm_p99`.
-    all_without_us, all_with_us : float
-        Of all cycles.
-    cycles : int
-        How many each of the two has.
+    Attributes:
+        without_us, with_us: Of calm windows: `calm_p99`.
+        all_without_us, all_with_us: Of all cycles.
+        cycles: How many each of the two has.
     """
 
     without_us: float
@@ -168,10 +160,8 @@ def _viewers(folder: Path) -> int:
 def lateness(folder: Path, job: Job, segments: Sequence[Segment]) -> Lateness:
     """Return how late the cycles of a recording began, with viewers and without.
 
-    Raises
-    ------
-    SystemExit
-        Viewers were there when none should be, or saw nothing.
+    Raises:
+        SystemExit: Viewers were there when none should be, or saw nothing.
     """
     if job.run is None:
         raise SystemExit(f"no run: {job.reason}")

@@ -44,16 +44,12 @@ Kind = Literal["rest to rest", "quick reversals"]
 class SimulatedArm:
     """An arm and its truth.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        As the estimator knows it: frames and terms, no inertia.
-    model : pinocchio.Model
-        Its rigid bodies.
-    rotor, coulomb, viscous : ndarray, shape (n,)
-        Rotor inertia at the joint [kg m^2], Coulomb [N m] and viscous friction [N m s/rad].
-    reach, speed : ndarray, shape (n,)
-        How far to either side [rad] and how fast [rad/s] the joints go.
+    Attributes:
+        robot: As the estimator knows it: frames and terms, no inertia.
+        model: Its rigid bodies.
+        rotor, coulomb, viscous: Shape (n,). Rotor inertia at the joint [kg m^2], Coulomb [N m] and
+            viscous friction [N m s/rad].
+        reach, speed: Shape (n,). How far to either side [rad] and how fast [rad/s] the joints go.
     """
 
     robot: RobotDescription
@@ -227,16 +223,11 @@ def step(
 ) -> FloatArray:
     """Return the accelerations of a step, with Coulomb friction that slides or holds.
 
-    Parameters
-    ----------
-    inertia : (n, n) array
-        Inertia of links and rotors.
-    free : (n,) array
-        Torque less gravity, Coriolis and centrifugal torques.
-    v : (n,) array
-        Velocities before the step.
-    viscous, coulomb : (n,) array
-        Friction.
+    Args:
+        inertia: Shape (n, n). Inertia of links and rotors.
+        free: Shape (n,). Torque less gravity, Coriolis and centrifugal torques.
+        v: Shape (n,). Velocities before the step.
+        viscous, coulomb: Shape (n,). Friction.
     """
     n, late = len(v), MIDDLE * STEP_S
     damped = inertia.copy()

@@ -56,16 +56,11 @@ REST_PATIENCE_S: Final = 60.0
 class Soak:
     """What was seen.
 
-    Attributes
-    ----------
-    wrong : list of str
-        Reactions that were not right.
-    faults, rows : int
-        Faults so far, rows recorded.
-    hours : list of float
-        Simulated time after each fault.
-    memory_b, descriptors : list of dict
-        What each process held then, by its name.
+    Attributes:
+        wrong: Reactions that were not right.
+        faults, rows: Faults so far, rows recorded.
+        hours: Simulated time after each fault.
+        memory_b, descriptors: What each process held then, by its name.
     """
 
     wrong: list[str] = field(default_factory=list)
@@ -117,18 +112,12 @@ def soak(
 ) -> Soak:
     """Run for so many simulated hours with a fault every so many seconds.
 
-    Parameters
-    ----------
-    hours, every_s : float
-        Simulated time, and between two faults [h, s].
-    seed : int
-        Of the noise and the order of the faults.
-    folder : Path
-        For run folders; each is removed once it was looked at.
-    say : callable
-        Told of every fault.
-    faults : tuple of Fault
-        What goes wrong, each about as often.
+    Args:
+        hours, every_s: Simulated time, and between two faults [h, s].
+        seed: Of the noise and the order of the faults.
+        folder: For run folders; each is removed once it was looked at.
+        say: Told of every fault.
+        faults: What goes wrong, each about as often.
     """
     loaded = load_cell("ir361")
     plan = _plan(faults, round(hours * 3600.0 / every_s), seed)

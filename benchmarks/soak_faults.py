@@ -12,18 +12,12 @@ from acquisition.supervision.stop_reason import StopCode
 class Fault:
     """Something that goes wrong, and the reactions that are right.
 
-    Attributes
-    ----------
-    name : str
-        What goes wrong.
-    part : "bus", "drives" or "program"
-        Where.
-    keys : dict
-        As in a fault script.
-    stops : tuple of StopCode
-        Any of these; empty where the motion goes on.
-    tears_the_file : bool
-        Whether the recording may be left unfinished.
+    Attributes:
+        name: What goes wrong.
+        part: Where.
+        keys: As in a fault script.
+        stops: Any of these; empty where the motion goes on.
+        tears_the_file: Whether the recording may be left unfinished.
     """
 
     name: str

@@ -41,14 +41,9 @@ ANGLE_ERROR_RAD: Final = 2e-3
 class WeighedArm:
     """A periodic recording of an arm on a force plate, and the plate as it is.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot as its file says it is.
-    average : PeriodAverage
-        The mean period.
-    plate : PlateConfig
-        The plate.
+    Attributes:
+        robot: The robot as its file says it is.
+        average: The mean period.
     """
 
     robot: RobotDescription

@@ -29,16 +29,11 @@ MOST_OF_LIMIT: Final = 0.9
 class Sound:
     """A robot's recording, in which nothing is mistaken.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    time_s : ndarray, shape (samples,)
-        Time [s].
-    position, velocity, acceleration, torque_nm : ndarray, shape (samples, n)
-        As measured at the joints, low-passed already.
-    gravity_nm : ndarray, shape (samples, n)
-        What of the torques is gravity.
+    Attributes:
+        time_s: Shape (samples,). Time [s].
+        position, velocity, acceleration, torque_nm: Shape (samples, n). As measured at the joints,
+            low-passed already.
+        gravity_nm: Shape (samples, n). What of the torques is gravity.
     """
 
     robot: RobotDescription

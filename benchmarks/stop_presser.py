@@ -67,10 +67,8 @@ def press_http(port: int, cell: str, pressed: Pressed) -> None:
 class StopLineClient:
     """A `/api/v1/stop-line` that is open.
 
-    Parameters
-    ----------
-    line : socket.socket
-        After the handshake.
+    Args:
+        line: After the handshake.
     """
 
     def __init__(self, line: socket.socket) -> None:

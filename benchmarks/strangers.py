@@ -35,17 +35,12 @@ STEPS: Final = ("init", "check", "design", "excitation", "validation", "identify
 class Stranger:
     """How far a robot came: the wall time of each step that was taken, and what stopped it.
 
-    Attributes
-    ----------
-    name : str
-        The file, below the folder.
-    took_s : dict
-        Step to wall time [s].
-    cpu_s : float
-        What all of them took of the processors [s]: more than the wall time says on a busy
-        computer, less where two processors worked.
-    stopped_by : str
-        What the failing command said last; empty where all passed.
+    Attributes:
+        name: The file, below the folder.
+        took_s: Step to wall time [s].
+        cpu_s: What all of them took of the processors [s]: more than the wall time says on a busy
+            computer, less where two processors worked.
+        stopped_by: What the failing command said last; empty where all passed.
     """
 
     name: str

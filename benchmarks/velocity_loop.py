@@ -38,18 +38,12 @@ SPREAD = 1.0 / 3.0
 class Proof:
     """What came of many drives.
 
-    Attributes
-    ----------
-    error : ndarray, shape (drives, 2)
-        Relative errors of K_p and T_i.
-    deviation : ndarray, shape (drives, 2)
-        The same over their standard deviations.
-    peer_error : ndarray, shape (drives, 2)
-        Relative errors of the peer.
-    p_values : ndarray, shape (drives,)
-        Of the fits.
-    lag_s : ndarray, shape (drives,)
-        Delay and lag found together, less the current loop's lag.
+    Attributes:
+        error: Shape (drives, 2). Relative errors of K_p and T_i.
+        deviation: Shape (drives, 2). The same over their standard deviations.
+        peer_error: Shape (drives, 2). Relative errors of the peer.
+        p_values: Shape (drives,). Of the fits.
+        lag_s: Shape (drives,). Delay and lag found together, less the current loop's lag.
     """
 
     error: FloatArray

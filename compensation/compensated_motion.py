@@ -38,21 +38,14 @@ def compensated_motion(
     Everything is compensated on bins: periods on their own, so that all are alike, and the motion
     as a whole on those of one long period with a return to its start.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion.
-    estimate : Estimate
-        The model of the robot.
-    loops : sequence of VelocityLoop
-        One a joint.
-    tuning : FeedforwardTuning, optional
-        Correction from a reference run.
+    Args:
+        samples: The motion.
+        estimate: The model of the robot.
+        loops: One a joint.
+        tuning: Correction from a reference run.
 
-    Raises
-    ------
-    ConfigError
-        Model or loops are of other joints.
+    Raises:
+        ConfigError: Model or loops are of other joints.
     """
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
     samples = samples.whole()
@@ -72,18 +65,12 @@ def with_feedforward(
     With a coupled wrist, loops and torques are the motors', and so is what is corrected; the
     feedforward is the joints' again, as the drives' driver takes it (5.18).
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion.
-    robot : RobotDescription
-        Whose motors they are.
-    loops : sequence of VelocityLoop
-        One a joint, in the joints' order.
-    torque_nm : ndarray, shape (samples, n)
-        The motors' torques, link side [N m or N].
-    tuning : FeedforwardTuning, optional
-        Correction from a reference run.
+    Args:
+        samples: The motion.
+        robot: Whose motors they are.
+        loops: One a joint, in the joints' order.
+        torque_nm: Shape (samples, n). The motors' torques, link side [N m or N].
+        tuning: Correction from a reference run.
     """
     coupling = WristCoupling.of_robot(robot)
     velocity, step_s = samples.velocity, samples.sample_period_s
@@ -112,14 +99,10 @@ def turning_rows(samples: MotionSamples) -> tuple[int, int]:
 def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) -> FloatArray:
     """Return rows of a motion that go over into those of its last period, and out again.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        A periodic motion.
-    rows : ndarray, shape (samples, n)
-        Values before and after the periods.
-    period : ndarray, shape (samples_per_period, n)
-        Values of its last period, and of every other.
+    Args:
+        samples: A periodic motion.
+        rows: Shape (samples, n). Values before and after the periods.
+        period: Shape (samples_per_period, n). Values of its last period, and of every other.
     """
     first, last = turning_rows(samples)
     number = np.arange(len(samples))
@@ -136,21 +119,14 @@ def refuse_torque(
 ) -> None:
     """Refuse a motion that takes more torque than a joint has, cold or warm (`limit_torque`).
 
-    Parameters
-    ----------
-    motion : AnyMotion
-        What its file says.
-    samples : MotionSamples
-        The motion as planned.
-    estimate : Estimate
-        The model that predicts its torque.
-    robot : RobotDescription
-        The limits.
+    Args:
+        motion: What its file says.
+        samples: The motion as planned.
+        estimate: The model that predicts its torque.
+        robot: The limits.
 
-    Raises
-    ------
-    LimitError
-        It does; the text names joint, time and, of a path, the segment.
+    Raises:
+        LimitError: It does; the text names joint, time and, of a path, the segment.
     """
     samples = samples.whole()
     moved = (samples.position, samples.velocity, samples.acceleration)

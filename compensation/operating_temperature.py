@@ -23,12 +23,9 @@ LOWEST_C, HIGHEST_C = -40.0, 200.0
 class AtOperation:
     """A model at one temperature.
 
-    Attributes
-    ----------
-    estimate : Estimate
-        It, without friction that depends on temperature.
-    sentence : str
-        How warm that is, in words; empty where its friction does not depend on it.
+    Attributes:
+        estimate: It, without friction that depends on temperature.
+        sentence: How warm that is, in words; empty where its friction does not depend on it.
     """
 
     estimate: Estimate
@@ -43,22 +40,17 @@ class AtOperation:
 def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | None) -> AtOperation:
     """Return a model at the temperature that a person asks for.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The model.
-    asked : str or None
-        Degrees Celsius, one or one a joint separated by commas, for a model that was identified
-        with measured temperatures; `cold`, or `warm` as the motion makes them that is repeated,
-        for one that follows warmth without thermometers.
-    velocity : ndarray, shape (samples, n), or None
-        Of the whole motion [rad/s or m/s]; None where nobody knows it ahead.
+    Args:
+        estimate: The model.
+        asked: Degrees Celsius, one or one a joint separated by commas, for a model that was
+            identified with measured temperatures; `cold`, or `warm` as the motion makes them that
+            is repeated, for one that follows warmth without thermometers.
+        velocity: Shape (samples, n). Of the whole motion [rad/s or m/s]; None where nobody knows it
+            ahead.
 
-    Raises
-    ------
-    ConfigError
-        Nothing was asked and the friction depends on temperature, or it does not and something
-        was; or what was asked is not known of this model, or is no temperature.
+    Raises:
+        ConfigError: Nothing was asked and the friction depends on temperature, or it does not and
+            something was; or what was asked is not known of this model, or is no temperature.
     """
     depends = by_temperature(estimate)
     names = [joint.name for joint in estimate.robot.joints]

@@ -26,23 +26,14 @@ def read_only(
 
     They are copied, unless nobody can write to them any more.
 
-    Parameters
-    ----------
-    name : str
-        What the array is called in a message.
-    values : array_like
-        The values.
-    dtype : dtype_like
-        Type of the array.
-    shape : tuple
-        Wanted shape; None where any length will do.
-    error : type
-        Class of the error raised.
+    Args:
+        name: What the array is called in a message.
+        dtype: Type of the array.
+        shape: Wanted shape; None where any length will do.
+        error: Class of the error raised.
 
-    Raises
-    ------
-    RidDaqError
-        Of class `error`: wrong shape, or a value that is not finite.
+    Raises:
+        RidDaqError: Of class `error`: wrong shape, or a value that is not finite.
     """
     array = np.array(values, dtype=dtype, order="C", copy=None if _is_frozen(values) else True)
     if len(array.shape) != len(shape) or any(
@@ -70,21 +61,14 @@ def freeze(
 ) -> None:
     """Put `read_only` arrays in place of a frozen dataclass's own; None stays.
 
-    Parameters
-    ----------
-    owner : object
-        The dataclass, in its `__post_init__`.
-    error, shape, dtype : type, tuple, dtype_like
-        As for `read_only`.
-    *names : str
-        The fields.
-    what : str
-        What stands before a field's name in a message.
+    Args:
+        owner: The dataclass, in its `__post_init__`.
+        error, shape, dtype: As for `read_only`.
+        *names: The fields.
+        what: What stands before a field's name in a message.
 
-    Raises
-    ------
-    RidDaqError
-        As `read_only`.
+    Raises:
+        RidDaqError: As `read_only`.
     """
     for name in names:
         if (values := getattr(owner, name)) is not None:

@@ -16,12 +16,9 @@ from importlib import resources
 class ErrorCode:
     """A code, with what is common to all its errors.
 
-    Attributes
-    ----------
-    name : str
-        `RID-AREA-NAME`.
-    cause, remedy : str
-        What is wrong, and what the user does about it; one sentence each.
+    Attributes:
+        name: `RID-AREA-NAME`.
+        cause, remedy: What is wrong, and what the user does about it; one sentence each.
     """
 
     name: str

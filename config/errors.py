@@ -13,13 +13,11 @@ from contextlib import contextmanager
 class RidDaqError(Exception):
     """Root of every error that a user may see; its notes are part of its text.
 
-    Parameters
-    ----------
-    text : str
-        What is wrong, where, and what to do.
-    code : str
-        Stable name of the error, `RID-AREA-NAME`, as declared in `config/bundled/error_codes`; an
-        error that is raised again with more text keeps it (``code=error.refusal``).
+    Args:
+        text: What is wrong, where, and what to do.
+        code: Stable name of the error, `RID-AREA-NAME`, as declared in
+            `config/bundled/error_codes`; an error that is raised again with more text keeps it
+            (``code=error.refusal``).
     """
 
     def __init__(self, text: str = "", *, code: str = "") -> None:

@@ -76,15 +76,11 @@ def load_cell(reference: str) -> LoadedCell:
 
     A cell file in a run folder is loaded with the files that were kept beside it.
 
-    Parameters
-    ----------
-    reference : str
-        The name of a bundled cell, or a path to a cell file.
+    Args:
+        reference: The name of a bundled cell, or a path to a cell file.
 
-    Raises
-    ------
-    ConfigError
-        A file is missing or invalid.
+    Raises:
+        ConfigError: A file is missing or invalid.
     """
     text, name, folder = read_named(reference, "cells", None)
     cell_tree = parse_yaml(text, name)
@@ -156,10 +152,8 @@ def load_cell(reference: str) -> LoadedCell:
 def load_robot(reference: str) -> RobotDescription:
     """Load a robot: a bundled name, or a path.
 
-    Raises
-    ------
-    ConfigError
-        The file is missing or invalid.
+    Raises:
+        ConfigError: The file is missing or invalid.
     """
     return load_bundled_or_path(reference, "robots", RobotDescription)
 
@@ -167,11 +161,8 @@ def load_robot(reference: str) -> RobotDescription:
 def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
     """Load a fault script for a simulated cell.
 
-    Raises
-    ------
-    ConfigError
-        The file is missing or invalid, or names a joint that the cell
-        does not have.
+    Raises:
+        ConfigError: The file is missing or invalid, or names a joint that the cell does not have.
     """
     return read_faults(path, cell)[0]
 
@@ -197,10 +188,8 @@ def read_faults(path: str | Path, cell: CellConfig) -> tuple[FaultScript, bytes]
 def load_bundled_or_path(reference: str, kind: str, model: type[T]) -> T:
     """Load any other kind of file: a name bundled under `kind`, or a path.
 
-    Raises
-    ------
-    ConfigError
-        The file is missing or invalid.
+    Raises:
+        ConfigError: The file is missing or invalid.
     """
     text, name, _ = read_named(reference, kind, None)
     return validate(parse_yaml(text, name), model)
@@ -215,23 +204,15 @@ def read_named(
 ) -> tuple[bytes, str, Path | None]:
     """Return a file's bytes, its name and its folder.
 
-    Parameters
-    ----------
-    reference : str
-        A name bundled under `kind`, or a path.
-    kind : str
-        The folder of bundled files: cells, robots, plants, maps, profiles, servos.
-    folder : Path or None
-        Where a relative path begins; the working folder where there is none.
-    kept : Path, optional
-        A run folder; the copy in it, `kept_name`, takes the place of what is named.
-    kept_name : str
-        The copy's name.
+    Args:
+        reference: A name bundled under `kind`, or a path.
+        kind: The folder of bundled files: cells, robots, plants, maps, profiles, servos.
+        folder: Where a relative path begins; the working folder where there is none.
+        kept: A run folder; the copy in it, `kept_name`, takes the place of what is named.
+        kept_name: The copy's name.
 
-    Raises
-    ------
-    ConfigError
-        There is no such file, or it cannot be read; the text names what there is.
+    Raises:
+        ConfigError: There is no such file, or it cannot be read; the text names what there is.
     """
     if kept is not None and (kept / kept_name).is_file():
         reference, folder = str(kept.absolute() / kept_name), None
@@ -277,10 +258,8 @@ def validate(tree: YamlTree, model: type[T]) -> T:
 
     Values outside their plausible range are refused, unless the file overrules that by their keys.
 
-    Raises
-    ------
-    ConfigError
-        One line an error, each with `file:line:column`, the key, and what is allowed.
+    Raises:
+        ConfigError: One line an error, each with `file:line:column`, the key, and what is allowed.
     """
     try:
         file = TypeAdapter(model).validate_json(tree.json())

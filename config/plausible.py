@@ -63,14 +63,10 @@ class Plausible:
 
     Of a vector its length counts.
 
-    Attributes
-    ----------
-    low, high : float
-        The smallest and the largest size.
-    unit : str
-        Of the value; empty for a ratio.
-    prismatic : Plausible or None
-        The range of a prismatic joint, where that has another unit.
+    Attributes:
+        low, high: The smallest and the largest size.
+        unit: Of the value; empty for a ratio.
+        prismatic: The range of a prismatic joint, where that has another unit.
     """
 
     low: float
@@ -134,12 +130,9 @@ def radius_of_gyration(
 ) -> dict[str, tuple[float, Plausible]]:
     """Return how far from its centre a body's mass lies (RMS) [m], with its range.
 
-    Parameters
-    ----------
-    mass_kg : float
-        Its mass [kg].
-    moments_kg_m2 : tuple of float
-        Its three moments of inertia about the centre [kg m²].
+    Args:
+        mass_kg: Its mass [kg].
+        moments_kg_m2: Its three moments of inertia about the centre [kg m²].
     """
     radius_m = math.sqrt(max(sum(moments_kg_m2), 0.0) / (2.0 * mass_kg)) if mass_kg else 0.0
     return {"radius_of_gyration_m": (radius_m, Plausible(2e-3, 5.0, _GYRATION))}

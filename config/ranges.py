@@ -114,10 +114,8 @@ class Ranged:
 
     Fields that are dataclasses look at their own numbers.
 
-    Raises
-    ------
-    ConfigError
-        A number is outside of its field's range, or is none (NaN, infinity).
+    Raises:
+        ConfigError: A number is outside of its field's range, or is none (NaN, infinity).
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -149,12 +147,8 @@ def _bounds(limits: Sequence[object], side: str) -> Iterator[float]:
 def refusal(value: float, limits: Sequence[object]) -> str | None:
     """Return why a value is refused, None if it is not.
 
-    Parameters
-    ----------
-    value : float
-        The value.
-    limits : sequence
-        The annotations of its type: bounds, and a plausible range.
+    Args:
+        limits: The annotations of its type: bounds, and a plausible range.
     """
     if not math.isfinite(value):
         return f"{value:g} is not a finite number: give a number"
@@ -174,14 +168,10 @@ def numbers_of(
 ) -> Iterator[tuple[Path, float, Sequence[object]]]:
     """Yield the numbers in fields of an object, their paths, and the annotations of their types.
 
-    Parameters
-    ----------
-    request : object
-        The object.
-    names : iterable of str
-        Names of the fields.
-    kind : type
-        The class that declares them.
+    Args:
+        request: The object.
+        names: Names of the fields.
+        kind: The class that declares them.
     """
     if kind not in _HINTS:
         _HINTS[kind] = typing.get_type_hints(kind, include_extras=True)

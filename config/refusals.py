@@ -35,14 +35,10 @@ WRITTEN: Final = {
 def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     """Return a line of what is wrong.
 
-    Parameters
-    ----------
-    tree
-        The file.
-    detail
-        One error of its validation.
-    model
-        What it was validated as.
+    Args:
+        tree: The file.
+        detail: One error of its validation.
+        model: What it was validated as.
     """
     path = _known_path(tree, detail["loc"])
     where = tree.where(path)

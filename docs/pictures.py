@@ -48,14 +48,10 @@ COMMANDS: Final = (
 class Shot(NamedTuple):
     """A part of a report that is taken besides the whole of it.
 
-    Attributes
-    ----------
-    run : str
-        The run's label.
-    plot : str
-        The kind of plot.
-    height_px : int
-        How much of it from its top, 0 for all.
+    Attributes:
+        run: The run's label.
+        plot: The kind of plot.
+        height_px: How much of it from its top, 0 for all.
     """
 
     run: str

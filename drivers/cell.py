@@ -17,16 +17,11 @@ from drivers.settings.write_log import WriteLog
 class Cell:
     """The devices of one cell, open.
 
-    Attributes
-    ----------
-    config : CellConfig
-        The cell file.
-    axes : CanServoAxes
-        The robot's drives.
-    link : CanLink
-        Their bus.
-    clock : Clock
-        The time that every deadline of this cell is in.
+    Attributes:
+        config: The cell file.
+        axes: The robot's drives.
+        link: Their bus.
+        clock: The time that every deadline of this cell is in.
     """
 
     def __init__(
@@ -91,21 +86,14 @@ def open_cell(
 ) -> Cell:
     """Open the devices of a cell; nothing is sent to them yet (`CanServoAxes.bring_up`).
 
-    Parameters
-    ----------
-    cell, robot : CellConfig, RobotDescription
-        The cell and its robot.
-    write_log : WriteLog, optional
-        Where what is written to the drives is kept, with what was there.
-    stopped : callable
-        Whether a stop was ordered; see `CanServoAxes`.
+    Args:
+        cell, robot: The cell and its robot.
+        write_log: Where what is written to the drives is kept, with what was there.
+        stopped: Whether a stop was ordered; see `CanServoAxes`.
 
-    Raises
-    ------
-    ConfigError
-        Cell and robot do not fit, or the bus would be overloaded.
-    TransportError
-        A bus cannot be opened.
+    Raises:
+        ConfigError: Cell and robot do not fit, or the bus would be overloaded.
+        TransportError: A bus cannot be opened.
     """
     link = open_can(cell.can)
     try:

@@ -6,17 +6,13 @@ from __future__ import annotations
 def printable(text: bytes | str, limit: int = 64) -> str:
     r"""Return `text` with everything but printable characters escaped, cut to `limit` characters.
 
-    Parameters
-    ----------
-    text : bytes or str
-        What the device sent; bytes are read as Latin-1, so that every byte has a character.
-    limit : int
-        Most characters of `text` that are kept before escaping.
+    Args:
+        text: What the device sent; bytes are read as Latin-1, so that every byte has a character.
+        limit: Most characters of `text` that are kept before escaping.
 
-    Examples
-    --------
-    >>> printable(b"servo\x1b[2J")
-    'servo\\x1b[2J'
+    Example:
+        >>> printable(b"servo\x1b[2J")
+        'servo\\x1b[2J'
     """
     characters = text.decode("latin-1") if isinstance(text, bytes) else text
     shown = characters[:limit]

@@ -54,16 +54,12 @@ Millimetres = Annotated[float, Field(ge=0.0), Plausible(0.05, 500.0, "mm")]
 class PayloadLimits(Ranged):
     """How sure a payload must be: 2 sigma at most.
 
-    Attributes
-    ----------
-    mass_percent : float
-        Of the mass.
-    centre_mm : float
-        Of each coordinate of the centre of gravity.
-    inertia_percent : float
-        Of each moment and product of inertia, of the largest moment about the flange.
-    residual_percent : float
-        What the fit may leave of each axis' torque (RMS).
+    Attributes:
+        mass_percent: Of the mass.
+        centre_mm: Of each coordinate of the centre of gravity.
+        inertia_percent: Of each moment and product of inertia, of the largest moment about the
+            flange.
+        residual_percent: What the fit may leave of each axis' torque (RMS).
     """
 
     mass_percent: Share = 5.0

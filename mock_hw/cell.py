@@ -34,17 +34,12 @@ class SimulatedCell:
     and removes what they left. They also end by themselves some seconds after the process that
     started them has died - late enough for the drives to notice, and stop.
 
-    Parameters
-    ----------
-    simulation : CellSimulation
-        What is simulated, and how.
+    Args:
+        simulation: What is simulated, and how.
 
-    Raises
-    ------
-    ConfigError
-        On entering: the cell's bus cannot do what is asked of the simulation.
-    TransportError
-        On entering: the bus or the drives cannot be served.
+    Raises:
+        ConfigError: On entering: the cell's bus cannot do what is asked of the simulation.
+        TransportError: On entering: the bus or the drives cannot be served.
     """
 
     def __init__(self, simulation: CellSimulation) -> None:
@@ -78,10 +73,8 @@ class SimulatedCell:
     def axes(self) -> AxisSnapshot:
         """Return where the axes really are, at most some milliseconds old.
 
-        Raises
-        ------
-        TransportError
-            The cell is not served.
+        Raises:
+            TransportError: The cell is not served.
         """
         if self._snapshots is None:
             raise TransportError(
@@ -103,12 +96,10 @@ class SimulatedCell:
     def attach(self, payload: str | None) -> None:
         """Mount a payload on the flange, or take off what hangs there (None), as a person would.
 
-        Raises
-        ------
-        ConfigError
-            The plant has no such payload.
-        TransportError
-            The cell is not served, or a drive is powered: nobody may reach into the cell then.
+        Raises:
+            ConfigError: The plant has no such payload.
+            TransportError: The cell is not served, or a drive is powered: nobody may reach into the
+                cell then.
         """
         changed = self.simulation.with_payload(payload)
         if self.axes().enabled.any():

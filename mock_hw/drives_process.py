@@ -52,18 +52,12 @@ LONGEST_WAIT_S = 0.010
 class DrivesSettings:
     """What the drives' process is told.
 
-    Attributes
-    ----------
-    simulation : CellSimulation
-        What is simulated.
-    socket : Path
-        Where the hub listens; the names of all other files begin with its name.
-    plate : PlateSettings, optional
-        The plate's amplifier.
-    registers : RegisterSettings, optional
-        The drives' registers.
-    bus : CanBusConfig, optional
-        The bus that the drives are on; None for the hub.
+    Attributes:
+        simulation: What is simulated.
+        socket: Where the hub listens; the names of all other files begin with its name.
+        plate: The plate's amplifier.
+        registers: The drives' registers.
+        bus: The bus that the drives are on; None for the hub.
     """
 
     simulation: CellSimulation

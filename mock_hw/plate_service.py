@@ -28,10 +28,8 @@ IDLE_BATCH_S = 1.0
 class PlateService:
     """Between a rack, which moves the robot, and the port of the plate under it.
 
-    Parameters
-    ----------
-    port, rack, client : AmplifierPort, DriveRack, HubClient or BusClient
-        The amplifier, the robot with its drives, and the bus that both live by.
+    Args:
+        port, rack, client: The amplifier, the robot with its drives, and the bus that both live by.
     """
 
     def __init__(self, port: AmplifierPort, rack: DriveRack, client: HubClient | BusClient) -> None:
@@ -61,10 +59,8 @@ class PlateService:
     def wait(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
         """Wait as the hub's client does, and meanwhile do what the port is told.
 
-        Raises
-        ------
-        TransportError
-            The hub is gone.
+        Raises:
+            TransportError: The hub is gone.
         """
         self._follow_port()
         if self._client.lockstep:

@@ -30,14 +30,10 @@ CONTROL_PERIOD_S = 0.004
 class PlantAxis(AxisPort):
     """One axis of the plant as its drive measures it.
 
-    Parameters
-    ----------
-    measured : Measured
-        What the rack last read of all axes.
-    number : int
-        Which of them.
-    axis : DriveAxis
-        Zero point and counting direction.
+    Args:
+        measured: What the rack last read of all axes.
+        number: Which of them.
+        axis: Zero point and counting direction.
     """
 
     def __init__(self, measured: Measured, number: int, axis: DriveAxis) -> None:
@@ -71,32 +67,20 @@ class Measured:
 class DriveRack:
     """Drives and plant on one clock, as one `SimulatedDevice`.
 
-    Parameters
-    ----------
-    cell, robot, plant : CellConfig, RobotDescription, PlantConfig
-        What is simulated.
-    seed : int
-        Of everything random.
-    snapshots : SnapshotWriter, optional
-        Where the axes' true state goes after every step; None for nowhere.
-    now_s : float, optional
-        When everything is switched on [s].
-    faults : FaultScript, optional
-        What goes wrong in drives.
-    announce : callable, optional
-        Called with the number of a fault of the program when it begins.
+    Args:
+        cell, robot, plant: What is simulated.
+        seed: Of everything random.
+        snapshots: Where the axes' true state goes after every step; None for nowhere.
+        now_s: When everything is switched on [s].
+        faults: What goes wrong in drives.
+        announce: Called with the number of a fault of the program when it begins.
 
-    Attributes
-    ----------
-    drives : list of SimulatedDrive
-        In the order of the robot's joints.
-    time_s : float
-        How far drives and plant have been brought [s].
+    Attributes:
+        drives: In the order of the robot's joints.
+        time_s: How far drives and plant have been brought [s].
 
-    Raises
-    ------
-    ConfigError
-        Cell and robot do not name the same joints.
+    Raises:
+        ConfigError: Cell and robot do not name the same joints.
     """
 
     def __init__(

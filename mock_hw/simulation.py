@@ -26,44 +26,29 @@ from mock_hw.registers.server import RegisterSettings, ServerCertificates
 class CellSimulation:
     """What is simulated, and how.
 
-    Attributes
-    ----------
-    cell : CellConfig
-        Bus, drives, and what else hangs on the computer.
-    robot : RobotDescription
-        What everybody knows of the robot.
-    plant : PlantConfig
-        What is true of it.
-    realtime : bool
-        Real time; otherwise lock-step, where the master's waits move time on.
-    pace : float or None
-        In lock-step on `rid_sim`, how many simulated seconds a second has at most; as many as the
-        computer can if None.
-    seed : int
-        Of everything random: in lock-step the same seed gives the same bytes on the bus.
-    directory : Path, optional
-        Where to serve the bus, under the name that the cell file gives its channel; None for a
-        private folder that is removed at the end.
-    unmodelled : bool
-        Whether the plant has the effects that no estimator's model has.
-    log : Path, optional
-        Where to write all frames, in candump's format; None for nowhere.
-    faults : FaultScript
-        What goes wrong, on every line of the cell. Its `program` part happens to the process that
-        enters the cell and to the processes that it starts.
-    amplifier_profile : AmplifierProfile, optional
-        What the plate's amplifier speaks; by default the bundled profile of the cell's name.
-    amplifier_baud_rate : int, optional
-        What the amplifier is set to, where that is not what the cell file says [bit/s].
-    drive_profile : DriveProfile, optional
-        The drives' registers; by default the bundled profile of the cell's name.
-    certificates : ServerCertificates, optional
-        What the drives show and want to see, where the cell's monitor uses TLS.
+    Attributes:
+        cell: Bus, drives, and what else hangs on the computer.
+        robot: What everybody knows of the robot.
+        plant: What is true of it.
+        realtime: Real time; otherwise lock-step, where the master's waits move time on.
+        pace: In lock-step on `rid_sim`, how many simulated seconds a second has at most; as many as
+            the computer can if None.
+        seed: Of everything random: in lock-step the same seed gives the same bytes on the bus.
+        directory: Where to serve the bus, under the name that the cell file gives its channel; None
+            for a private folder that is removed at the end.
+        unmodelled: Whether the plant has the effects that no estimator's model has.
+        log: Where to write all frames, in candump's format; None for nowhere.
+        faults: What goes wrong, on every line of the cell. Its `program` part happens to the
+            process that enters the cell and to the processes that it starts.
+        amplifier_profile: What the plate's amplifier speaks; by default the bundled profile of the
+            cell's name.
+        amplifier_baud_rate: What the amplifier is set to, where that is not what the cell file says
+            [bit/s].
+        drive_profile: The drives' registers; by default the bundled profile of the cell's name.
+        certificates: What the drives show and want to see, where the cell's monitor uses TLS.
 
-    Raises
-    ------
-    ValueError
-        The faults are of joints that the robot does not have.
+    Raises:
+        ValueError: The faults are of joints that the robot does not have.
     """
 
     cell: CellConfig
@@ -102,20 +87,16 @@ class CellSimulation:
     def with_payload(self, payload: str | None) -> CellSimulation:
         """Return the simulation with another body of the plant on the flange, or none (None).
 
-        Raises
-        ------
-        ConfigError
-            The plant has no such payload.
+        Raises:
+            ConfigError: The plant has no such payload.
         """
         return replace(self, plant=self.plant.with_payload(payload))
 
     def bus(self, folder: Path) -> CanBusConfig | None:
         """Return the bus to be served, with its channel; None for the hub of `rid_sim`.
 
-        Raises
-        ------
-        ConfigError
-            The bus cannot do what is asked of the simulation.
+        Raises:
+            ConfigError: The bus cannot do what is asked of the simulation.
         """
         cell, can = self.cell, self.cell.can
         if can.interface == SIMULATED:

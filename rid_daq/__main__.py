@@ -28,10 +28,8 @@ if __name__ == "__main__" and not sys.flags.safe_path and Path(sys.path[0]).reso
 def require_own_packages() -> None:
     """End the program where another package stands in for one of its own.
 
-    Raises
-    ------
-    SystemExit
-        A package that rid-daq imports would come from somewhere else.
+    Raises:
+        SystemExit: A package that rid-daq imports would come from somewhere else.
     """
     for name in _BELOW:
         spec = find_spec(name)

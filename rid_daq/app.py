@@ -35,10 +35,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def run(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code; messages go to stderr.
 
-    Parameters
-    ----------
-    arguments
-        The words after the program's name.
+    Args:
+        arguments: The words after the program's name.
     """
     written = documents_written()
     ending = ending_of(lambda: _call(list(arguments)))
@@ -62,10 +60,8 @@ def run(arguments: Sequence[str]) -> int:
 def _call(words: list[str]) -> None:
     """Call the command of a command line, or answer the completion of a shell.
 
-    Raises
-    ------
-    SystemExit
-        It has ended with another exit code, or before its time, as a help does.
+    Raises:
+        SystemExit: It has ended with another exit code, or before its time, as a help does.
     """
     root = Root()
     if asked := os.environ.get(VARIABLE):
@@ -97,16 +93,11 @@ def _output_is_closed() -> bool:
 class Ending:
     """How a command ended.
 
-    Attributes
-    ----------
-    code : int
-        Its exit code.
-    kind, message : str
-        What ended it, and why; empty where nothing did.
-    refusal : str
-        Stable code of the error that ended it, `RID-AREA-NAME`; empty without one.
-    said : bool
-        Whether a person is told so here; else the command has said it.
+    Attributes:
+        code: Its exit code.
+        kind, message: What ended it, and why; empty where nothing did.
+        refusal: Stable code of the error that ended it, `RID-AREA-NAME`; empty without one.
+        said: Whether a person is told so here; else the command has said it.
     """
 
     code: int

@@ -46,14 +46,10 @@ _MAD: Final = 1.4826
 class Times:
     """Estimated times.
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (rows,)
-        The times; the first is the first stamp [s].
-    tick_s : float or None
-        What all intervals are whole multiples of [s]; None for no such tick.
-    rate : float
-        Duration by the velocities over that of the stamps; the times keep that of the stamps.
+    Attributes:
+        time_s: Shape (rows,). The times; the first is the first stamp [s].
+        tick_s: What all intervals are whole multiples of [s]; None for no such tick.
+        rate: Duration by the velocities over that of the stamps; the times keep that of the stamps.
     """
 
     time_s: FloatArray
@@ -75,16 +71,11 @@ def estimate_times(
 ) -> Times | None:
     """Return times by some joints' velocities; None if they do not show them.
 
-    Parameters
-    ----------
-    samples : Samples
-        Rows without repeats.
-    repeats : ndarray of int64, shape (rows - 1,)
-        How many repeated rows were left out in each interval.
-    joints : tuple of int
-        The joints that tell; each has a velocity.
-    rounds : int
-        How often the times are improved.
+    Args:
+        samples: Rows without repeats.
+        repeats: Shape (rows - 1,). How many repeated rows were left out in each interval.
+        joints: The joints that tell; each has a velocity.
+        rounds: How often the times are improved.
     """
     stamps = samples.time_s
     given, usual = np.diff(stamps), samples.period_s
@@ -206,14 +197,10 @@ def _scale_and_lateness(
 def _robust(x: FloatArray, y: FloatArray, overlapping: int) -> tuple[float, float, float]:
     """Return two coefficients by least squares without far outliers, and the second one's error.
 
-    Parameters
-    ----------
-    x : ndarray, shape (rows, 2)
-        The columns.
-    y : ndarray, shape (rows,)
-        What they explain.
-    overlapping : int
-        How many neighbouring rows share their noise.
+    Args:
+        x: Shape (rows, 2). The columns.
+        y: Shape (rows,). What they explain.
+        overlapping: How many neighbouring rows share their noise.
     """
     solution = np.linalg.lstsq(x, y, rcond=None)[0]
     left = np.abs(y - x @ solution)

@@ -36,16 +36,12 @@ SAME: Final = 0.02
 class JudgedClock:
     """A clock's judgement.
 
-    Attributes
-    ----------
-    kept : ndarray of bool, shape (rows,)
-        Rows that do not repeat the one before.
-    time_s : ndarray, shape (kept rows,)
-        Their times [s].
-    position : ndarray, shape (kept rows, joints)
-        Their positions, those that were held interpolated [rad or m].
-    report : ClockReport
-        What was found.
+    Attributes:
+        kept: Shape (rows,). Rows that do not repeat the one before.
+        time_s: Shape (kept rows,). Their times [s].
+        position: Shape (kept rows, joints). Their positions, those that were held interpolated [rad
+            or m].
+        report: What was found.
     """
 
     kept: BoolArray
@@ -64,18 +60,12 @@ def judge_clock(
 ) -> JudgedClock:
     """Judge the clock of a recording.
 
-    Parameters
-    ----------
-    samples : Samples
-        Its rows.
-    robot : RobotDescription, optional
-        The robot, so that torques can object to rebuilt times.
-    coupling : ndarray, shape (n, n), optional
-        C of q = C alpha, if the positions are the actuators' alpha.
-    copies : int
-        Rows that were left out before since even their stamp was that of the row before.
-    left_out : int
-        Rows that were left out before for other reasons: they are not missing.
+    Args:
+        samples: Its rows.
+        robot: The robot, so that torques can object to rebuilt times.
+        coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
+        copies: Rows that were left out before since even their stamp was that of the row before.
+        left_out: Rows that were left out before for other reasons: they are not missing.
     """
     repeated = repeated_rows(samples)
     kept = ~repeated

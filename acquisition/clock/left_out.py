@@ -23,20 +23,15 @@ ROUNDS: Final = 2
 def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
     """Return by how much joints follow better from the times that the others give.
 
-    Parameters
-    ----------
-    samples : Samples
-        Rows without repeats.
-    repeats : ndarray of int64, shape (rows - 1,)
-        How many repeated rows were left out in each interval.
+    Args:
+        samples: Rows without repeats.
+        repeats: Shape (rows - 1,). How many repeated rows were left out in each interval.
 
-    Returns
-    -------
-    float or None
-        Mean logarithm of the error by the stamps over the error by the others' times. None if
-        fewer than two joints tell the time. 0 if the gain is not distinct: less than two standard
-        errors or 5 %, or less in half of the seconds in motion, or more than a quarter of the
-        joints get worse.
+    Returns:
+        Mean logarithm of the error by the stamps over the error by the others' times. None if fewer
+        than two joints tell the time. 0 if the gain is not distinct: less than two standard errors
+        or 5 %, or less in half of the seconds in motion, or more than a quarter of the joints get
+        worse.
     """
     begin = max(0, (len(samples) - JUDGED_ROWS) // 2)
     samples = samples.part(slice(begin, begin + JUDGED_ROWS))

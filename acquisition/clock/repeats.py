@@ -59,10 +59,8 @@ def repeated_rows(samples: Samples) -> BoolArray:
 def held_positions(samples: Samples) -> BoolArray:
     """Return which positions are those of the row before, shape (rows, joints).
 
-    Parameters
-    ----------
-    samples : Samples
-        Rows without repeats.
+    Args:
+        samples: Rows without repeats.
     """
     held = [_held(q, q[1:] == q[:-1], samples.period_s) for q in samples.position.T]
     return np.stack(held, axis=1)

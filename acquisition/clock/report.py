@@ -28,33 +28,23 @@ class Clock(StrEnum):
 class ClockReport:
     """What was found of a clock.
 
-    Attributes
-    ----------
-    clock : Clock
-        What the times are.
-    rows : int
-        Rows looked at.
-    repeated_rows : int
-        Rows that repeat the one before although the robot moves; they are left out.
-    longest_repeat : int
-        Rows in the longest run of equal ones; 1 if none repeat.
-    missing_rows : int
-        Rows that the steps of the stamps leave room for.
-    jitter_rms_s : float
-        How far the stamps' steps are from whole multiples of the median step, RMS [s].
-    held_share : tuple of float
-        Share of each joint's positions that are those of the row before although the joint moves.
-    corrected_rms_s : float
-        How far rebuilt times are from the stamps, after the best shift and rate, RMS [s].
-    rate : float
-        Duration of the rebuilt times over that of the stamps; 1 if they are kept.
-    tick_s : float or None
-        What all rebuilt steps are whole multiples of [s].
-    left_out_gain, torque_gain : float or None
-        Logarithm of the error by the stamps over that by rebuilt times, for joints left out and for
-        held-out torques; None if not known.
-    doubt : str
-        Why the clock is unknown; empty if it is not.
+    Attributes:
+        clock: What the times are.
+        rows: Rows looked at.
+        repeated_rows: Rows that repeat the one before although the robot moves; they are left out.
+        longest_repeat: Rows in the longest run of equal ones; 1 if none repeat.
+        missing_rows: Rows that the steps of the stamps leave room for.
+        jitter_rms_s: How far the stamps' steps are from whole multiples of the median step, RMS
+            [s].
+        held_share: Share of each joint's positions that are those of the row before although the
+            joint moves.
+        corrected_rms_s: How far rebuilt times are from the stamps, after the best shift and rate,
+            RMS [s].
+        rate: Duration of the rebuilt times over that of the stamps; 1 if they are kept.
+        tick_s: What all rebuilt steps are whole multiples of [s].
+        left_out_gain, torque_gain: Logarithm of the error by the stamps over that by rebuilt times,
+            for joints left out and for held-out torques; None if not known.
+        doubt: Why the clock is unknown; empty if it is not.
     """
 
     clock: Clock

@@ -19,12 +19,10 @@ WIDE_S: Final = 0.1
 class Samples:
     """Rows of a recording.
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (rows,)
-        Stamps, increasing [s].
-    position, velocity, torque : ndarray, shape (rows, joints)
-        rad or m, per second, N m or N. The velocity is NaN for a joint without.
+    Attributes:
+        time_s: Shape (rows,). Stamps, increasing [s].
+        position, velocity, torque: Shape (rows, joints). rad or m, per second, N m or N. The
+            velocity is NaN for a joint without.
     """
 
     time_s: FloatArray

@@ -37,20 +37,12 @@ def torque_gain(
 ) -> tuple[float, float] | None:
     """Return by how much the error of held-out torques falls, and its standard error.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    samples : Samples
-        Rows without repeats, with the stamps.
-    time_s : ndarray, shape (rows,)
-        The other times.
-    coupling : ndarray, shape (n, n), or None
-        C of q = C alpha, if the positions are the actuators' alpha.
+    Args:
+        samples: Rows without repeats, with the stamps.
+        time_s: Shape (rows,). The other times.
+        coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
 
-    Returns
-    -------
-    tuple of float, or None
+    Returns:
         Mean logarithm of the error by the stamps over the error by the other times; None if the
         recording is too short or too seldom to say.
     """

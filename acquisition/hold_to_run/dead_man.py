@@ -50,12 +50,9 @@ class DeadMan(SharedBlock):
     def press(self, line: Line, until_s: float) -> None:
         """Begin a press: hold to go along a line, which begins where the robot rests.
 
-        Parameters
-        ----------
-        line : Line
-            Checked.
-        until_s : float
-            Until when the key is held as far as is known, by `safety_now_s` [s].
+        Args:
+            line: Checked.
+            until_s: Until when the key is held as far as is known, by `safety_now_s` [s].
         """
         words = self._words
         words.goal[: len(line.goal)] = line.goal.tolist()

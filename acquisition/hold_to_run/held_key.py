@@ -26,14 +26,10 @@ LARGEST_SEQUENCE: Final = 2**53
 class Held(NamedTuple):
     """A key that is held.
 
-    Attributes
-    ----------
-    key : str
-        Its name.
-    press : int
-        The number of the press: another one after every release.
-    until_s : float
-        When it no longer counts as held, by `safety_now_s` [s].
+    Attributes:
+        key: Its name.
+        press: The number of the press: another one after every release.
+        until_s: When it no longer counts as held, by `safety_now_s` [s].
     """
 
     key: str
@@ -45,19 +41,13 @@ class Held(NamedTuple):
 class KeyMessage:
     """One message about a key, as the service passes it on to the worker.
 
-    Attributes
-    ----------
-    key : str
-        The key; empty if none is held any more.
-    tapped : bool
-        True for a key that was tapped, False for one that is held.
-    sender : str
-        The connection and lease that it came by.
-    sequence : int
-        The sender's number of this message.
-    issued_s : float
-        When the service issued the challenge that it answers, by `safety_now_s` [s]; 0 if the
-        service did not issue it to this sender for this job.
+    Attributes:
+        key: The key; empty if none is held any more.
+        tapped: True for a key that was tapped, False for one that is held.
+        sender: The connection and lease that it came by.
+        sequence: The sender's number of this message.
+        issued_s: When the service issued the challenge that it answers, by `safety_now_s` [s]; 0 if
+            the service did not issue it to this sender for this job.
     """
 
     key: str
@@ -119,14 +109,11 @@ class KeyVerdict(Enum):
 class _Sender:
     """What is known of a sender.
 
-    Attributes
-    ----------
-    sequence : int
-        Its latest number.
-    released : bool
-        True if it may begin a press: since its last press it has said that no key is held.
-    tap_lost : bool
-        True if its latest tap was late.
+    Attributes:
+        sequence: Its latest number.
+        released: True if it may begin a press: since its last press it has said that no key is
+            held.
+        tap_lost: True if its latest tap was late.
     """
 
     sequence: int
@@ -164,9 +151,7 @@ class HeldKey:
     def end_gap(self, now_s: float) -> float | None:
         """End a press whose messages have stopped.
 
-        Returns
-        -------
-        float or None
+        Returns:
             The age of the newest challenge that was answered [s]; None if there was no such press.
         """
         if self._held is None or now_s < self._held.until_s:
@@ -177,12 +162,8 @@ class HeldKey:
     def take(self, message: KeyMessage, now_s: float) -> KeyVerdict:
         """Take a message, and return what became of it.
 
-        Parameters
-        ----------
-        message : KeyMessage
-            The message.
-        now_s : float
-            Now, by `safety_now_s` [s].
+        Args:
+            now_s: Now, by `safety_now_s` [s].
         """
         self.end_gap(now_s)
         sender = self._senders.get(message.sender)

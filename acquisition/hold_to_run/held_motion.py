@@ -31,21 +31,15 @@ class HeldMotion:
     of an approach. A press that was over, or let go, begins nothing again. On a simulated cell in
     lock-step the motion keeps the pace of the clock, since a person holds the key.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Limits.
-    cycle_time_s : float
-        The cell's cycle [s].
-    dead_man : DeadMan
-        Says what is held.
-    once : bool
-        Whether the motion is over with the first press; else with `DeadMan.finish`, or once nothing
-        was held for `IDLE_S`.
-    unattended : bool
-        Whether each press counts as held to its end: for simulated cells, where no person is.
-    now_s : callable
-        The clock that keys are held by [s].
+    Args:
+        robot: Limits.
+        cycle_time_s: The cell's cycle [s].
+        dead_man: Says what is held.
+        once: Whether the motion is over with the first press; else with `DeadMan.finish`, or once
+            nothing was held for `IDLE_S`.
+        unattended: Whether each press counts as held to its end: for simulated cells, where no
+            person is.
+        now_s: The clock that keys are held by [s].
     """
 
     def __init__(

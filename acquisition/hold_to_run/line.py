@@ -29,14 +29,10 @@ STEP: Final = 0.01
 class Line:
     """A line that was looked at.
 
-    Attributes
-    ----------
-    start, goal : ndarray, shape (joints,)
-        Where it begins and where it ends [rad or m].
-    pace_per_s : float
-        Which share of it may be driven in a second [1/s].
-    obstacle : str
-        What it ends in front of; empty where it goes all the way.
+    Attributes:
+        start, goal: Shape (joints,). Where it begins and where it ends [rad or m].
+        pace_per_s: Which share of it may be driven in a second [1/s].
+        obstacle: What it ends in front of; empty where it goes all the way.
     """
 
     start: FloatArray
@@ -53,17 +49,13 @@ class Line:
 class LineCheck:
     """Looks at lines of one robot in one cell.
 
-    Parameters
-    ----------
-    cell, robot : CellConfig, RobotDescription
-        Limits, bodies, surroundings.
-    speed_share : float
-        Of each joint's velocity limit, that a line is driven at; `FASTEST_SHARE` at most.
+    Args:
+        cell, robot: Limits, bodies, surroundings.
+        speed_share: Of each joint's velocity limit, that a line is driven at; `FASTEST_SHARE` at
+            most.
 
-    Raises
-    ------
-    ConfigError
-        The share is not above 0, larger, or no number.
+    Raises:
+        ConfigError: The share is not above 0, larger, or no number.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, speed_share: float) -> None:

@@ -37,20 +37,14 @@ class Pilot:
 
     When the thread ends, by an error too, no more signs of a held key come: the robot rests.
 
-    Parameters
-    ----------
-    dead_man : DeadMan
-        What the cyclic task obeys.
-    joints : int
-        Of the robot.
-    keys : Keys
-        What is held.
-    plan : Plan
-        What that means.
-    until : ndarray, shape (joints,), optional
-        The pose that ends the motion, once the robot rests there [rad or m].
-    ready : callable
-        Told where the robot is held at rest, once a key would move it.
+    Args:
+        dead_man: What the cyclic task obeys.
+        joints: Of the robot.
+        keys: What is held.
+        plan: What that means.
+        until: Shape (joints,). The pose that ends the motion, once the robot rests there [rad or
+            m].
+        ready: Told where the robot is held at rest, once a key would move it.
     """
 
     def __init__(

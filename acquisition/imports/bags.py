@@ -38,28 +38,18 @@ def bag_as_table(
     the stamps stand still. Messages without any of the joints are of another device and ignored;
     what lacks in a message is empty.
 
-    Parameters
-    ----------
-    path : Path
-        A bag's folder, or a file `.db3`, `.mcap` or `.bag`.
-    import_map : ImportMap
-        A map with `joint_states`.
-    joint_names : tuple of str
-        The robot's joints, base to flange.
-    table : Path
-        The CSV file to write.
+    Args:
+        path: A bag's folder, or a file `.db3`, `.mcap` or `.bag`.
+        import_map: A map with `joint_states`.
+        joint_names: The robot's joints, base to flange.
+        table: The CSV file to write.
 
-    Returns
-    -------
-    ImportMap
+    Returns:
         How the file is to be read.
 
-    Raises
-    ------
-    ConfigError
-        It cannot be read, has no such topic or several, or does not name the joints.
-    DataQualityError
-        Its messages have no efforts.
+    Raises:
+        ConfigError: It cannot be read, has no such topic or several, or does not name the joints.
+        DataQualityError: Its messages have no efforts.
     """
     states = import_map.joint_states
     assert states is not None

@@ -29,10 +29,8 @@ FEWEST_STEPS: Final = 10
 def position_steps(rows: ImportRows) -> tuple[float | None, ...]:
     """Return the step of each joint's position [rad or m]; None where it has none.
 
-    Parameters
-    ----------
-    rows : ImportRows
-        The recording.
+    Args:
+        rows: The recording.
     """
     return tuple(_step(position) for position in rows.position.T)
 
@@ -62,12 +60,9 @@ def between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArr
     joints without velocity, are as they were recorded. What a joint did in a gap is not known: each
     stretch between gaps is followed by itself.
 
-    Parameters
-    ----------
-    rows : ImportRows
-        The recording.
-    steps : tuple of float or None
-        `position_steps` of it.
+    Args:
+        rows: The recording.
+        steps: `position_steps` of it.
     """
     position = rows.position.copy()
     spans = np.diff(rows.time_s)

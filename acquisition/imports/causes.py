@@ -50,16 +50,11 @@ def cause_of_positions(
 ) -> str:
     """Say what probably makes positions leave a joint's limits.
 
-    Parameters
-    ----------
-    position : ndarray, shape (rows, joints)
-        The joints' positions, as read [rad or m].
-    robot : RobotDescription
-        Its limits.
-    import_map : ImportMap
-        How they were read.
-    number : int
-        The joint, from 0.
+    Args:
+        position: Shape (rows, joints). The joints' positions, as read [rad or m].
+        robot: Its limits.
+        import_map: How they were read.
+        number: The joint, from 0.
     """
     limits = [joint.limits for joint in robot.joints]
     gears = np.array([joint.gear_ratio for joint in robot.joints])
@@ -92,18 +87,11 @@ def cause_of_loss(
 ) -> str:
     """Say what probably makes many rows damaged.
 
-    Parameters
-    ----------
-    rows : ImportRows
-        All rows that are numbers.
-    damaged : sequence of DamagedRow
-        The rows left out.
-    columns : ImportColumns
-        How they were read.
-    import_map : ImportMap
-        The map.
-    robot : RobotDescription or None
-        Its robot, for limits and gears.
+    Args:
+        rows: All rows that are numbers.
+        damaged: The rows left out.
+        columns: How they were read.
+        robot: Its robot, for limits and gears.
     """
     if not damaged:
         return "record more"

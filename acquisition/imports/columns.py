@@ -33,16 +33,12 @@ class ImportRows:
 
     Positions and velocities are still the actuators' where the robot has a coupling.
 
-    Attributes
-    ----------
-    row : ndarray of int64, shape (rows,)
-        Their lines in the file, from 1.
-    time_s : ndarray, shape (rows,)
-        Their stamps [s].
-    position, velocity, torque : ndarray, shape (rows, joints)
-        rad or m, per second, N m or N; NaN for a velocity that is not there.
-    temperature : ndarray, shape (rows, joints or 0)
-        [K]; no columns where there are none.
+    Attributes:
+        row: Shape (rows,). Their lines in the file, from 1.
+        time_s: Shape (rows,). Their stamps [s].
+        position, velocity, torque: Shape (rows, joints). rad or m, per second, N m or N; NaN for a
+            velocity that is not there.
+        temperature: Shape (rows, joints or 0). [K]; no columns where there are none.
     """
 
     row: IntArray
@@ -61,15 +57,12 @@ class ImportRows:
 class ImportColumns:
     """The columns used: positions, torques, velocities, temperatures of all joints.
 
-    Attributes
-    ----------
-    columns : tuple of int
-        Columns of the files; a joint without velocity has its position's there. Temperatures are
-        there for all joints or for none.
-    factors, offsets : ndarray, shape (columns,)
-        SI at the link side = factor * number + offset; NaN for a velocity that is not there.
-    coupling : ndarray, shape (n, n), or None
-        C of q = C alpha, where the positions read are the actuators' alpha.
+    Attributes:
+        columns: Columns of the files; a joint without velocity has its position's there.
+            Temperatures are there for all joints or for none.
+        factors, offsets: Shape (columns,). SI at the link side = factor * number + offset; NaN for
+            a velocity that is not there.
+        coupling: Shape (n, n). C of q = C alpha, where the positions read are the actuators' alpha.
     """
 
     columns: tuple[int, ...]
@@ -81,10 +74,9 @@ class ImportColumns:
     def of(cls, import_map: ImportMap, robot: RobotDescription | None) -> ImportColumns:
         """Take them from a map, and from its robot what the map leaves to it.
 
-        Raises
-        ------
-        ConfigError
-            The map leaves something to the robot, and the robot does not say it or is not given.
+        Raises:
+            ConfigError: The map leaves something to the robot, and the robot does not say it or is
+                not given.
         """
         units, joints = import_map.units, import_map.joints
         known = [_known(import_map, joint, robot) for joint in joints]

@@ -44,15 +44,11 @@ _FACTORS = (
 class Findings:
     """What was found.
 
-    Attributes
-    ----------
-    sentences : tuple of str
-        What is odd, a sentence each, with what to do.
-    velocity_ratio : tuple of float or None
-        Per joint, velocity from the positions over the velocity column; None where there is no such
-        column or the joint stands still.
-    static : bool
-        Whether no joint moves.
+    Attributes:
+        sentences: What is odd, a sentence each, with what to do.
+        velocity_ratio: Per joint, velocity from the positions over the velocity column; None where
+            there is no such column or the joint stands still.
+        static: Whether no joint moves.
     """
 
     sentences: tuple[str, ...]
@@ -65,22 +61,14 @@ def find(
 ) -> Findings:
     """Look at sound rows.
 
-    Parameters
-    ----------
-    rows : ImportRows
-        Sound rows, at least 2.
-    columns : ImportColumns
-        How they were read.
-    import_map : ImportMap
-        The map.
-    robot : RobotDescription or None
-        Its robot, for the limits.
+    Args:
+        rows: Sound rows, at least 2.
+        columns: How they were read.
+        robot: Its robot, for the limits.
 
-    Raises
-    ------
-    DataQualityError
-        Positions and velocities contradict one another, or positions or speeds are far beyond the
-        robot's limits.
+    Raises:
+        DataQualityError: Positions and velocities contradict one another, or positions or speeds
+            are far beyond the robot's limits.
     """
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
@@ -102,12 +90,10 @@ def find(
 def differences(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return what changes over a tenth of a second, where the stamps leave no gap.
 
-    Returns
-    -------
-    time_s : ndarray, shape (pairs,)
-        How long [s].
-    position, path, velocity : ndarray, shape (pairs, joints)
-        Change of the positions, of the integral of the velocity columns, and of these.
+    Returns:
+        `time_s`, shape (pairs,). How long [s].
+        `position, path, velocity`, shape (pairs, joints). Change of the positions, of the integral
+            of the velocity columns, and of these.
     """
     steps = np.diff(rows.time_s)
     step_s = float(np.median(steps))

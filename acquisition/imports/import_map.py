@@ -19,10 +19,8 @@ from config.robot.robot import MOST_JOINTS, Positive, RobotDescription
 def _no_name(value: object) -> object:
     """Refuse a column's name, which a newcomer gives, with what is wanted.
 
-    Raises
-    ------
-    ValueError
-        It is a name.
+    Raises:
+        ValueError: It is a name.
     """
     if isinstance(value, str):
         raise ValueError(f"columns are counted from 0: give the number of {value!r}")
@@ -313,15 +311,11 @@ class ImportMap(PhysicalFile, Derived):
 def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
     """Load an import map and the robot that it names.
 
-    Parameters
-    ----------
-    reference : str
-        The name of a bundled map, or a path to one.
+    Args:
+        reference: The name of a bundled map, or a path to one.
 
-    Raises
-    ------
-    ConfigError
-        A file is missing or invalid, or the joints do not match.
+    Raises:
+        ConfigError: A file is missing or invalid, or the joints do not match.
     """
     text, name, folder = read_named(reference, "maps", None)
     tree = parse_yaml(text, name)

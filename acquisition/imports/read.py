@@ -47,35 +47,23 @@ def import_csv(
     column used, holds a value beyond `plausible`, has a time stamp that is doubled or out of order,
     or is further from its neighbours than the joints can move.
 
-    Parameters
-    ----------
-    file : Path
-        The file.
-    import_map : ImportMap
-        Its columns and units.
-    robot : RobotDescription, optional
-        The map's robot; needed where the map leaves gear ratios or torque constants to it, and to
-        hold positions, speeds and torques against its limits.
-    further : sequence of Path
-        The map's `further_files`.
-    run_id : str
-        Provenance of the recording.
+    Args:
+        import_map: Its columns and units.
+        robot: The map's robot; needed where the map leaves gear ratios or torque constants to it,
+            and to hold positions, speeds and torques against its limits.
+        further: The map's `further_files`.
+        run_id: Provenance of the recording.
 
-    Returns
-    -------
-    Recording
-        The sound rows, every one of the main phase, with their own time stamps or rebuilt times;
-        on a uniform grid of whole periods where the map has `period_s`.
-    ImportReport
+    Returns:
+        The sound rows, every one of the main phase, with their own time stamps or rebuilt times; on
+            a uniform grid of whole periods where the map has `period_s`.
         What was read and left out, and what is odd about the rest.
 
-    Raises
-    ------
-    ConfigError
-        A file cannot be read, or map and robot leave out what turns its columns into SI.
-    DataQualityError
-        More of it is damaged than the map's `left_out_limit`, it is too short, its velocities
-        contradict the positions, or these are far beyond the robot's limits.
+    Raises:
+        ConfigError: A file cannot be read, or map and robot leave out what turns its columns into
+            SI.
+        DataQualityError: More of it is damaged than the map's `left_out_limit`, it is too short,
+            its velocities contradict the positions, or these are far beyond the robot's limits.
     """
     columns = ImportColumns.of(import_map, robot)
     damaged: list[DamagedRow] = []

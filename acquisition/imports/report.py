@@ -49,34 +49,21 @@ class DamagedRows:
 class ImportReport:
     """What an import read.
 
-    Attributes
-    ----------
-    file, map_name : str
-        Name of the file, without folders, and of the map.
-    rows_read, rows_used : int
-        Rows of data looked at, and those that went into the recording.
-    damaged : tuple of DamagedRows
-        Rows left out, in order.
-    duration_s : float
-        From the first used row to the last [s].
-    step_min_s, step_median_s, step_max_s : float
-        Time steps between used rows [s].
-    gaps : int
-        Steps longer than 5 median steps.
-    travel : tuple of float
-        Range of each joint's position [rad or m].
-    velocity_ratio : tuple of float or None
-        Per joint, velocity from the positions over the velocity column; 1 where both agree, None
-        where there is no such column or the joint stands still.
-    refined_step : tuple of float or None
-        Per joint, the step that its position was recorded in [rad or m] and between which it
-        follows the recorded velocity; None where there is no such step or no velocity.
-    findings : tuple of str
-        What is odd about the rows used, a sentence each.
-    static : bool
-        Whether no joint moves.
-    clock : ClockReport or None
-        Repeated rows, jitter, and where the times come from; None if it was not judged.
+    Attributes:
+        file, map_name: Name of the file, without folders, and of the map.
+        rows_read, rows_used: Rows of data looked at, and those that went into the recording.
+        damaged: Rows left out, in order.
+        duration_s: From the first used row to the last [s].
+        step_min_s, step_median_s, step_max_s: Time steps between used rows [s].
+        gaps: Steps longer than 5 median steps.
+        travel: Range of each joint's position [rad or m].
+        velocity_ratio: Per joint, velocity from the positions over the velocity column; 1 where
+            both agree, None where there is no such column or the joint stands still.
+        refined_step: Per joint, the step that its position was recorded in [rad or m] and between
+            which it follows the recorded velocity; None where there is no such step or no velocity.
+        findings: What is odd about the rows used, a sentence each.
+        static: Whether no joint moves.
+        clock: Repeated rows, jitter, and where the times come from; None if it was not judged.
     """
 
     file: str

@@ -35,20 +35,13 @@ def leave_out(
 ) -> tuple[ImportRows, tuple[str, ...]]:
     """Leave out rows that are absurd, not in the order of time, or cannot be reached.
 
-    Parameters
-    ----------
-    rows : ImportRows
-        As read.
-    import_map : ImportMap
-        What is plausible.
-    damaged : list of DamagedRow
-        Gets the rows that are left out.
+    Args:
+        rows: As read.
+        import_map: What is plausible.
+        damaged: Gets the rows that are left out.
 
-    Returns
-    -------
-    ImportRows
+    Returns:
         The sound rows; their stamps increase.
-    tuple of str
         What is odd about the rows that are used, a sentence each.
     """
     rows = _leave_out_absurd(rows, import_map, damaged)

@@ -29,18 +29,12 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 class ImportTable:
     """Rows whose columns are numbers.
 
-    Attributes
-    ----------
-    row : ndarray of int64, shape (rows,)
-        Their lines in the first file, from 1.
-    time_s : ndarray, shape (rows,)
-        Their stamps, or their number over the rate [s].
-    values : ndarray, shape (rows, columns)
-        The columns asked for, as they stand in the files.
-    rows_read : int
-        Rows of data looked at, with those that are damaged.
-    notes : tuple of str
-        What is wrong in further files, a sentence each.
+    Attributes:
+        row: Shape (rows,). Their lines in the first file, from 1.
+        time_s: Shape (rows,). Their stamps, or their number over the rate [s].
+        values: Shape (rows, columns). The columns asked for, as they stand in the files.
+        rows_read: Rows of data looked at, with those that are damaged.
+        notes: What is wrong in further files, a sentence each.
     """
 
     row: IntArray
@@ -58,22 +52,15 @@ def read_tables(
 ) -> ImportTable:
     """Read files by a map; what is no row of numbers is named and left out.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        The first file, then those that the map calls `further_files`.
-    import_map : ImportMap
-        How they are laid out.
-    columns : sequence of int
-        The columns wanted, counted through all files.
-    damaged : list of DamagedRow
-        Gets the rows that are left out, as rows of the first file.
+    Args:
+        files: The first file, then those that the map calls `further_files`.
+        import_map: How they are laid out.
+        columns: The columns wanted, counted through all files.
+        damaged: Gets the rows that are left out, as rows of the first file.
 
-    Raises
-    ------
-    ConfigError
-        There are more or fewer files than the map says, one cannot be read, or it ends before the
-        rows that the map asks for.
+    Raises:
+        ConfigError: There are more or fewer files than the map says, one cannot be read, or it ends
+            before the rows that the map asks for.
     """
     expected = 1 + len(import_map.further_files)
     if len(files) != expected:
@@ -91,15 +78,12 @@ def read_tables(
 def in_order(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Return which rows must go for time stamps to increase: the fewest.
 
-    Parameters
-    ----------
-    stamps : ndarray, shape (rows,)
-        Finite time stamps.
+    Args:
+        stamps: Shape (rows,). Finite time stamps.
 
-    Returns
-    -------
-    doubled, disordered : ndarray of bool, shape (rows,)
-        Rows with the stamp of the row before them, and others.
+    Returns:
+        `doubled, disordered`, shape (rows,). Rows with the stamp of the row before them, and
+        others.
     """
     doubled = np.zeros(len(stamps), dtype=np.bool_)
     doubled[1:] = stamps[1:] == stamps[:-1]

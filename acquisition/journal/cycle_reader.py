@@ -21,15 +21,11 @@ from config.errors import RecordingError
 class CycleReader:
     """Reads a journal once, from where it stopped; a context manager.
 
-    Parameters
-    ----------
-    path : Path
-        The `.mcap` file, in whatever state; it is not changed.
+    Args:
+        path: The `.mcap` file, in whatever state; it is not changed.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read.
+    Raises:
+        RecordingError: The file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -48,10 +44,8 @@ class CycleReader:
     def header(self) -> JournalHeader:
         """What the journal says about itself; known once a row was read.
 
-        Raises
-        ------
-        RecordingError
-            There is no row, or the header is lost.
+        Raises:
+            RecordingError: There is no row, or the header is lost.
         """
         if self._header is None:
             raise RecordingError(
@@ -68,15 +62,11 @@ class CycleReader:
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
         """Yield the rows that were not read before, as `row_dtype`, about a thousand at a time.
 
-        Parameters
-        ----------
-        growing : bool
-            Whether the file may still be written.
+        Args:
+            growing: Whether the file may still be written.
 
-        Raises
-        ------
-        RecordingError
-            The file cannot be read, or is not a journal of this program.
+        Raises:
+            RecordingError: The file cannot be read, or is not a journal of this program.
         """
         for messages in self._reader.pieces(growing=growing):
             if self._header is None:
@@ -91,10 +81,8 @@ class CycleReader:
     def recordings(self, *, growing: bool = False) -> Iterator[Recording]:
         """Yield what was not read before as parts of one `Recording`; errors as those of `rows`.
 
-        Raises
-        ------
-        RecordingError
-            The rows do not make a recording (time stamps that do not increase).
+        Raises:
+            RecordingError: The rows do not make a recording (time stamps that do not increase).
         """
         for rows in self.rows(growing=growing):
             part = recording_of(self.header, rows)
@@ -126,17 +114,12 @@ class CycleReader:
 def read_tail(path: Path, seconds: float) -> Recording:
     """Return at least the last seconds of a journal, in pieces that need not all be in memory.
 
-    Parameters
-    ----------
-    path : Path
-        The `.mcap` file, written no more.
-    seconds : float
-        How much is wanted [s].
+    Args:
+        path: The `.mcap` file, written no more.
+        seconds: How much is wanted [s].
 
-    Raises
-    ------
-    RecordingError
-        As those of `CycleReader`.
+    Raises:
+        RecordingError: As those of `CycleReader`.
     """
     kept: deque[Recording] = deque()
     with CycleReader(path) as reader:
@@ -154,10 +137,8 @@ def read_tail(path: Path, seconds: float) -> Recording:
 def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
     """Return rows of a journal as a `Recording`.
 
-    Raises
-    ------
-    RecordingError
-        They do not make one (time stamps that do not increase).
+    Raises:
+        RecordingError: They do not make one (time stamps that do not increase).
     """
     answered = rows["valid"] != 0
     return Recording(

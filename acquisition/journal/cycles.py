@@ -25,17 +25,12 @@ TOPIC = "/cycle"
 class JournalWriter(JournalFile):
     """Writes rows to a new MCAP file; a context manager.
 
-    Parameters
-    ----------
-    path : Path
-        The file; it must not exist.
-    header : JournalHeader
-        What the recording says about itself.
+    Args:
+        path: The file; it must not exist.
+        header: What the recording says about itself.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be made or written (disk full, no permission, it exists).
+    Raises:
+        RecordingError: The file cannot be made or written (disk full, no permission, it exists).
     """
 
     def __init__(self, path: Path, header: JournalHeader) -> None:
@@ -57,14 +52,10 @@ class JournalWriter(JournalFile):
 class Journal:
     """What could be read of a journal.
 
-    Attributes
-    ----------
-    header : JournalHeader
-        Joints, sample period, provenance.
-    rows : ndarray of `row_dtype`, shape (rows,)
-        The rows, in the order written.
-    damage : JournalDamage
-        What is missing.
+    Attributes:
+        header: Joints, sample period, provenance.
+        rows: Shape (rows,). The rows, in the order written.
+        damage: What is missing.
     """
 
     header: JournalHeader
@@ -74,10 +65,8 @@ class Journal:
     def recording(self) -> Recording:
         """Return the rows as a `Recording`.
 
-        Raises
-        ------
-        RecordingError
-            The rows do not make one (time stamps that do not increase).
+        Raises:
+            RecordingError: The rows do not make one (time stamps that do not increase).
         """
         return recording_of(self.header, self.rows)
 
@@ -85,20 +74,15 @@ class Journal:
 def read_journal(path: Path) -> Journal:
     """Read a journal, whatever state it is in.
 
-    Parameters
-    ----------
-    path : Path
-        The `.mcap` file; it is not changed.
+    Args:
+        path: The `.mcap` file; it is not changed.
 
-    Returns
-    -------
-    Journal
+    Returns:
         Every row whose checksum is right, and what is missing.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read, is not a journal of this program, or holds no readable row.
+    Raises:
+        RecordingError: The file cannot be read, is not a journal of this program, or holds no
+            readable row.
     """
     with CycleReader(path) as reader:
         parts = list(reader.rows())

@@ -19,17 +19,12 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 class DiskReserve:
     """Blocks of an unlinked temporary file: they are free again when this process ends.
 
-    Parameters
-    ----------
-    folder : Path
-        A folder on the disk.
-    size_bytes : int
-        How much; 0 for none.
+    Args:
+        folder: A folder on the disk.
+        size_bytes: How much; 0 for none.
 
-    Raises
-    ------
-    RecordingError
-        There is not so much room.
+    Raises:
+        RecordingError: There is not so much room.
     """
 
     def __init__(self, folder: Path, size_bytes: int) -> None:

@@ -26,10 +26,8 @@ class HeaderModel(ConfigModel):
     def from_metadata(cls, pairs: Mapping[str, str]) -> Self:
         """Return the header that `to_metadata` wrote.
 
-        Raises
-        ------
-        RecordingError
-            The pairs are not those of a header, or are damaged.
+        Raises:
+            RecordingError: The pairs are not those of a header, or are damaged.
         """
         text = pairs.get("header", "")
         if pairs.get("crc32") != str(zlib.crc32(text.encode())):

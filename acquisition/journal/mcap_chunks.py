@@ -41,10 +41,8 @@ class ChunkIndices:
 def keep_as_bytes(writer: Writer) -> None:
     """Let a new writer keep its index of chunks as bytes.
 
-    Raises
-    ------
-    RecordingError
-        The library's writer has no such list.
+    Raises:
+        RecordingError: The library's writer has no such list.
     """
     if vars(writer).get(ATTRIBUTE) != []:
         raise RecordingError(

@@ -45,16 +45,11 @@ _MAYBE_CHUNK = re.compile(rb"\x06(?=.{4}\0{4}.{16}.{4}\0{4}.{4}\0{4}.{4}\0{4})",
 class JournalDamage:
     """What a journal has lost.
 
-    Attributes
-    ----------
-    finished : bool
-        The recorder closed the file. Otherwise rows after the last one may be missing.
-    gaps : tuple of (int, int)
-        First row missing and how many, counted from row 0.
-    bad_chunks : int
-        Chunks that were there and failed their CRC.
-    torn_bytes : int
-        Bytes after the last readable chunk of a file that was not closed.
+    Attributes:
+        finished: The recorder closed the file. Otherwise rows after the last one may be missing.
+        gaps: First row missing and how many, counted from row 0.
+        bad_chunks: Chunks that were there and failed their CRC.
+        torn_bytes: Bytes after the last readable chunk of a file that was not closed.
     """
 
     finished: bool
@@ -87,16 +82,11 @@ class JournalDamage:
 class Messages:
     """Messages of a file whose checksums are right, in the order written.
 
-    Attributes
-    ----------
-    channels : list of int
-        Channel id of each message.
-    payloads : list of bytes
-        Body of each message.
-    sequences : list of int
-        Number of each message among all that were written; a gap is a loss.
-    times_ns : list of int
-        Time of each message [ns].
+    Attributes:
+        channels: Channel id of each message.
+        payloads: Body of each message.
+        sequences: Number of each message among all that were written; a gap is a loss.
+        times_ns: Time of each message [ns].
     """
 
     channels: list[int] = field(default_factory=list)
@@ -109,12 +99,9 @@ class Messages:
 class RawJournal(Messages):
     """All messages of a file.
 
-    Attributes
-    ----------
-    headers : tuple of dict
-        What may be the file's header, the better kept copy first.
-    damage : JournalDamage
-        What is missing.
+    Attributes:
+        headers: What may be the file's header, the better kept copy first.
+        damage: What is missing.
     """
 
     headers: tuple[dict[str, str], ...] = ()
@@ -124,15 +111,11 @@ class RawJournal(Messages):
 class JournalReader:
     """Reads a file in pieces, and what is written to it meanwhile; a context manager.
 
-    Parameters
-    ----------
-    path : Path
-        The `.mcap` file, in whatever state; it is not changed.
+    Args:
+        path: The `.mcap` file, in whatever state; it is not changed.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read.
+    Raises:
+        RecordingError: The file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -164,15 +147,11 @@ class JournalReader:
     def pieces(self, *, growing: bool = False) -> Iterator[Messages]:
         """Yield what was not read before, up to the file's present end, a quarter MB at a time.
 
-        Parameters
-        ----------
-        growing : bool
-            Whether what is cut off at the end may still be written.
+        Args:
+            growing: Whether what is cut off at the end may still be written.
 
-        Raises
-        ------
-        RecordingError
-            The file cannot be read, or its messages are in no order.
+        Raises:
+            RecordingError: The file cannot be read, or its messages are in no order.
         """
         with self._named():
             at_end = False
@@ -192,10 +171,8 @@ class JournalReader:
     def damage(self) -> JournalDamage:
         """Return what is missing of a file that was read to its end, and is written no more.
 
-        Raises
-        ------
-        RecordingError
-            The file cannot be read.
+        Raises:
+            RecordingError: The file cannot be read.
         """
         with self._named():
             total = count_written(self._file)
@@ -308,15 +285,11 @@ class JournalReader:
 def read_raw_journal(path: Path) -> RawJournal:
     """Read the messages of a file, whatever state it is in.
 
-    Parameters
-    ----------
-    path : Path
-        The `.mcap` file; it is not changed.
+    Args:
+        path: The `.mcap` file; it is not changed.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read, or its messages are in no order.
+    Raises:
+        RecordingError: The file cannot be read, or its messages are in no order.
     """
     whole = Messages()
     with JournalReader(path) as reader:
@@ -338,10 +311,8 @@ def read_raw_journal(path: Path) -> RawJournal:
 def messages_written(path: Path) -> int | None:
     """Return how many messages a closed file says that it holds; None where it does not say.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read.
+    Raises:
+        RecordingError: The file cannot be read.
     """
     with (
         system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"),

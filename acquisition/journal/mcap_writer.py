@@ -39,10 +39,8 @@ def open_new(path: Path) -> FileIO:
 def being_written(path: Path) -> bool:
     """Return whether a recorder of this computer still has the journal open.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read.
+    Raises:
+        RecordingError: The file cannot be read.
     """
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
@@ -84,26 +82,18 @@ class _Unbuffered:
 class JournalFile:
     """A new MCAP file, open for writing; a context manager.
 
-    Parameters
-    ----------
-    path : Path
-        The file; it must not exist.
-    metadata : dict of str
-        What the file says about itself.
-    reserve_bytes : int
-        Room kept free on the disk, so that a file can be finished when the disk is full.
+    Args:
+        path: The file; it must not exist.
+        metadata: What the file says about itself.
+        reserve_bytes: Room kept free on the disk, so that a file can be finished when the disk is
+            full.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    rows : int
-        Messages written so far, of all channels; each carries its number.
+    Attributes:
+        path: The file.
+        rows: Messages written so far, of all channels; each carries its number.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be made or written (disk full, no permission, it exists).
+    Raises:
+        RecordingError: The file cannot be made or written (disk full, no permission, it exists).
     """
 
     def __init__(self, path: Path, metadata: dict[str, str], *, reserve_bytes: int = 0) -> None:

@@ -68,20 +68,14 @@ class MonitorWriter(JournalFile):
 class MonitorStream:
     """Rounds of questions to the drives, on the clock of the cycles.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    time_s : ndarray, shape (rounds,)
-        When they were asked [s].
-    temperature_k, operating_time_s : ndarray, shape (rounds, joints)
-        Of the motors [K], and since their drives were switched on [s].
-    valid : ndarray of bool, shape (rounds, joints)
-        Which drives answered; the other values mean nothing.
-    notes : tuple of str
-        What the file has lost, one sentence each.
-    run_id : str
-        The run that it was recorded in; empty where the file does not say.
+    Attributes:
+        joint_names: Base to flange.
+        time_s: Shape (rounds,). When they were asked [s].
+        temperature_k, operating_time_s: Shape (rounds, joints). Of the motors [K], and since their
+            drives were switched on [s].
+        valid: Shape (rounds, joints). Which drives answered; the other values mean nothing.
+        notes: What the file has lost, one sentence each.
+        run_id: The run that it was recorded in; empty where the file does not say.
     """
 
     joint_names: tuple[str, ...]
@@ -119,10 +113,8 @@ class MonitorStream:
 def read_monitor(path: Path) -> MonitorStream:
     """Read a monitor's file, whatever state it is in.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be read, or is no such file.
+    Raises:
+        RecordingError: It cannot be read, or is no such file.
     """
     raw = read_raw_journal(path)
     header = first_header(MonitorHeader, raw.headers)
@@ -153,24 +145,16 @@ def read_monitor(path: Path) -> MonitorStream:
 def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None, tuple[str, ...]]:
     """Return what the drives of a run told of themselves.
 
-    Parameters
-    ----------
-    recording : Recording
-        What was recorded, or what of it there is until now.
-    folder : Path
-        The run's folder.
+    Args:
+        recording: What was recorded, or what of it there is until now.
+        folder: The run's folder.
 
-    Returns
-    -------
-    stream : MonitorStream or None
-        Every drive's temperatures; None where there are none.
-    notes : tuple of str
-        Why there are no temperatures, or what of them is lost; empty where all is well.
+    Returns:
+        `stream`. Every drive's temperatures; None where there are none.
+        `notes`. Why there are no temperatures, or what of them is lost; empty where all is well.
 
-    Raises
-    ------
-    RecordingError
-        The monitor was of another robot or run.
+    Raises:
+        RecordingError: The monitor was of another robot or run.
     """
     path = folder / MONITOR
     if not path.exists():

@@ -69,12 +69,9 @@ class PlateHeader(HeaderModel):
 def overloaded(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
     """Return which channels are not to be believed, (rows, 8).
 
-    Parameters
-    ----------
-    rows : ndarray with `status` and `counts`, shape (rows,)
-        As received, or as written.
-    full_scale_counts : int
-        Counts that stand for the range.
+    Args:
+        rows: Shape (rows,). As received, or as written.
+        full_scale_counts: Counts that stand for the range.
     """
     flagged = (rows["status"][:, np.newaxis] >> np.arange(CHANNELS)) & 1 == 1
     high = np.abs(rows["counts"].astype(np.int64)) >= SATURATION * full_scale_counts
@@ -93,15 +90,11 @@ ROW_CHANNEL, EVENT_CHANNEL = 1, 2
 class PlateJournalWriter(JournalFile):
     """Writes rows and events of a plate to a new file.
 
-    Attributes
-    ----------
-    simulated_time : bool
-        Whether the arrivals are a simulated cell's time.
+    Attributes:
+        simulated_time: Whether the arrivals are a simulated cell's time.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be made or written.
+    Raises:
+        RecordingError: The file cannot be made or written.
     """
 
     def __init__(self, path: Path, header: PlateHeader) -> None:
@@ -122,17 +115,12 @@ class PlateJournalWriter(JournalFile):
     def append(self, read: PlateRead, first_stream: int) -> NDArray[Any]:
         """Write what one read brought.
 
-        Parameters
-        ----------
-        read : PlateRead
-            Rows and events of a stream.
-        first_stream : int
-            What is added to their stream numbers.
+        Args:
+            read: Rows and events of a stream.
+            first_stream: What is added to their stream numbers.
 
-        Returns
-        -------
-        ndarray of `ROW_DTYPE`, shape (rows,)
-            The rows as written.
+        Returns:
+            Shape (rows,). The rows as written.
         """
         rows = np.empty(len(read.rows), dtype=ROW_DTYPE)
         rows["arrival_s"] = read.arrival_s
@@ -192,16 +180,11 @@ class PlateJournalWriter(JournalFile):
 class PlateRows:
     """What could be read of a plate's journal.
 
-    Attributes
-    ----------
-    header : PlateHeader
-        Plate, amplifier, profile, provenance.
-    rows : ndarray of `ROW_DTYPE`, shape (rows,)
-        In the order received.
-    events : ndarray of `EVENT_DTYPE`, shape (events,)
-        In the order received.
-    damage : JournalDamage
-        What the file has lost; its rows and events are numbered together.
+    Attributes:
+        header: Plate, amplifier, profile, provenance.
+        rows: Shape (rows,). In the order received.
+        events: Shape (events,). In the order received.
+        damage: What the file has lost; its rows and events are numbered together.
     """
 
     header: PlateHeader
@@ -272,15 +255,11 @@ class PlateRows:
 def read_plate_journal(path: Path) -> PlateRows:
     """Read a plate's journal, whatever state it is in.
 
-    Parameters
-    ----------
-    path : Path
-        The `.mcap` file; it is not changed.
+    Args:
+        path: The `.mcap` file; it is not changed.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read, or is not a plate's journal of this program.
+    Raises:
+        RecordingError: The file cannot be read, or is not a plate's journal of this program.
     """
     raw = read_raw_journal(path)
     header = first_header(PlateHeader, raw.headers)

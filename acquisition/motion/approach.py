@@ -24,19 +24,14 @@ def approach(
 ) -> MotionSamples:
     """Return a gentle move from rest to rest, at 30 % of the velocity and acceleration limits.
 
-    Parameters
-    ----------
-    from_position, to_position : ndarray, shape (joints,)
-        Poses [rad or m]: where the robot stands, and where the motion starts.
-    robot : RobotDescription
-        Joints and limits.
-    sample_period_s : float
-        The cell's cycle time [s].
+    Args:
+        from_position, to_position: Shape (joints,). Poses [rad or m]: where the robot stands, and
+            where the motion starts.
+        robot: Joints and limits.
+        sample_period_s: The cell's cycle time [s].
 
-    Raises
-    ------
-    ConfigError
-        A pose is outside the position limits.
+    Raises:
+        ConfigError: A pose is outside the position limits.
     """
     n = len(robot.joints)
     start = read_only("pose to start from", from_position, float, (n,), ConfigError)

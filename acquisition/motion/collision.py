@@ -26,23 +26,15 @@ def refuse_collision(
     Bodies that are closer already where the path begins may stay as close, but not come closer:
     a robot that stands too near can be led away.
 
-    Parameters
-    ----------
-    clearances : Clearances
-        What must stay apart.
-    position : ndarray, shape (samples, n)
-        The path's joint positions [rad or m].
-    sample_period_s : float
-        Time between rows [s].
-    what : str
-        What the path is called in the message.
-    meanwhile : callable
-        Called every few milliseconds.
+    Args:
+        clearances: What must stay apart.
+        position: Shape (samples, n). The path's joint positions [rad or m].
+        sample_period_s: Time between rows [s].
+        what: What the path is called in the message.
+        meanwhile: Called every few milliseconds.
 
-    Raises
-    ------
-    PreflightError
-        Two bodies come too close; the text names them, the distance and the time.
+    Raises:
+        PreflightError: Two bodies come too close; the text names them, the distance and the time.
     """
     if len(clearances) == 0:
         return
@@ -76,14 +68,10 @@ def clear_rows(
 
     Bodies that are closer already where the path begins may stay as close, but not come closer.
 
-    Parameters
-    ----------
-    clearances : Clearances
-        What must stay apart.
-    position : ndarray, shape (samples, n)
-        The path's joint positions [rad or m].
-    meanwhile : callable
-        Called every few milliseconds.
+    Args:
+        clearances: What must stay apart.
+        position: Shape (samples, n). The path's joint positions [rad or m].
+        meanwhile: Called every few milliseconds.
     """
     if len(clearances) == 0:
         return len(position)

@@ -14,18 +14,13 @@ from config.errors import ConfigError
 def samples_of_period(period_s: float, sample_period_s: float) -> int:
     """Return how many samples one period holds.
 
-    Parameters
-    ----------
-    period_s : float
-        The period [s].
-    sample_period_s : float
-        Time between samples [s].
+    Args:
+        period_s: The period [s].
+        sample_period_s: Time between samples [s].
 
-    Raises
-    ------
-    ConfigError
-        The period is not a whole number of samples (the message names the nearest that are), or
-        holds fewer than four.
+    Raises:
+        ConfigError: The period is not a whole number of samples (the message names the nearest that
+            are), or holds fewer than four.
     """
     exact = period_s / sample_period_s
     samples = round(exact)
@@ -52,18 +47,13 @@ def samples_of_period(period_s: float, sample_period_s: float) -> int:
 class FourierTrajectory:
     """A Fourier series per joint with a whole number of samples in its period.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    sample_period_s : float
-        Time between samples [s].
-    samples_per_period : int
-        Samples of one period, K.
-    offset : ndarray, shape (joints,)
-        q_i0 [rad or m].
-    sine, cosine : ndarray, shape (harmonics, joints)
-        a_ik and b_ik [rad or m]; row k - 1 belongs to harmonic k.
+    Attributes:
+        joint_names: Base to flange.
+        sample_period_s: Time between samples [s].
+        samples_per_period: Samples of one period, K.
+        offset: Shape (joints,). q_i0 [rad or m].
+        sine, cosine: Shape (harmonics, joints). a_ik and b_ik [rad or m]; row k - 1 belongs to
+            harmonic k.
     """
 
     joint_names: tuple[str, ...]

@@ -31,14 +31,10 @@ _MOST_NAMED: Final = 3
 class KnownPose:
     """Where a robot stood when it was last seen.
 
-    Attributes
-    ----------
-    position : tuple of float, length joints
-        Of the joints [rad or m].
-    seen : str
-        By what and when, as "run 01M8... (2026-11-26T15:04:05+00:00)".
-    binding : bool
-        Whether a motion is refused if the robot stands elsewhere; otherwise it is noted.
+    Attributes:
+        position: Length joints. Of the joints [rad or m].
+        seen: By what and when, as "run 01M8... (2026-11-26T15:04:05+00:00)".
+        binding: Whether a motion is refused if the robot stands elsewhere; otherwise it is noted.
     """
 
     position: tuple[float, ...]
@@ -48,12 +44,9 @@ class KnownPose:
     def displacements(self, robot: RobotDescription, position: Sequence[float]) -> list[str]:
         """Return a phrase for each joint that stands elsewhere, empty if none does.
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            The joints.
-        position : sequence of float
-            Where they stand now [rad or m].
+        Args:
+            robot: The joints.
+            position: Where they stand now [rad or m].
         """
         found = []
         for joint, now, then in zip(robot.joints, position, self.position, strict=True):
@@ -72,15 +65,11 @@ class KnownPose:
     def refuse_moved(self, robot: RobotDescription, position: Sequence[float]) -> str:
         """Refuse a motion if a joint stands elsewhere than it was seen last.
 
-        Returns
-        -------
-        str
+        Returns:
             A note if the pose is not binding and a joint stands elsewhere; otherwise empty.
 
-        Raises
-        ------
-        PreflightError
-            The pose is binding and a joint stands elsewhere.
+        Raises:
+            PreflightError: The pose is binding and a joint stands elsewhere.
         """
         moved = self.displacements(robot, position)
         if not moved:

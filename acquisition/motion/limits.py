@@ -99,19 +99,14 @@ def sizes_between_rows(
     The quintic through each pair of rows stays within the hull of its control points. Where that
     leaves an acceleration beyond its limit, the acceleration itself is looked at.
 
-    Parameters
-    ----------
-    path : JointTrajectory
-        The rows.
-    sample_period_s : float
-        Time between them [s].
-    acceleration_limit : ndarray, shape (n,)
-        Below it a hull is told in place of an acceleration.
+    Args:
+        path: The rows.
+        sample_period_s: Time between them [s].
+        acceleration_limit: Shape (n,). Below it a hull is told in place of an acceleration.
 
-    Returns
-    -------
-    speed, acceleration : ndarray, shape (rows, n)
-        Sizes; of what lies between two rows both have the larger one.
+    Returns:
+        `speed, acceleration`, shape (rows, n). Sizes; of what lies between two rows both have the
+        larger one.
     """
     h = sample_period_s
     q0, v0, a0 = (values[:-1] for values in path)
@@ -161,19 +156,13 @@ def verify_limits(
     The motion is rebuilt as the quintic through each pair of neighbouring rows (their positions,
     velocities and accelerations), so a step in the rows shows up as the speed that it takes.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion.
-    robot : RobotDescription
-        The limits.
-    oversampling : int
-        Points looked at per sample period.
+    Args:
+        samples: The motion.
+        robot: The limits.
+        oversampling: Points looked at per sample period.
 
-    Raises
-    ------
-    ConfigError
-        A limit is exceeded; the text names every joint, value and limit.
+    Raises:
+        ConfigError: A limit is exceeded; the text names every joint, value and limit.
     """
     if samples.joint_names != robot.joint_names:
         raise ConfigError(
@@ -200,10 +189,8 @@ def verify_limits(
 def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
     """Refuse to begin where a joint stands outside its limits.
 
-    Raises
-    ------
-    PreflightError
-        One does; the text names it.
+    Raises:
+        PreflightError: One does; the text names it.
     """
     for joint, value in zip(robot.joints, position, strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max

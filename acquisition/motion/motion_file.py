@@ -47,15 +47,11 @@ class MotionFile(RootModel[AnyMotion]):
 def load_motion(path: str | Path) -> AnyMotion:
     """Load a motion file; the rows of a table that it names are in what is returned.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
+    Args:
+        path: The file.
 
-    Raises
-    ------
-    ConfigError
-        The file, or one that it names, is missing or invalid.
+    Raises:
+        ConfigError: The file, or one that it names, is missing or invalid.
     """
     return read_motion(path)[0]
 

@@ -23,12 +23,9 @@ QUINTIC_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """Return the samples from rest up to, and not including, the start of the first period.
 
-    Parameters
-    ----------
-    trajectory : FourierTrajectory
-        The periodic motion to join at its time zero.
-    samples : int
-        Length of the run-in; the clock runs half of it.
+    Args:
+        trajectory: The periodic motion to join at its time zero.
+        samples: Length of the run-in; the clock runs half of it.
     """
     x = np.arange(samples) / samples
     duration_s = samples * trajectory.sample_period_s
@@ -38,12 +35,9 @@ def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
 def run_out(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """Return the samples from the end of the last period (its time zero) to rest, both included.
 
-    Parameters
-    ----------
-    trajectory : FourierTrajectory
-        The periodic motion to leave.
-    samples : int
-        Length of the run-out; one more row is returned, at rest.
+    Args:
+        trajectory: The periodic motion to leave.
+        samples: Length of the run-out; one more row is returned, at rest.
     """
     x = 1.0 - np.arange(samples + 1) / samples
     duration_s = samples * trajectory.sample_period_s
@@ -71,12 +65,10 @@ def rest_to_rest_duration(
 ) -> float:
     """Return the shortest time [s] of a quintic move in which no joint exceeds its limits.
 
-    Parameters
-    ----------
-    travel : ndarray, shape (joints,)
-        Distance of each joint [rad or m].
-    velocity_limit, acceleration_limit : ndarray, shape (joints,)
-        Limits, per second and per second squared.
+    Args:
+        travel: Shape (joints,). Distance of each joint [rad or m].
+        velocity_limit, acceleration_limit: Shape (joints,). Limits, per second and per second
+            squared.
     """
     distance = np.abs(travel)
     by_velocity = QUINTIC_PEAK_VELOCITY * distance / velocity_limit
@@ -89,14 +81,10 @@ def rest_to_rest(
 ) -> JointTrajectory:
     """Return a quintic move of class C2 between two poses at rest, all joints together.
 
-    Parameters
-    ----------
-    start, end : ndarray, shape (joints,)
-        Poses [rad or m].
-    samples : int
-        Rows from the start (included) to the end (not included).
-    sample_period_s : float
-        Time between rows [s].
+    Args:
+        start, end: Shape (joints,). Poses [rad or m].
+        samples: Rows from the start (included) to the end (not included).
+        sample_period_s: Time between rows [s].
     """
     x = (np.arange(samples) / samples)[:, np.newaxis]
     duration_s = samples * sample_period_s

@@ -17,17 +17,12 @@ SLOWER = 4.0
 def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
     """Return a motion's path at a fraction of its speed, a periodic one with one period alone.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion.
-    slower : float
-        By how much velocities are divided; accelerations by its square.
+    Args:
+        samples: The motion.
+        slower: By how much velocities are divided; accelerations by its square.
 
-    Raises
-    ------
-    ConfigError
-        `slower` is below 1 or not finite.
+    Raises:
+        ConfigError: `slower` is below 1 or not finite.
     """
     if not 1.0 <= slower < math.inf:
         raise ConfigError(

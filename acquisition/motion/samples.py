@@ -28,10 +28,9 @@ class Phase(IntEnum):
 class JointTrajectory(NamedTuple):
     """Samples of a piece of motion.
 
-    Attributes
-    ----------
-    position, velocity, acceleration : ndarray, shape (samples, joints)
-        rad or m, and per second, per second squared.
+    Attributes:
+        position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
+            second squared.
     """
 
     position: FloatArray
@@ -57,23 +56,17 @@ class MotionSamples:
     A periodic one may hold its main period once: `place` says where each driven row is held, and
     `whole` holds them all.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    sample_period_s : float
-        Time between rows [s].
-    position, velocity, acceleration : ndarray, shape (samples, joints)
-        rad or m, and per second, per second squared.
-    phase : ndarray of uint8, shape (samples,)
-        `Phase` of each row.
-    samples_per_period : int or None
-        Rows of one period where the motion is periodic.
-    periods : int
-        Whole periods that are driven in `Phase.MAIN`; 0 where the motion is not periodic.
-    feedforward : ndarray, shape (samples, joints), or None
-        Speeds that the position loop adds to its own, where they are not the motion's: those that
-        pre-compensate the drives' velocity loops [rad/s or m/s].
+    Attributes:
+        joint_names: Base to flange.
+        sample_period_s: Time between rows [s].
+        position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
+            second squared.
+        phase: Shape (samples,). `Phase` of each row.
+        samples_per_period: Rows of one period where the motion is periodic.
+        periods: Whole periods that are driven in `Phase.MAIN`; 0 where the motion is not periodic.
+        feedforward: Shape (samples, joints). Speeds that the position loop adds to its own, where
+            they are not the motion's: those that pre-compensate the drives' velocity loops [rad/s
+            or m/s].
     """
 
     joint_names: tuple[str, ...]
@@ -125,10 +118,8 @@ class MotionSamples:
     def whole(self, most_periods: int | None = None) -> MotionSamples:
         """Return the motion with every row held.
 
-        Parameters
-        ----------
-        most_periods : int, optional
-            Drive so many periods where it has more and holds but one.
+        Args:
+            most_periods: Drive so many periods where it has more and holds but one.
         """
         if not self._not_held:
             return self
@@ -182,16 +173,11 @@ def with_rests(
 ) -> MotionSamples:
     """Return a path with a rest before and after; the rows in between are its main part.
 
-    Parameters
-    ----------
-    path : JointTrajectory
-        From rest to rest.
-    dwell_s : float
-        How long each rest is [s], one row at least.
-    joint_names : tuple of str
-        Base to flange.
-    sample_period_s : float
-        Time between rows [s].
+    Args:
+        path: From rest to rest.
+        dwell_s: How long each rest is [s], one row at least.
+        joint_names: Base to flange.
+        sample_period_s: Time between rows [s].
     """
     rest = max(1, math.ceil(dwell_s / sample_period_s))
     before, after = standstill(path.position[0], rest), standstill(path.position[-1], rest)

@@ -39,14 +39,10 @@ READINGS = 3
 class ZeroTurn:
     """How axis 1 is turned.
 
-    Attributes
-    ----------
-    first, second : ndarray, shape (joints,)
-        The two poses [rad or m]; they differ in axis 1 alone.
-    turn_rad : float
-        From the first to the second.
-    axis : ndarray, shape (3,)
-        Axis 1 in the base frame, in the sense of positive angles.
+    Attributes:
+        first, second: Shape (joints,). The two poses [rad or m]; they differ in axis 1 alone.
+        turn_rad: From the first to the second.
+        axis: Shape (3,). Axis 1 in the base frame, in the sense of positive angles.
     """
 
     first: FloatArray
@@ -69,19 +65,14 @@ class ZeroTurn:
 class PlateOffset:
     """What the turn has shown; standard deviations are those of the readings' noise.
 
-    Attributes
-    ----------
-    offset_n, offset_sigma_n : ndarray, shape (8,)
-        What each channel shows without the robot's moment, at the end of the last reading [N].
-    drift_n_s, drift_sigma_n_s : ndarray, shape (8,)
-        Linear drift of each channel [N/s].
-    rest_n : ndarray, shape (8,)
-        What the channels show in the first pose beyond the offset [N].
-    gravity, gravity_sigma : ndarray, shape (6,)
-        That as a wrench on the robot's base [N, N m]: its moments across are gravity's; forces
-        and the moment about axis 1 should be zero.
-    seconds : float
-        From the first reading to the end of the last [s].
+    Attributes:
+        offset_n, offset_sigma_n: Shape (8,). What each channel shows without the robot's moment, at
+            the end of the last reading [N].
+        drift_n_s, drift_sigma_n_s: Shape (8,). Linear drift of each channel [N/s].
+        rest_n: Shape (8,). What the channels show in the first pose beyond the offset [N].
+        gravity, gravity_sigma: Shape (6,). That as a wrench on the robot's base [N, N m]: its
+            moments across are gravity's; forces and the moment about axis 1 should be zero.
+        seconds: From the first reading to the end of the last [s].
     """
 
     offset_n: FloatArray
@@ -102,18 +93,14 @@ class PlateOffset:
 def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> ZeroTurn:
     """Return the largest turn of axis 1 about a reference pose, at most half a turn.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Joints and limits.
-    reference : ndarray, shape (joints,), optional
-        The pose in the middle of the turn [rad or m]; the middle of every range if not given.
+    Args:
+        robot: Joints and limits.
+        reference: Shape (joints,). The pose in the middle of the turn [rad or m]; the middle of
+            every range if not given.
 
-    Raises
-    ------
-    ConfigError
-        The pose is outside the limits, axis 1 does not turn about the vertical, or not far enough
-        to tell offset and gravity apart.
+    Raises:
+        ConfigError: The pose is outside the limits, axis 1 does not turn about the vertical, or not
+            far enough to tell offset and gravity apart.
     """
     lowest = np.array([joint.limits.position_min for joint in robot.joints])
     highest = np.array([joint.limits.position_max for joint in robot.joints])
@@ -167,21 +154,14 @@ def turn_samples(
 ) -> tuple[MotionSamples, tuple[range, ...]]:
     """Return the motion through first, second and first pose, and the rows to read in each.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Joints and limits.
-    turn : ZeroTurn
-        The poses.
-    settle_s, read_s : float
-        Rest before, and during, each reading [s].
-    sample_period_s : float
-        The cell's cycle time [s].
+    Args:
+        robot: Joints and limits.
+        turn: The poses.
+        settle_s, read_s: Rest before, and during, each reading [s].
+        sample_period_s: The cell's cycle time [s].
 
-    Raises
-    ------
-    ConfigError
-        A pose is outside the limits.
+    Raises:
+        ConfigError: A pose is outside the limits.
     """
     settle = max(1, math.ceil(settle_s / sample_period_s))
     read = max(2, math.ceil(read_s / sample_period_s))
@@ -216,25 +196,17 @@ def find_offset(
     Blocks of a quarter of a second count as one reading each; their scatter about two levels and
     one slope is the noise.
 
-    Parameters
-    ----------
-    geometry : PlateGeometry
-        The plate.
-    turn : ZeroTurn
-        How axis 1 was turned.
-    time_s : ndarray, shape (samples,)
-        Times of the samples [s].
-    reading : ndarray of int, shape (samples,)
-        0, 1 or 2: the first, second and again the first pose; anything else is not used.
-    channels_n : ndarray, shape (samples, 8)
-        What the channels show [N].
-    valid : ndarray of bool, shape (samples, 8)
-        False where a channel was overloaded or is missing.
+    Args:
+        geometry: The plate.
+        turn: How axis 1 was turned.
+        time_s: Shape (samples,). Times of the samples [s].
+        reading: Shape (samples,). 0, 1 or 2: the first, second and again the first pose; anything
+            else is not used.
+        channels_n: Shape (samples, 8). What the channels show [N].
+        valid: Shape (samples, 8). False where a channel was overloaded or is missing.
 
-    Raises
-    ------
-    DataQualityError
-        A channel was overloaded, or a reading holds too little.
+    Raises:
+        DataQualityError: A channel was overloaded, or a reading holds too little.
     """
     times, levels, numbers = _blocks(time_s, reading, channels_n, valid)
     end_s = float(time_s[np.isin(reading, range(READINGS))].max())

@@ -16,20 +16,11 @@ from config.errors import RecordingError
 class BlockFile:
     """Keeps arrays in a file without a name, which is gone when this object is.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Rows and columns of every array.
+    Args:
+        shape: Rows and columns of every array.
 
-    Attributes
-    ----------
-    shape : tuple of int
-        The same.
-
-    Raises
-    ------
-    RecordingError
-        There is no room for temporary files; so does setting an array.
+    Raises:
+        RecordingError: There is no room for temporary files; so does setting an array.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:

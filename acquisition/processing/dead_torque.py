@@ -17,10 +17,8 @@ def dead_torques(measured: Recording | PeriodAverage) -> dict[str, float]:
     No robot moves by more than 0.01 rad or m with one and the same torque [N m or N]: its column is
     another one, or nothing was logged.
 
-    Parameters
-    ----------
-    measured : Recording or PeriodAverage
-        What was measured.
+    Args:
+        measured: What was measured.
     """
     whole = measured.valid if isinstance(measured, Recording) else slice(None)
     position, torque_nm = measured.position[whole], measured.torque_nm[whole]

@@ -29,12 +29,9 @@ MOVED_SHARE: Final = 0.5
 class HeldTorques:
     """Rows for which each joint's torque is held, and where each value was new.
 
-    Attributes
-    ----------
-    rows : ndarray of int64, shape (n,)
-        Rows for which a torque stays the same; 1 if every row has a new one.
-    renewed : ndarray of int64, shape (samples, n)
-        The row in which each row's torque was new.
+    Attributes:
+        rows: Shape (n,). Rows for which a torque stays the same; 1 if every row has a new one.
+        renewed: Shape (samples, n). The row in which each row's torque was new.
     """
 
     rows: IntArray
@@ -48,10 +45,8 @@ class HeldTorques:
 def held_torques(position: FloatArray, torque_nm: FloatArray) -> HeldTorques | None:
     """Return which torques are held, None if every row has new ones.
 
-    Parameters
-    ----------
-    position, torque_nm : ndarray, shape (samples, n)
-        Rows without those that are not valid.
+    Args:
+        position, torque_nm: Shape (samples, n). Rows without those that are not valid.
     """
     held = np.array([_held(position, own) for own in torque_nm.T])
     if np.all(held == 1):

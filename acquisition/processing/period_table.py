@@ -21,25 +21,16 @@ MISSING_FRACTION_LIMIT = 0.02
 class PeriodTable:
     """Positions and torques of every main period as they are; memory hardly grows with them.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    sample_period_s : float
-        Time between rows [s].
-    torque_filter : ButterworthFilter or None
-        The analog filter that the torques passed.
-    each_joint : bool
-        Whether joints have valid rows of their own.
-    start : int
-        Row of the motion at which the first period begins.
-    warm : bool
-        Whether the drives' temperatures were measured.
-    blocks : BlockFile
-        Each period's rows: positions, torques, whether they are there, and temperatures [K]; zero
-        where they are not.
-    present : ndarray of bool, shape (periods, K, n)
-        Which rows of which joints are there.
+    Attributes:
+        joint_names: Base to flange.
+        sample_period_s: Time between rows [s].
+        torque_filter: The analog filter that the torques passed.
+        each_joint: Whether joints have valid rows of their own.
+        start: Row of the motion at which the first period begins.
+        warm: Whether the drives' temperatures were measured.
+        blocks: Each period's rows: positions, torques, whether they are there, and temperatures
+            [K]; zero where they are not.
+        present: Shape (periods, K, n). Which rows of which joints are there.
     """
 
     joint_names: tuple[str, ...]
@@ -141,16 +132,12 @@ class PeriodCutter:
     def table(self, start: int | None = None) -> PeriodTable:
         """Return the periods so far.
 
-        Parameters
-        ----------
-        start : int, optional
-            Row of the motion at which the first period begins, where that is known.
+        Args:
+            start: Row of the motion at which the first period begins, where that is known.
 
-        Raises
-        ------
-        DataQualityError
-            The recording is not periodic, more than 2 % of a joint's rows are missing, or where a
-            period starts is not known.
+        Raises:
+            DataQualityError: The recording is not periodic, more than 2 % of a joint's rows are
+                missing, or where a period starts is not known.
         """
         samples = self._samples
         if self._first is None or self._origin is None or self._blocks is None:
@@ -228,24 +215,17 @@ class PeriodCutter:
 def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatArray, BoolArray]:
     """Return positions and torques of the main periods as they are, and which rows are there.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of a periodic motion, K rows a period.
-    start : int, optional
-        Row of the motion at which its first period begins, where that is known.
+    Args:
+        recording: Of a periodic motion, K rows a period.
+        start: Row of the motion at which its first period begins, where that is known.
 
-    Returns
-    -------
-    values : ndarray, shape (periods, K, 2 n)
-        Positions, then torques; zero where a row is not there.
-    present : ndarray of bool, shape (periods, K, n)
-        Which rows of which joints are.
+    Returns:
+        `values`, shape (periods, K, 2 n). Positions, then torques; zero where a row is not there.
+        `present`, shape (periods, K, n). Which rows of which joints are.
 
-    Raises
-    ------
-    DataQualityError
-        More than 2 % of a joint's rows are missing, or where a period starts is not known.
+    Raises:
+        DataQualityError: More than 2 % of a joint's rows are missing, or where a period starts is
+            not known.
     """
     cutter = PeriodCutter()
     cutter.add(recording)
@@ -277,10 +257,8 @@ def _is_main(recording: Recording) -> BoolArray:
 def _refuse_gaps(table: PeriodTable, reached: int) -> None:
     """Refuse periods of which too many rows are missing.
 
-    Raises
-    ------
-    DataQualityError
-        They are; the text names the joint and the periods.
+    Raises:
+        DataQualityError: They are; the text names the joint and the periods.
     """
     samples = table.samples
     there = table.present.sum(axis=1)

@@ -54,30 +54,21 @@ class PeriodAverage:
     harmonic k has a bin of magnitude A / 2. Variances are those of a single period; the mean's are
     smaller by `periods_kept`.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    sample_period_s : float
-        Time between rows, T [s].
-    position, torque_nm : ndarray, shape (K, n)
-        Mean period [rad or m], [N m or N].
-    position_variance, torque_variance : ndarray, shape (n,)
-        Noise variance per channel (3.9, 3.10).
-    position_bin_variance, torque_bin_variance : ndarray, shape (K // 2 + 1, n)
-        Noise spectrum: variance E|N|^2 of each complex bin, freedom M - 1 complex pairs.
-    periods_kept : int
-        Periods averaged, M.
-    rejected : tuple of RejectedPeriod
-        What was left out, and why.
-    missing_samples : int
-        Single rows without valid data inside the kept periods; left out of the mean.
-    torque_filter : ButterworthFilter or None
-        The analog filter that the torques passed; not yet divided out.
-    temperature_k : ndarray, shape (n,), or None
-        Mean temperature of each drive over the kept periods [K], where it was recorded.
-    reaction : ReactionAverage or None
-        The mean period of a force plate's channels, over the same periods.
+    Attributes:
+        joint_names: Base to flange.
+        sample_period_s: Time between rows, T [s].
+        position, torque_nm: Shape (K, n). Mean period [rad or m], [N m or N].
+        position_variance, torque_variance: Shape (n,). Noise variance per channel (3.9, 3.10).
+        position_bin_variance, torque_bin_variance: Shape (K // 2 + 1, n). Noise spectrum: variance
+            E|N|^2 of each complex bin, freedom M - 1 complex pairs.
+        periods_kept: Periods averaged, M.
+        rejected: What was left out, and why.
+        missing_samples: Single rows without valid data inside the kept periods; left out of the
+            mean.
+        torque_filter: The analog filter that the torques passed; not yet divided out.
+        temperature_k: Shape (n,). Mean temperature of each drive over the kept periods [K], where
+            it was recorded.
+        reaction: The mean period of a force plate's channels, over the same periods.
     """
 
     joint_names: tuple[str, ...]
@@ -131,18 +122,13 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     channel changes (of a joint at rest, of how the others change). A single row of a good period
     that any joint misses is left out of the mean at its place.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of a periodic motion.
-    rejected_limit : int
-        More rejected periods than this make the recording useless.
+    Args:
+        recording: Of a periodic motion.
+        rejected_limit: More rejected periods than this make the recording useless.
 
-    Raises
-    ------
-    DataQualityError
-        The recording is not periodic, misses more than 2 % of a joint's rows, has too many rejected
-        periods or fewer than two good ones.
+    Raises:
+        DataQualityError: The recording is not periodic, misses more than 2 % of a joint's rows, has
+            too many rejected periods or fewer than two good ones.
     """
     cutter = PeriodCutter()
     cutter.add(recording)
@@ -154,19 +140,13 @@ def average_table(
 ) -> PeriodAverage:
     """Return the mean of periods that were cut already, as `average_periods` does.
 
-    Parameters
-    ----------
-    table : PeriodTable
-        The periods.
-    recording : Recording, optional
-        The whole recording, where a force plate was recorded too.
-    rejected_limit : int
-        More rejected periods than this make the recording useless.
+    Args:
+        table: The periods.
+        recording: The whole recording, where a force plate was recorded too.
+        rejected_limit: More rejected periods than this make the recording useless.
 
-    Raises
-    ------
-    DataQualityError
-        As `average_periods`.
+    Raises:
+        DataQualityError: As `average_periods`.
     """
     n = len(table.joint_names)
     rejected = _lost(table)

@@ -38,17 +38,12 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
     In simulated time, what arrived after the last SYNC is left out: how much that is depends on the
     computer.
 
-    Parameters
-    ----------
-    recording : Recording
-        The robot's side.
-    rows : PlateRows
-        The plate's side, of the same run.
+    Args:
+        recording: The robot's side.
+        rows: The plate's side, of the same run.
 
-    Raises
-    ------
-    DataQualityError
-        No stream of rows is long enough to be put in its place.
+    Raises:
+        DataQualityError: No stream of rows is long enough to be put in its place.
     """
     if rows.header.simulated_time and len(recording):
         rows = rows.until(float(recording.time_s[-1]))
@@ -73,10 +68,8 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
 def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceClock:
     """Return the amplifier's clock during one of its streams.
 
-    Raises
-    ------
-    DataQualityError
-        The stream is too short, or its clock is none that a quartz could be.
+    Raises:
+        DataQualityError: The stream is too short, or its clock is none that a quartz could be.
     """
     use = rows.stream == stream
     amplifier = rows.header.plate.amplifier
@@ -104,10 +97,8 @@ def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceCl
 def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
     """Return the reaction that one stream shows.
 
-    Raises
-    ------
-    DataQualityError
-        It is too short.
+    Raises:
+        DataQualityError: It is too short.
     """
     device_s = rows.device_s[use]
     ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row that came twice counts once

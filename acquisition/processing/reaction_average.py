@@ -27,22 +27,16 @@ class ReactionAverage:
 
     Bins are those of `PeriodAverage`.
 
-    Attributes
-    ----------
-    channel_names : tuple of str
-        The channels.
-    channels_n : ndarray, shape (K, c)
-        Mean period, linear drift removed [N].
-    bin_covariance : ndarray, shape (K // 2 + 1, c, c)
-        Covariance of a single period's complex bins between channels, real part of E N N^H [N^2].
-    used : ndarray of bool, shape (c,)
-        False for a channel that was left out; its values are zero.
-    drift_n_s, drift_sigma_n_s : ndarray, shape (c,)
-        Linear drift that was found and removed, with its standard deviation [N/s].
-    base_wrench_matrix : ndarray, shape (6, c)
-        See `Reaction`.
-    low_pass : ButterworthFilter or None
-        The filter that the channels passed; not yet divided out.
+    Attributes:
+        channel_names: The channels.
+        channels_n: Shape (K, c). Mean period, linear drift removed [N].
+        bin_covariance: Shape (K // 2 + 1, c, c). Covariance of a single period's complex bins
+            between channels, real part of E N N^H [N^2].
+        used: Shape (c,). False for a channel that was left out; its values are zero.
+        drift_n_s, drift_sigma_n_s: Shape (c,). Linear drift that was found and removed, with its
+            standard deviation [N/s].
+        base_wrench_matrix: Shape (6, c). See `Reaction`.
+        low_pass: The filter that the channels passed; not yet divided out.
     """
 
     channel_names: tuple[str, ...]
@@ -74,22 +68,15 @@ class ReactionAverage:
 class ReactionPeriods:
     """A plate's channels cut into periods, with drift and each period's own mean removed.
 
-    Attributes
-    ----------
-    reaction : Reaction
-        Where they come from.
-    values : ndarray, shape (periods, K, c)
-        Without drift and mean; zero where not valid or left out.
-    level_n : ndarray, shape (c,)
-        Mean of the channels over all periods [N].
-    present : ndarray of bool, shape (periods, K, c)
-        Which values are valid; all of a channel that is left out.
-    used : ndarray of bool, shape (c,)
-        False for a channel that is left out.
-    drift_n_s, drift_sigma_n_s : ndarray, shape (c,)
-        See `ReactionAverage`.
-    too_fast_n_s : ndarray, shape (periods, c)
-        Drift of each period in which it is beyond the limit; zero elsewhere [N/s].
+    Attributes:
+        reaction: Where they come from.
+        values: Shape (periods, K, c). Without drift and mean; zero where not valid or left out.
+        level_n: Shape (c,). Mean of the channels over all periods [N].
+        present: Shape (periods, K, c). Which values are valid; all of a channel that is left out.
+        used: Shape (c,). False for a channel that is left out.
+        drift_n_s, drift_sigma_n_s: Shape (c,). See `ReactionAverage`.
+        too_fast_n_s: Shape (periods, c). Drift of each period in which it is beyond the limit; zero
+            elsewhere [N/s].
     """
 
     reaction: Reaction
@@ -104,10 +91,8 @@ class ReactionPeriods:
     def average(self, good: BoolArray) -> ReactionAverage:
         """Return the mean of the good periods.
 
-        Raises
-        ------
-        DataQualityError
-            A sample of the period is valid in fewer than two of them.
+        Raises:
+            DataQualityError: A sample of the period is valid in fewer than two of them.
         """
         values, present = self.values[good], self.present[good]
         count = present.sum(axis=0)
@@ -139,14 +124,10 @@ class ReactionPeriods:
 class GapLimits:
     """How much of a period may be missing, and how many periods may be rejected.
 
-    Attributes
-    ----------
-    longest_gap : int
-        Samples in sequence that a period may miss.
-    missing : float
-        Share of its samples that it may miss.
-    rejected : int
-        Periods that may be rejected.
+    Attributes:
+        longest_gap: Samples in sequence that a period may miss.
+        missing: Share of its samples that it may miss.
+        rejected: Periods that may be rejected.
     """
 
     longest_gap: int
@@ -168,20 +149,13 @@ def cut_reaction(
     A channel is left out where more of the good periods than the limits allow, or a quarter of
     them, miss too many of its samples, or drift faster than the plate's limit.
 
-    Parameters
-    ----------
-    reaction : Reaction
-        The plate.
-    rows, place : ndarray of int
-        Rows of the recording in the main periods, and the place of each in them.
-    good : ndarray of bool, shape (periods,)
-        The periods that are not rejected for other reasons.
-    samples : int
-        Samples of a period, K.
-    sample_period_s : float
-        Time between samples [s].
-    limits : GapLimits
-        What `average_periods` bears.
+    Args:
+        reaction: The plate.
+        rows, place: Rows of the recording in the main periods, and the place of each in them.
+        good: Shape (periods,). The periods that are not rejected for other reasons.
+        samples: Samples of a period, K.
+        sample_period_s: Time between samples [s].
+        limits: What `average_periods` bears.
     """
     c, periods = len(reaction.channel_names), len(good)
     flat, there = np.zeros((periods * samples, c)), np.zeros((periods * samples, c), np.bool_)

@@ -13,30 +13,20 @@ from config.arrays import FloatArray, IntArray
 class RecordingTally:
     """Counts the rows of a recording as its parts come; its memory does not grow with them.
 
-    Parameters
-    ----------
-    first : Recording
-        The first part, or the whole.
+    Args:
+        first: The first part, or the whole.
 
-    Attributes
-    ----------
-    head : Recording
-        What all parts say of themselves, without a row.
-    cutter : PeriodCutter
-        Its periods, where it is periodic.
-    rows, valid_rows : int
-        All rows, and those with a valid answer.
-    position_min, position_max, speed, torque : ndarray, shape (joints,)
-        Lowest and highest position, largest speed and torque of the valid rows [rad or m, per
-        second, N m or N].
-    following_error : ndarray, shape (joints,), or None
-        The largest after the approach [rad or m]; None where there are no set-points.
-    last_row : int
-        The last row of the motion; -1 before it.
-    motion_rows : int
-        Rows of the motion up to there that were driven: an early end leaves some out.
-    last_phase : Phase
-        That of this row.
+    Attributes:
+        head: What all parts say of themselves, without a row.
+        cutter: Its periods, where it is periodic.
+        rows, valid_rows: All rows, and those with a valid answer.
+        position_min, position_max, speed, torque: Shape (joints,). Lowest and highest position,
+            largest speed and torque of the valid rows [rad or m, per second, N m or N].
+        following_error: Shape (joints,). The largest after the approach [rad or m]; None where
+            there are no set-points.
+        last_row: The last row of the motion; -1 before it.
+        motion_rows: Rows of the motion up to there that were driven: an early end leaves some out.
+        last_phase: That of this row.
     """
 
     def __init__(self, first: Recording) -> None:

@@ -34,33 +34,23 @@ GAP_STEPS = 5.0
 class SmoothedSignals:
     """Position with its derivatives, and torque, below `cutoff_hz`.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    time_s : ndarray, shape (samples,)
-        Uniform within a segment [s].
-    position, velocity, acceleration : ndarray, shape (samples, joints)
-        rad or m, and per second, per second squared.
-    torque_nm : ndarray, shape (samples, joints)
-        Torque, low-passed alike [N m or N].
-    segment : ndarray of int64, shape (samples,)
-        Number of the segment that a row belongs to.
-    sample_period_s : float
-        Time between rows of a segment [s].
-    cutoff_hz : float
-        Where the low-pass reaches -3 dB. Rows are not independent of each other: a signal limited
-        to this band is worth about 2 cutoff_hz values a second.
-    temperature_k : ndarray, shape (samples, joints), or None
-        Temperature of each drive [K], where it was recorded.
-    channel : TorqueChannel or None
-        Delay and filter of the torque before it was recorded, if they are known: the model's
-        torque passes them too.
-    unfiltered : UnfilteredSignals or None
-        The same recording at its full rate before the low-pass; None of a mean period, which is
-        known below the cut-off only.
-    unfiltered_row : ndarray of int64, shape (samples,), or None
-        Each row's place in it.
+    Attributes:
+        joint_names: Base to flange.
+        time_s: Shape (samples,). Uniform within a segment [s].
+        position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
+            second squared.
+        torque_nm: Shape (samples, joints). Torque, low-passed alike [N m or N].
+        segment: Shape (samples,). Number of the segment that a row belongs to.
+        sample_period_s: Time between rows of a segment [s].
+        cutoff_hz: Where the low-pass reaches -3 dB. Rows are not independent of each other: a
+            signal limited to this band is worth about 2 cutoff_hz values a second.
+        temperature_k: Shape (samples, joints). Temperature of each drive [K], where it was
+            recorded.
+        channel: Delay and filter of the torque before it was recorded, if they are known: the
+            model's torque passes them too.
+        unfiltered: The same recording at its full rate before the low-pass; None of a mean period,
+            which is known below the cut-off only.
+        unfiltered_row: Shape (samples,). Each row's place in it.
     """
 
     joint_names: tuple[str, ...]
@@ -102,10 +92,8 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
 
     A Butterworth filter of order 4 runs forwards and backwards; time is the first axis.
 
-    Raises
-    ------
-    ConfigError
-        The cut-off is not well below half the sampling frequency.
+    Raises:
+        ConfigError: The cut-off is not well below half the sampling frequency.
     """
     if not 0.0 < cutoff_hz < 0.45 / sample_period_s:
         step = sample_period_s
@@ -156,21 +144,15 @@ def smooth_nonperiodic(
     slowly and in the steps of their sensor, are interpolated by straight lines. The signals before
     the low-pass are kept beside; see `UnfilteredSignals`.
 
-    Parameters
-    ----------
-    recording : Recording
-        What was measured.
-    cutoff_hz : float
-        -3 dB frequency of the zero-phase low-pass, for position and torque alike [Hz].
-    torque_limit_hz : float, optional
-        Where the unfiltered torque is low-passed all the same: nothing above it is known.
+    Args:
+        recording: What was measured.
+        cutoff_hz: -3 dB frequency of the zero-phase low-pass, for position and torque alike [Hz].
+        torque_limit_hz: Where the unfiltered torque is low-passed all the same: nothing above it is
+            known.
 
-    Raises
-    ------
-    ConfigError
-        The cut-off does not fit the sampling.
-    DataQualityError
-        No segment is long enough.
+    Raises:
+        ConfigError: The cut-off does not fit the sampling.
+        DataQualityError: No segment is long enough.
     """
     from scipy import interpolate  # large, and periodic runs do without
 
@@ -272,17 +254,12 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
     The first row is the start of the first period; rows after the last whole period are left out.
     A grid row further than 5 median steps from a measured row is marked not valid.
 
-    Parameters
-    ----------
-    recording : Recording
-        Whole periods from its first row on.
-    period_s : float
-        The period [s]; known, not estimated.
+    Args:
+        recording: Whole periods from its first row on.
+        period_s: The period [s]; known, not estimated.
 
-    Raises
-    ------
-    DataQualityError
-        The recording holds less than two whole periods.
+    Raises:
+        DataQualityError: The recording holds less than two whole periods.
     """
     from scipy import interpolate
 

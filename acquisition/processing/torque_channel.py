@@ -33,16 +33,13 @@ PADDING_S: Final = 0.5
 class TorqueChannel:
     """Linear filter of each joint's torque: exp(-j w d) / ((1 + j w T) (1 + (w Z)^(2 m))).
 
-    Attributes
-    ----------
-    delay_s, lag_s, width_s : ndarray, shape (n,)
-        Delay d, time constant T of a first-order filter, and width Z of a zero-phase filter (a
-        Butterworth filter run forwards and backwards) [s]; 0 if the data do not show one. A
-        negative delay means that the position is late.
-    delay_sigma_s, lag_sigma_s, width_sigma_s : ndarray, shape (n,)
-        Their standard deviations; 0 for a value of 0.
-    order : int
-        Order m of the Butterworth filter.
+    Attributes:
+        delay_s, lag_s, width_s: Shape (n,). Delay d, time constant T of a first-order filter, and
+            width Z of a zero-phase filter (a Butterworth filter run forwards and backwards) [s]; 0
+            if the data do not show one. A negative delay means that the position is late.
+        delay_sigma_s, lag_sigma_s, width_sigma_s: Shape (n,). Their standard deviations; 0 for a
+            value of 0.
+        order: Order m of the Butterworth filter.
     """
 
     delay_s: FloatArray
@@ -120,10 +117,8 @@ class TorqueChannel:
 
         Its bins are turned by the delay, which changes no amplitude.
 
-        Parameters
-        ----------
-        average : PeriodAverage
-            As it was recorded.
+        Args:
+            average: As it was recorded.
         """
         rows = average.samples_per_period
         frequency_hz = np.fft.rfftfreq(rows, average.sample_period_s)
@@ -147,12 +142,10 @@ class TorqueChannel:
     def through(self, values: FloatArray, sample_period_s: float) -> FloatArray:
         """Return uniformly sampled signals after the channel, at the same instants.
 
-        Parameters
-        ----------
-        values : ndarray, shape (samples, n) or (samples, n, any)
-            Torques, or the columns of the torque equations; one segment without a gap.
-        sample_period_s : float
-            Time between samples [s].
+        Args:
+            values: Shape (samples, n) or (samples, n, any). Torques, or the columns of the torque
+                equations; one segment without a gap.
+            sample_period_s: Time between samples [s].
         """
         rows = len(values)
         longest_s = float(np.max(self.after_s + self.before_s, initial=0.0))

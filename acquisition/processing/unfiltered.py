@@ -34,25 +34,19 @@ NOISE_DIFFERENCES: Final = 6
 class UnfilteredSignals:
     """Motion and torque on a uniform time base.
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (samples,)
-        Uniform within a segment [s].
-    position, velocity, acceleration : ndarray, shape (samples, joints)
-        rad or m, and per second, per second squared.
-    torque_nm : ndarray, shape (samples, joints)
-        Torque [N m or N].
-    segment : ndarray of int64, shape (samples,)
-        Number of the segment that a row belongs to.
-    sample_period_s : float
-        Time between rows of a segment [s].
-    smoothing_s : float
-        Standard deviation of the Gaussian that all signals passed because the encoder is coarse
-        [s]; 0 if there was none.
-    torque_limit_hz : float or None
-        Where the torque was low-passed all the same, because nothing above it is known.
-    torque_row : ndarray of int64, shape (samples, joints), or None
-        The row in which each row's torque was new; None if every row has new ones.
+    Attributes:
+        time_s: Shape (samples,). Uniform within a segment [s].
+        position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
+            second squared.
+        torque_nm: Shape (samples, joints). Torque [N m or N].
+        segment: Shape (samples,). Number of the segment that a row belongs to.
+        sample_period_s: Time between rows of a segment [s].
+        smoothing_s: Standard deviation of the Gaussian that all signals passed because the encoder
+            is coarse [s]; 0 if there was none.
+        torque_limit_hz: Where the torque was low-passed all the same, because nothing above it is
+            known.
+        torque_row: Shape (samples, joints). The row in which each row's torque was new; None if
+            every row has new ones.
     """
 
     time_s: FloatArray
@@ -89,12 +83,9 @@ class UnfilteredSignals:
 def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
     """Return velocity and acceleration of a quintic spline through uniform rows.
 
-    Parameters
-    ----------
-    position : ndarray, shape (samples, joints)
-        Position.
-    step_s : float
-        Time between rows [s].
+    Args:
+        position: Shape (samples, joints). Position.
+        step_s: Time between rows [s].
     """
     from scipy import interpolate  # large, and periodic runs do without
 
@@ -109,12 +100,9 @@ def smoothing_width(position: FloatArray, step_s: float) -> float:
     One standard deviation of it is the time that an encoder step takes at the lowest speed that
     counts. 0 if that is shorter than a row or the rows are too far apart for any smoothing.
 
-    Parameters
-    ----------
-    position : ndarray, shape (samples, joints)
-        Positions as they were recorded.
-    step_s : float
-        Time between rows [s].
+    Args:
+        position: Shape (samples, joints). Positions as they were recorded.
+        step_s: Time between rows [s].
     """
     step = max(max(_resolution(own), np.sqrt(12.0) * _noise(own)) for own in position.T)
     width_s = min(WIDTH_STEPS * float(step) / SLOW_RAD_S, WIDEST_SMOOTHING_S)
@@ -144,16 +132,12 @@ def window_mean(values: FloatArray, rows: IntArray, step_s: float, cutoff_hz: fl
 
     A low-pass without phase shift, -3 dB at the cut-off, whose reach is finite.
 
-    Parameters
-    ----------
-    values : ndarray, shape (samples, any)
-        Uniform rows.
-    rows : ndarray of int64, shape (wanted,)
-        Which rows are wanted; rows beyond an end of the values count as the row at that end.
-    step_s : float
-        Time between rows [s].
-    cutoff_hz : float
-        -3 dB frequency [Hz].
+    Args:
+        values: Shape (samples, any). Uniform rows.
+        rows: Shape (wanted,). Which rows are wanted; rows beyond an end of the values count as the
+            row at that end.
+        step_s: Time between rows [s].
+        cutoff_hz: -3 dB frequency [Hz].
     """
     from scipy import sparse
 

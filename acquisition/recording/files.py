@@ -32,17 +32,12 @@ class RecordingFormat(StrEnum):
 def recording_bytes(table: RecordingTable, form: RecordingFormat) -> bytes:
     """Return a file's bytes.
 
-    Parameters
-    ----------
-    table : RecordingTable
-        What to write.
-    form : RecordingFormat
-        As what.
+    Args:
+        table: What to write.
+        form: As what.
 
-    Raises
-    ------
-    ConfigError
-        The library that writes this format is not installed.
+    Raises:
+        ConfigError: The library that writes this format is not installed.
     """
     writers: dict[RecordingFormat, Callable[[RecordingTable], bytes]] = {
         RecordingFormat.CSV: _csv,

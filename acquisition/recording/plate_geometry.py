@@ -25,14 +25,13 @@ WRENCH_UNITS = ("N", "N", "N", "N m", "N m", "N m")
 class PlateGeometry:
     """What the channels of one plate under one robot mean.
 
-    Attributes
-    ----------
-    base_wrench_matrix : ndarray, shape (6, 8)
-        Base wrench (Fx, Fy, Fz [N], Mx, My, Mz [N m], exerted on the robot, about the base frame's
-        origin and in its axes) per unit of each channel's reading.
-    channel_matrix : ndarray, shape (8, 6)
-        Readings per unit of base wrench where the four sensors are equally stiff: of all readings
-        with this wrench those with the smallest sum of squared sensor forces.
+    Attributes:
+        base_wrench_matrix: Shape (6, 8). Base wrench (Fx, Fy, Fz [N], Mx, My, Mz [N m], exerted on
+            the robot, about the base frame's origin and in its axes) per unit of each channel's
+            reading.
+        channel_matrix: Shape (8, 6). Readings per unit of base wrench where the four sensors are
+            equally stiff: of all readings with this wrench those with the smallest sum of squared
+            sensor forces.
     """
 
     base_wrench_matrix: FloatArray
@@ -63,12 +62,9 @@ class PlateGeometry:
 def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
     """Return the wrench on the plate, about the middle of its surface, per channel, (6, 8).
 
-    Parameters
-    ----------
-    a_m, b_m : float
-        Distances of the sensors from the middle along x and y [m].
-    az0_m : float
-        The sensors' plane seen from the surface, negative [m].
+    Args:
+        a_m, b_m: Distances of the sensors from the middle along x and y [m].
+        az0_m: The sensors' plane seen from the surface, negative [m].
     """
     a, b, h = a_m, b_m, az0_m
     return np.array(

@@ -20,22 +20,15 @@ from config.errors import RecordingError
 class Reaction:
     """The channels of a force plate beside a `Recording`, row by row.
 
-    Attributes
-    ----------
-    channel_names : tuple of str
-        The c channels.
-    channels_n : ndarray, shape (samples, c)
-        Readings at the recording's times [N].
-    valid : ndarray of bool, shape (samples, c)
-        False where a channel was in overload or delivered nothing.
-    base_wrench_matrix : ndarray, shape (6, c)
-        The wrench on the robot's base per unit reading; see `PlateGeometry`.
-    low_pass : ButterworthFilter or None
-        The filter that the channels passed.
-    clock : DeviceClock or None
-        The plate's clock on the recording's time base, where it has its own.
-    drift_limit_n_s : float
-        A period in which a channel drifts faster is not averaged [N/s].
+    Attributes:
+        channel_names: The c channels.
+        channels_n: Shape (samples, c). Readings at the recording's times [N].
+        valid: Shape (samples, c). False where a channel was in overload or delivered nothing.
+        base_wrench_matrix: Shape (6, c). The wrench on the robot's base per unit reading; see
+            `PlateGeometry`.
+        low_pass: The filter that the channels passed.
+        clock: The plate's clock on the recording's time base, where it has its own.
+        drift_limit_n_s: A period in which a channel drifts faster is not averaged [N/s].
     """
 
     channel_names: tuple[str, ...]
@@ -71,27 +64,17 @@ def reaction_of(
 ) -> Reaction:
     """Put the rows of a plate's amplifier on the recording's times.
 
-    Parameters
-    ----------
-    plate : PlateConfig
-        The plate and its amplifier; a `zero` in it is subtracted.
-    clock : DeviceClock
-        The amplifier's clock.
-    device_s : ndarray, shape (rows,)
-        Device time of each row, increasing [s].
-    channels_n : ndarray, shape (rows, 8)
-        Readings [N].
-    valid : ndarray of bool, shape (rows, 8)
-        False where a channel was in overload.
-    sync_s : ndarray, shape (samples,)
-        The recording's times [s].
+    Args:
+        plate: The plate and its amplifier; a `zero` in it is subtracted.
+        clock: The amplifier's clock.
+        device_s: Shape (rows,). Device time of each row, increasing [s].
+        channels_n: Shape (rows, 8). Readings [N].
+        valid: Shape (rows, 8). False where a channel was in overload.
+        sync_s: Shape (samples,). The recording's times [s].
 
-    Raises
-    ------
-    DataQualityError
-        The rows are not on a regular grid.
-    RecordingError
-        The shapes do not fit.
+    Raises:
+        DataQualityError: The rows are not on a regular grid.
+        RecordingError: The shapes do not fit.
     """
     if np.shape(channels_n) != (len(device_s), len(CHANNEL_NAMES)):
         raise RecordingError(

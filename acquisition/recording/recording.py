@@ -18,40 +18,26 @@ from config.errors import RecordingError
 class Recording:
     """Measured positions and torques over time, with where they come from.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    time_s : ndarray, shape (samples,)
-        When each row was sampled [s], strictly increasing.
-    position : ndarray, shape (samples, joints)
-        Measured joint positions, link side [rad or m].
-    torque_nm : ndarray, shape (samples, joints)
-        Measured actuator torques, link side [N m or N].
-    valid : ndarray of bool, shape (samples,)
-        False where a device did not deliver and the row holds its last values.
-    phase : ndarray of uint8, shape (samples,)
-        `acquisition.motion.samples.Phase` of each row.
-    sample_index : ndarray of int64, shape (samples,)
-        Row of the motion that was streamed; -1 outside it.
-    target_position, velocity_command : ndarray, shape (samples, joints), or None
-        Commanded joint positions, and the speeds sent in each row's cycle.
-    sample_period_s : float or None
-        Time between rows; None where the stamps are not uniform.
-    samples_per_period : int or None
-        Rows of one period where the motion was periodic.
-    torque_filter : ButterworthFilter or None
-        The analog filter that the measured torques passed.
-    temperature_k : ndarray, shape (samples, joints), or None
-        Temperature of each joint's drive [K].
-    reaction : Reaction or None
-        What a force plate under the robot measured at the same times.
-    answered : ndarray of bool, shape (samples, joints), or None
-        Which joints' drives delivered; None where `valid` says it of all of them.
-    source : "cell" or "import"
-        Measured by this program, or read from a file.
-    cell_name, robot_name, run_id : str
-        Provenance; `cell_name` is empty for an import.
+    Attributes:
+        joint_names: Base to flange.
+        time_s: Shape (samples,). When each row was sampled [s], strictly increasing.
+        position: Shape (samples, joints). Measured joint positions, link side [rad or m].
+        torque_nm: Shape (samples, joints). Measured actuator torques, link side [N m or N].
+        valid: Shape (samples,). False where a device did not deliver and the row holds its last
+            values.
+        phase: Shape (samples,). `acquisition.motion.samples.Phase` of each row.
+        sample_index: Shape (samples,). Row of the motion that was streamed; -1 outside it.
+        target_position, velocity_command: Shape (samples, joints). Commanded joint positions, and
+            the speeds sent in each row's cycle.
+        sample_period_s: Time between rows; None where the stamps are not uniform.
+        samples_per_period: Rows of one period where the motion was periodic.
+        torque_filter: The analog filter that the measured torques passed.
+        temperature_k: Shape (samples, joints). Temperature of each joint's drive [K].
+        reaction: What a force plate under the robot measured at the same times.
+        answered: Shape (samples, joints). Which joints' drives delivered; None where `valid` says
+            it of all of them.
+        source: Measured by this program, or read from a file.
+        cell_name, robot_name, run_id: Provenance; `cell_name` is empty for an import.
     """
 
     joint_names: tuple[str, ...]
@@ -142,15 +128,11 @@ _COLUMNS = (
 def joined(parts: Iterable[Recording]) -> Recording:
     """Return one recording of parts that follow one another, none with a force plate.
 
-    Parameters
-    ----------
-    parts : iterable of Recording
-        At least one; what is not an array is taken from the first.
+    Args:
+        parts: At least one; what is not an array is taken from the first.
 
-    Raises
-    ------
-    RecordingError
-        They do not follow one another.
+    Raises:
+        RecordingError: They do not follow one another.
     """
     first: Recording | None = None
     columns: dict[str, list[Any]] = {}

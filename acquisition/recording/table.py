@@ -20,14 +20,10 @@ WRENCH: Final = ("force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y
 class Column:
     """One quantity over time.
 
-    Attributes
-    ----------
-    name : str
-        Quantity, joint and unit, of letters, digits and `_` (`torque_axis1_nm`).
-    unit : str
-        As people write it; empty for counts and flags.
-    values : ndarray, shape (samples,)
-        Float or integer.
+    Attributes:
+        name: Quantity, joint and unit, of letters, digits and `_` (`torque_axis1_nm`).
+        unit: As people write it; empty for counts and flags.
+        values: Shape (samples,). Float or integer.
     """
 
     name: str
@@ -39,12 +35,9 @@ class Column:
 class RecordingTable:
     """Columns of equal length, time first, and where they come from.
 
-    Attributes
-    ----------
-    columns : tuple of Column
-        `time_s` is the first.
-    origin : dict of str to str
-        Run, robot, cell.
+    Attributes:
+        columns: `time_s` is the first.
+        origin: Run, robot, cell.
     """
 
     columns: tuple[Column, ...]
@@ -54,17 +47,12 @@ class RecordingTable:
 def recording_table(recording: Recording, robot: RobotDescription) -> RecordingTable:
     """Return everything that a recording holds, one column a quantity and joint.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of one run.
-    robot : RobotDescription
-        Says which joints turn and which slide.
+    Args:
+        recording: Of one run.
+        robot: Says which joints turn and which slide.
 
-    Raises
-    ------
-    RecordingError
-        The robot has other joints than the recording.
+    Raises:
+        RecordingError: The robot has other joints than the recording.
     """
     if robot.joint_names != recording.joint_names:
         raise RecordingError(

@@ -51,12 +51,10 @@ def _runs(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingError]]:
 def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     """Return the runs that `references` mean, each of them another one.
 
-    Raises
-    ------
-    ConfigError
-        One of them means no run, or more than one; or a run, or its copy, is named twice.
-    RecordingError
-        As `find_run` does.
+    Raises:
+        ConfigError: One of them means no run, or more than one; or a run, or its copy, is named
+            twice.
+        RecordingError: As `find_run` does.
     """
     found = tuple(find_run(root, reference) for reference in references)
     seen: set[str] = set()
@@ -72,21 +70,15 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
 def find_run(root: Path, reference: str, having: str | None = None) -> RunFolder:
     """Return the run that `reference` means; of runs of one label the newest, which is said.
 
-    Parameters
-    ----------
-    root : Path
-        Folder of all runs.
-    reference : str
-        A path of a run folder, `latest`, an id or the unique beginning of one, or a label.
-    having : str, optional
-        Only runs that hold this file are meant, where a label or `latest` is given.
+    Args:
+        root: Folder of all runs.
+        reference: A path of a run folder, `latest`, an id or the unique beginning of one, or a
+            label.
+        having: Only runs that hold this file are meant, where a label or `latest` is given.
 
-    Raises
-    ------
-    ConfigError
-        No run is meant, or an id's beginning means more than one.
-    RecordingError
-        The folder at that path is not a run, or the latest one is damaged.
+    Raises:
+        ConfigError: No run is meant, or an id's beginning means more than one.
+        RecordingError: The folder at that path is not a run, or the latest one is damaged.
     """
     if (Path(reference) / MANIFEST).exists():
         return RunFolder.open(Path(reference))
@@ -140,15 +132,11 @@ def find_run_inside(root: Path, reference: str, having: str | None = None) -> Ru
 def file_or_run(root: Path, reference: str, having: str | None = None) -> Path | RunFolder:
     """Return the file of that name where there is one, and otherwise the run that it means.
 
-    Parameters
-    ----------
-    root, reference, having
-        As `find_run` has them; a label may look like the name of a file.
+    Args:
+        root, reference, having: As `find_run` has them; a label may look like the name of a file.
 
-    Raises
-    ------
-    ConfigError, RecordingError
-        There is no such file, and `find_run` raises this.
+    Raises:
+        ConfigError, RecordingError: There is no such file, and `find_run` raises this.
     """
     path = Path(reference)
     if path.is_file():

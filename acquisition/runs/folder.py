@@ -42,12 +42,9 @@ _READ_BYTES = 200_000_000
 class RunFolder:
     """A run's folder; made by `create`, found again by `open`.
 
-    Attributes
-    ----------
-    path : Path
-        The folder, resolved.
-    run_id : str
-        Its generated id.
+    Attributes:
+        path: The folder, resolved.
+        run_id: Its generated id.
     """
 
     path: Path
@@ -65,25 +62,16 @@ class RunFolder:
     ) -> RunFolder:
         """Make a new, empty run folder under `root`.
 
-        Parameters
-        ----------
-        root : Path
-            Folder of all runs; made where it does not exist.
-        label : str
-            What people call the run: 1 to 64 letters, digits, spaces, `_`, `.` and `-`.
-        kind : str
-            Which job makes it: record, import, ...
-        software : dict
-            Names and versions of what makes it.
-        now_ns : int, optional
-            Time since 1970 [ns]; the computer's if not given.
+        Args:
+            root: Folder of all runs; made where it does not exist.
+            label: What people call the run: 1 to 64 letters, digits, spaces, `_`, `.` and `-`.
+            kind: Which job makes it: record, import, ...
+            software: Names and versions of what makes it.
+            now_ns: Time since 1970 [ns]; the computer's if not given.
 
-        Raises
-        ------
-        ConfigError
-            The label has other characters, or means another run.
-        RecordingError
-            The folder cannot be made.
+        Raises:
+            ConfigError: The label has other characters, or means another run.
+            RecordingError: The folder cannot be made.
         """
         require_label(label)
         created_ns = time.time_ns() if now_ns is None else now_ns
@@ -112,10 +100,8 @@ class RunFolder:
     def open(cls, path: Path) -> RunFolder:
         """Return the run folder at `path`, wherever it was moved to.
 
-        Raises
-        ------
-        RecordingError
-            There is none, or its manifest cannot be read.
+        Raises:
+            RecordingError: There is none, or its manifest cannot be read.
         """
         folder = cls(path.resolve(), "")
         return cls(folder.path, folder.manifest().run_id)
@@ -123,10 +109,8 @@ class RunFolder:
     def manifest(self) -> Manifest:
         """Read what the folder says about itself.
 
-        Raises
-        ------
-        RecordingError
-            There is no manifest, or it is damaged.
+        Raises:
+            RecordingError: There is no manifest, or it is damaged.
         """
         path = self.path / MANIFEST
         try:
@@ -150,17 +134,12 @@ class RunFolder:
     def file(self, name: str) -> Path:
         """Return the path of the file called `name`, which need not exist yet.
 
-        Parameters
-        ----------
-        name : str
-            A plain name, or names joined by `/` for a file in a folder.
+        Args:
+            name: A plain name, or names joined by `/` for a file in a folder.
 
-        Raises
-        ------
-        ConfigError
-            The name is not a plain one.
-        RecordingError
-            A link stands in its way.
+        Raises:
+            ConfigError: The name is not a plain one.
+            RecordingError: A link stands in its way.
         """
         parts = name.split("/")
         if not all(is_plain(part) for part in parts):
@@ -177,10 +156,8 @@ class RunFolder:
     def read(self, name: str) -> bytes:
         """Return a file's bytes.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be read, is a link, or is not what was written.
+        Raises:
+            RecordingError: It cannot be read, is a link, or is not what was written.
         """
         path = self.file(name)
         with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
@@ -197,10 +174,8 @@ class RunFolder:
     def holds(self, name: str, entry: FileEntry) -> bool:
         """Return whether a file has the contents that an entry of a manifest says.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be read.
+        Raises:
+            RecordingError: It cannot be read.
         """
         path = self.file(name)
         with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
@@ -212,15 +187,11 @@ class RunFolder:
 
         Journals of a run that was never finished have no hash yet: they are not compared.
 
-        Parameters
-        ----------
-        names : iterable of str
-            Files to compare; those that the run never had and has not now are none.
+        Args:
+            names: Files to compare; those that the run never had and has not now are none.
 
-        Raises
-        ------
-        RecordingError
-            The folder cannot be read, or a link stands in it.
+        Raises:
+            RecordingError: The folder cannot be read, or a link stands in it.
         """
         manifest = self.manifest()
         ended = manifest.status in (RunStatus.COMPLETE, RunStatus.STOPPED)
@@ -239,12 +210,9 @@ class RunFolder:
     def write(self, name: str, data: bytes) -> Path:
         """Write a file whole or not at all, replacing an older one; note it in the manifest.
 
-        Raises
-        ------
-        ConfigError
-            The name is not a plain one.
-        RecordingError
-            It cannot be written.
+        Raises:
+            ConfigError: The name is not a plain one.
+            RecordingError: It cannot be written.
         """
         path = self.file(name)
         if name == MANIFEST:
@@ -267,19 +235,13 @@ class RunFolder:
 
         Files that were written before keep the hash that they had then. Strays are left alone.
 
-        Parameters
-        ----------
-        status : RunStatus
-            The outcome.
-        facts : dict, optional
-            What a list of runs should show; added to what is there.
-        missing : dict of str to FileEntry, optional
-            Files that belong to the run and are not there; only they will be taken, later.
+        Args:
+            status: The outcome.
+            facts: What a list of runs should show; added to what is there.
+            missing: Files that belong to the run and are not there; only they will be taken, later.
 
-        Raises
-        ------
-        RecordingError
-            The folder cannot be read or written, or is that of another run by now.
+        Raises:
+            RecordingError: The folder cannot be read or written, or is that of another run by now.
         """
         manifest = self._own_manifest()
         new = [name for name in self._present()[0] if name not in manifest.files]
@@ -299,15 +261,11 @@ class RunFolder:
     def verify(self) -> tuple[str, ...]:
         """Compare every file with the manifest.
 
-        Returns
-        -------
-        tuple of str
+        Returns:
             What is wrong, one sentence each; empty for a complete and unchanged run.
 
-        Raises
-        ------
-        RecordingError
-            The manifest itself, or the folder, cannot be read.
+        Raises:
+            RecordingError: The manifest itself, or the folder, cannot be read.
         """
         manifest = self.manifest()
         problems = []
@@ -326,10 +284,8 @@ class RunFolder:
     def strays(self) -> tuple[str, ...]:
         """Return what is in the folder and not in the manifest: left alone, and never read.
 
-        Raises
-        ------
-        RecordingError
-            The manifest, or the folder, cannot be read.
+        Raises:
+            RecordingError: The manifest, or the folder, cannot be read.
         """
         files, others = self._present()
         known = self.manifest().files
@@ -356,10 +312,8 @@ class RunFolder:
     def _own_manifest(self) -> Manifest:
         """Read the manifest, which must still be this run's.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be read, or another run's folder has taken this one's place.
+        Raises:
+            RecordingError: It cannot be read, or another run's folder has taken this one's place.
         """
         manifest = self.manifest()
         if manifest.run_id != self.run_id:

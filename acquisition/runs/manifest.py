@@ -58,10 +58,8 @@ class Manifest(ConfigModel):
 def require_label(label: str) -> None:
     """Refuse what no run can be called.
 
-    Raises
-    ------
-    ConfigError
-        It has other characters, or means another run.
+    Raises:
+        ConfigError: It has other characters, or means another run.
     """
     if not _LABEL.fullmatch(label) or label == LATEST:
         raise ConfigError(
@@ -74,10 +72,8 @@ def require_label(label: str) -> None:
 def entry_of(path: Path) -> FileEntry:
     """Return what a manifest says of a file.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be read.
+    Raises:
+        RecordingError: It cannot be read.
     """
     sha256, size_bytes = digest_of(path)
     rows = messages_written(path) if path.suffix == JOURNAL else None
@@ -87,10 +83,8 @@ def entry_of(path: Path) -> FileEntry:
 def digest_of(path: Path) -> tuple[str, int]:
     """Return SHA-256 and size of a file.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be read.
+    Raises:
+        RecordingError: It cannot be read.
     """
     digest = hashlib.sha256()
     size = 0

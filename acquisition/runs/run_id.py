@@ -17,10 +17,8 @@ RUN_ID = re.compile(rf"[0-7][{_ALPHABET}]{{{_LENGTH - 1}}}")
 def new_run_id(now_ns: int) -> str:
     """Return a new id: 48 bits of milliseconds since 1970, then 80 random bits, in base 32.
 
-    Parameters
-    ----------
-    now_ns : int
-        Time since 1970 [ns].
+    Args:
+        now_ns: Time since 1970 [ns].
     """
     number = (now_ns // 1_000_000 % (1 << 48)) << _RANDOM_BITS | secrets.randbits(_RANDOM_BITS)
     digits = []

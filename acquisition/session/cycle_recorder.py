@@ -32,18 +32,12 @@ def run_recorder(
     It ends when the task has ended and the ring is empty; after the program's death
     also when the task shows no sign of life for `ORPHAN_PATIENCE_S`.
 
-    Parameters
-    ----------
-    ring : Ring
-        Where the rows come from.
-    control : ControlBlock
-        Where it says how it fares, and learns that the task has ended.
-    path : Path
-        The journal to write.
-    header : JournalHeader
-        What the journal says about itself.
-    parent : int
-        Process id of the program.
+    Args:
+        ring: Where the rows come from.
+        control: Where it says how it fares, and learns that the task has ended.
+        path: The journal to write.
+        header: What the journal says about itself.
+        parent: Process id of the program.
     """
     leave_terminal()
     set_process_name(ProcessName.RECORDER)

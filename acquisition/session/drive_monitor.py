@@ -43,18 +43,12 @@ def run_monitor(
 ) -> None:
     """Run the monitor; the main function of its process. It ends with the cyclic task.
 
-    Parameters
-    ----------
-    config, profile : MonitorConfig, DriveProfile
-        Whom to ask, and for what.
-    control : ControlBlock
-        Where it says how it fares, and learns when to ask.
-    path : Path
-        The file to write.
-    header : MonitorHeader
-        What the file says about itself.
-    parent : int
-        Process id of the program.
+    Args:
+        config, profile: Whom to ask, and for what.
+        control: Where it says how it fares, and learns when to ask.
+        path: The file to write.
+        header: What the file says about itself.
+        parent: Process id of the program.
     """
     leave_terminal()
     try:

@@ -26,16 +26,11 @@ PAUSE_S = 0.02
 class NewPeriods:
     """What was recorded since the last question, up to the end of a period.
 
-    Attributes
-    ----------
-    recording : Recording
-        The rows, without temperatures.
-    folder : Path
-        The run's folder.
-    first_row : int
-        Row of the motion at which the first new period begins.
-    periods : int
-        Whole periods since the motion began, those of earlier questions too.
+    Attributes:
+        recording: The rows, without temperatures.
+        folder: The run's folder.
+        first_row: Row of the motion at which the first new period begins.
+        periods: Whole periods since the motion began, those of earlier questions too.
     """
 
     recording: Recording
@@ -54,21 +49,14 @@ class EarlyStop:
     Of the journal it reads what is new, so that a question costs the same however long the motion
     is.
 
-    Parameters
-    ----------
-    path : Path
-        The journal.
-    samples : MotionSamples
-        The motion.
-    control : ControlBlock
-        Takes the answers to the cyclic task.
-    rule : callable
-        The question.
+    Args:
+        path: The journal.
+        samples: The motion.
+        control: Takes the answers to the cyclic task.
+        rule: The question.
 
-    Attributes
-    ----------
-    pending : Future or None
-        The latest question that was put.
+    Attributes:
+        pending: The latest question that was put.
     """
 
     def __init__(
@@ -104,10 +92,8 @@ class EarlyStop:
     def close(self) -> None:
         """Wait for the last answer, and end the thread.
 
-        Raises
-        ------
-        Exception
-            What the question raised; the recording is complete by then.
+        Raises:
+            Exception: What the question raised; the recording is complete by then.
         """
         self._pool.shutdown(wait=True)
         if self._reader is not None:

@@ -39,21 +39,14 @@ def require_listenable(bus: CanBusConfig) -> None:
 class FrameRecorder:
     """Listens for as long as the `with` lasts.
 
-    Parameters
-    ----------
-    bus : CanBusConfig
-        The bus, as it is reachable.
-    path : Path
-        The file; it must not exist.
+    Args:
+        bus: The bus, as it is reachable.
+        path: The file; it must not exist.
 
-    Raises
-    ------
-    ConfigError
-        The interface cannot be listened to.
-    TransportError
-        The bus cannot be opened.
-    RecordingError
-        The file cannot be written.
+    Raises:
+        ConfigError: The interface cannot be listened to.
+        TransportError: The bus cannot be opened.
+        RecordingError: The file cannot be written.
     """
 
     def __init__(self, bus: CanBusConfig, path: Path) -> None:
@@ -87,10 +80,8 @@ class FrameRecorder:
     def finish(self) -> int:
         """Close the file; return how many frames it holds.
 
-        Raises
-        ------
-        RecordingError
-            They could not all be written.
+        Raises:
+            RecordingError: They could not all be written.
         """
         with contextlib.suppress(OSError):  # it has ended, and has said why, or not
             self._pipe.send(None)

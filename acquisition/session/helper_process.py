@@ -15,23 +15,15 @@ from config.process.termination import signals_blocked
 class HelperProcess:
     """A process of its own that stands apart from the terminal; made here, started by `start_all`.
 
-    Parameters
-    ----------
-    title : str
-        What it is called in notes, as `recorder`.
-    main : callable
-        Its main function, which begins with `leave_terminal`.
-    arguments : tuple
-        The main function's.
-    patience_s : float
-        How long it may take to end by itself once the motion is over [s].
-    loss : str
-        What its death means, as a clause.
+    Args:
+        title: What it is called in notes, as `recorder`.
+        main: Its main function, which begins with `leave_terminal`.
+        arguments: The main function's.
+        patience_s: How long it may take to end by itself once the motion is over [s].
+        loss: What its death means, as a clause.
 
-    Attributes
-    ----------
-    exit_code : int or None
-        How it ended, known from `end` on.
+    Attributes:
+        exit_code: How it ended, known from `end` on.
     """
 
     exit_code: int | None = None
@@ -76,9 +68,7 @@ class HelperProcess:
     def end(self) -> list[str]:
         """Wait for its end, or end it by force; one that was never started has ended.
 
-        Returns
-        -------
-        list of str
+        Returns:
             One sentence where it did not end by itself, or not well; else none.
         """
         if self._process.pid is None:
@@ -106,10 +96,8 @@ Observer = Callable[[Ring, ControlBlock], HelperProcess]
 def start_all(helpers: Sequence[HelperProcess]) -> None:
     """Start all of them or none, in this order.
 
-    Raises
-    ------
-    ShortageError
-        The computer cannot start one more.
+    Raises:
+        ShortageError: The computer cannot start one more.
     """
     try:
         with signals_blocked(suspension=True):

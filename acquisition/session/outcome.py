@@ -27,27 +27,17 @@ _LATE = frozenset(
 class RecordOutcome:
     """What became of a recorded motion; the drives are disabled and the file is closed.
 
-    Attributes
-    ----------
-    path : Path
-        The journal.
-    stop : StopReason or None
-        Why the motion did not come to its end; None where it did.
-    interrupted_by : Signals or None
-        The termination signal that stopped it.
-    rows : int
-        Rows in the journal.
-    statistics : CycleStatistics
-        Timing and frames.
-    notes : tuple of str
-        What else a person should know, one sentence each.
-    late_stop : StopReason or None
-        Why no other motion may follow this one, which came to its end: a stop was asked for too
-        late for it.
-    pose : tuple of float, length joints, or None
-        Where the joints were seen last [rad or m]; None if no cycle came.
-    displaced : bool
-        Whether the robot stood elsewhere than it was seen last, before the motion.
+    Attributes:
+        path: The journal.
+        stop: Why the motion did not come to its end; None where it did.
+        interrupted_by: The termination signal that stopped it.
+        rows: Rows in the journal.
+        statistics: Timing and frames.
+        notes: What else a person should know, one sentence each.
+        late_stop: Why no other motion may follow this one, which came to its end: a stop was asked
+            for too late for it.
+        pose: Length joints. Where the joints were seen last [rad or m]; None if no cycle came.
+        displaced: Whether the robot stood elsewhere than it was seen last, before the motion.
     """
 
     path: Path
@@ -77,25 +67,16 @@ def outcome_of(
 ) -> RecordOutcome:
     """Return what became of a motion whose processes have ended, and read back what they recorded.
 
-    Parameters
-    ----------
-    path, header : Path, JournalHeader
-        The journal, and what it must say about itself.
-    task : HelperProcess
-        The cyclic task.
-    control : ControlBlock
-        What the processes have said.
-    interruption : Interruption
-        Says which signal came first.
-    notes : list of str
-        What there is to say about the processes.
-    pose : tuple of float, optional
-        Where the joints were seen last [rad or m].
+    Args:
+        path, header: The journal, and what it must say about itself.
+        task: The cyclic task.
+        control: What the processes have said.
+        interruption: Says which signal came first.
+        notes: What there is to say about the processes.
+        pose: Where the joints were seen last [rad or m].
 
-    Raises
-    ------
-    RidDaqError
-        The motion failed before it began, or nothing was recorded.
+    Raises:
+        RidDaqError: The motion failed before it began, or nothing was recorded.
     """
     notes = notes + list(control.task.notes)
     stop = control.task.stop_reason
@@ -160,10 +141,8 @@ def _late_stop(control: ControlBlock, interruption: Interruption) -> StopReason 
 def _read_back(path: Path, header: JournalHeader) -> tuple[CycleStatistics, tuple[str, ...]]:
     """Return the statistics of what was recorded, and what it has lost, one sentence each.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be read, or is not what this motion has written.
+    Raises:
+        RecordingError: It cannot be read, or is not what this motion has written.
     """
     tally = CycleTally(len(header.joint_names))
     with CycleReader(path) as reader:

@@ -49,24 +49,16 @@ class _Words(ctypes.Structure):
 class PlateStatus:
     """How the plate fares.
 
-    Attributes
-    ----------
-    state : PlateState
-        How far its reader has come.
-    rows, rows_lost : int
-        Rows received, and rows that the sequence numbers say are missing.
-    bad_frames, garbage_bytes : int
-        What came over the line and is no row.
-    overloaded_rows : int
-        Rows with an overload of any channel.
-    overloads : tuple of bool
-        Which channels have been overloaded since the start.
-    losses : int
-        How often the line was lost.
-    age_s : float
-        Time since the last row [s]; infinite before the first.
-    force_n, force_max_n : ndarray, shape (8,)
-        The last row, and the largest absolute value of each channel since the start [N].
+    Attributes:
+        state: How far its reader has come.
+        rows, rows_lost: Rows received, and rows that the sequence numbers say are missing.
+        bad_frames, garbage_bytes: What came over the line and is no row.
+        overloaded_rows: Rows with an overload of any channel.
+        overloads: Which channels have been overloaded since the start.
+        losses: How often the line was lost.
+        age_s: Time since the last row [s]; infinite before the first.
+        force_n, force_max_n: Shape (8,). The last row, and the largest absolute value of each
+            channel since the start [N].
     """
 
     state: PlateState

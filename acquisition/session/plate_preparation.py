@@ -19,20 +19,13 @@ ZERO_LIMIT_N = 5.0
 class PlateReadiness:
     """How an amplifier was found, or left, before a motion.
 
-    Attributes
-    ----------
-    identity : str
-        Who answered, escaped.
-    settings : tuple of PlateSetting
-        Every setting as read back.
-    changed : tuple of str
-        Settings that were otherwise and were set.
-    charge_lost : bool
-        Setting them lost the charges on the channels, and with them the plate's zero.
-    operating : bool
-        The channels measure.
-    overloads : tuple of bool
-        Channels that had been overloaded; it is forgotten now.
+    Attributes:
+        identity: Who answered, escaped.
+        settings: Every setting as read back.
+        changed: Settings that were otherwise and were set.
+        charge_lost: Setting them lost the charges on the channels, and with them the plate's zero.
+        operating: The channels measure.
+        overloads: Channels that had been overloaded; it is forgotten now.
     """
 
     identity: str
@@ -48,20 +41,14 @@ def prepare_plate(
 ) -> PlateReadiness:
     """Set what differs from the cell file, read everything back, look at the overloads.
 
-    Parameters
-    ----------
-    plate : PlateConfig
-        The plate and its amplifier.
-    profile : AmplifierProfile
-        What the amplifier speaks.
-    operate : bool
-        Put an amplifier that is in reset, or that has lost its charges, into operation: for mock
-        hardware, which nobody else has zeroed.
+    Args:
+        plate: The plate and its amplifier.
+        profile: What the amplifier speaks.
+        operate: Put an amplifier that is in reset, or that has lost its charges, into operation:
+            for mock hardware, which nobody else has zeroed.
 
-    Raises
-    ------
-    DriverError
-        It cannot be reached, or does not take a setting.
+    Raises:
+        DriverError: It cannot be reached, or does not take a setting.
     """
     with open_amplifier(plate.amplifier, profile) as amplifier:
         identity = amplifier.connect()
@@ -85,10 +72,8 @@ def prepare_plate(
 def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadiness:
     """Set the amplifier as the cell file says, reset it, and let it operate: the channels begin.
 
-    Raises
-    ------
-    DriverError
-        It cannot be reached, does not take a setting, or does not go along.
+    Raises:
+        DriverError: It cannot be reached, does not take a setting, or does not go along.
     """
     with open_amplifier(plate.amplifier, profile) as amplifier:
         amplifier.connect()
@@ -106,10 +91,8 @@ def plate_zero_n(plate: PlateConfig, profile: AmplifierProfile) -> FloatArray:
 
     That is beyond the cell file's offset and, where it tells, gravity's share in that pose.
 
-    Raises
-    ------
-    DriverError
-        The amplifier does not answer.
+    Raises:
+        DriverError: The amplifier does not answer.
     """
     with open_amplifier(plate.amplifier, profile) as amplifier:
         amplifier.connect()

@@ -47,16 +47,11 @@ RETRY_PATIENCE_S = 10.0
 class PlateTask:
     """What the plate's recorder is to do; handed to its process.
 
-    Attributes
-    ----------
-    plate : PlateConfig
-        The plate and its amplifier, which must be set and operating already.
-    profile : AmplifierProfile
-        What the amplifier speaks.
-    path : Path
-        The file to write; it must not exist.
-    cell_name, run_id : str
-        Provenance.
+    Attributes:
+        plate: The plate and its amplifier, which must be set and operating already.
+        profile: What the amplifier speaks.
+        path: The file to write; it must not exist.
+        cell_name, run_id: Provenance.
     """
 
     plate: PlateConfig
@@ -71,14 +66,10 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
 
     It ends when the program asks for it or is gone; errors are told through `block`.
 
-    Parameters
-    ----------
-    task : PlateTask
-        What to record.
-    block : PlateBlock
-        Where it says how it fares.
-    parent : int
-        Process id of the program.
+    Args:
+        task: What to record.
+        block: Where it says how it fares.
+        parent: Process id of the program.
     """
     leave_terminal()
     try:
@@ -96,12 +87,9 @@ def piece_time_s(baud_rate: int) -> float:
 def require_ready(amplifier: SerialAmplifier, config: AmplifierConfig) -> None:
     """Refuse an amplifier that is set otherwise than the cell file says, or does not measure.
 
-    Raises
-    ------
-    DeviceFaultError
-        Names the settings, or says that it is in reset.
-    DriverError
-        It does not answer.
+    Raises:
+        DeviceFaultError: Names the settings, or says that it is in reset.
+        DriverError: It does not answer.
     """
     wrong = [
         f"{setting.name} is {setting.found}, not {setting.required}"

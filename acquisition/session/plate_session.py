@@ -24,17 +24,12 @@ OVERLOADED_PERIODS = 3
 class PlateSession:
     """Starts the plate's recorder, watches it during the motion and ends it.
 
-    Parameters
-    ----------
-    task : PlateTask
-        What is to be recorded.
-    samples_per_period : int or None
-        Of the motion: an overload spoils a period.
+    Args:
+        task: What is to be recorded.
+        samples_per_period: Of the motion: an overload spoils a period.
 
-    Raises
-    ------
-    RidDaqError
-        The plate cannot be recorded; nothing was moved.
+    Raises:
+        RidDaqError: The plate cannot be recorded; nothing was moved.
     """
 
     def __init__(self, task: PlateTask, samples_per_period: int | None) -> None:

@@ -60,15 +60,12 @@ NO_PAUSE = "Ctrl-Z does not pause a robot: the motion goes on. Ctrl-C stops it."
 class DeviceProfiles:
     """What the devices beside the bus speak.
 
-    Attributes
-    ----------
-    amplifier : AmplifierProfile or None
-        The force plate's amplifier: the plate is recorded beside, into `plate.mcap`; without it,
-        not.
-    drives : DriveProfile or None
-        The registers of the drives, where the cell has a monitor; the bundled one of the cell's
-        name when left out. Temperatures go to `monitor.mcap`; where they cannot be had the motion
-        is recorded all the same, and a note says so.
+    Attributes:
+        amplifier: The force plate's amplifier: the plate is recorded beside, into `plate.mcap`;
+            without it, not.
+        drives: The registers of the drives, where the cell has a monitor; the bundled one of the
+            cell's name when left out. Temperatures go to `monitor.mcap`; where they cannot be had
+            the motion is recorded all the same, and a note says so.
     """
 
     amplifier: AmplifierProfile | None = None
@@ -79,15 +76,11 @@ class DeviceProfiles:
 class MotionContext:
     """What is known of a motion beside its set-points.
 
-    Attributes
-    ----------
-    observer : callable or None
-        Makes one more process, such as the live page's. It is not waited for, and its death changes
-        nothing.
-    service : ServiceBeat or None
-        Signs of life of the service that has ordered the motion: without them it stops.
-    pose : KnownPose or None
-        Where the robot was seen last: compared before the drives get power.
+    Attributes:
+        observer: Makes one more process, such as the live page's. It is not waited for, and its
+            death changes nothing.
+        service: Signs of life of the service that has ordered the motion: without them it stops.
+        pose: Where the robot was seen last: compared before the drives get power.
     """
 
     observer: Observer | None = None
@@ -114,33 +107,22 @@ def record_motion(
     with a sentence: the processes of a motion stand apart from the terminal, and this one, which
     watches them, goes on too.
 
-    Parameters
-    ----------
-    cell, robot : CellConfig, RobotDescription
-        The cell and its robot.
-    motion : MotionSamples or SetPointSource
-        The motion, sampled at the cell's cycle time and checked here; or a source that checks
-        what it hands out.
-    folder : RunFolder
-        Where `recording.mcap` is written; its manifest is left to the caller.
-    on_progress : callable, optional
-        Called about 20 times a second.
-    enough : callable, optional
-        Asked about every new period, in a thread of its own; where it returns True the motion goes
-        over to its run-out after the period under way.
-    profiles : DeviceProfiles, optional
-        What the cell's amplifier and its drives' registers speak.
-    context : MotionContext, optional
-        Who looks on, who has ordered the motion, and where the robot was seen last.
+    Args:
+        cell, robot: The cell and its robot.
+        motion: The motion, sampled at the cell's cycle time and checked here; or a source that
+            checks what it hands out.
+        folder: Where `recording.mcap` is written; its manifest is left to the caller.
+        on_progress: Called about 20 times a second.
+        enough: Asked about every new period, in a thread of its own; where it returns True the
+            motion goes over to its run-out after the period under way.
+        profiles: What the cell's amplifier and its drives' registers speak.
+        context: Who looks on, who has ordered the motion, and where the robot was seen last.
 
-    Raises
-    ------
-    PreflightError
-        The motion does not fit the cell's limits, or a drive's settings are red; nothing moved.
-    DriverError
-        Bus or drives failed before the motion.
-    RecordingError
-        There is no room to record, or nothing was recorded.
+    Raises:
+        PreflightError: The motion does not fit the cell's limits, or a drive's settings are red;
+            nothing moved.
+        DriverError: Bus or drives failed before the motion.
+        RecordingError: There is no room to record, or nothing was recorded.
     """
     source: SetPointSource
     planned: MotionSamples | None = None
@@ -241,12 +223,9 @@ def _start_plate(
 ) -> PlateSession | None:
     """Make the force plate ready and begin to record it, where the cell has one.
 
-    Raises
-    ------
-    PreflightError
-        It is not zeroed.
-    DriverError
-        It cannot be reached.
+    Raises:
+        PreflightError: It is not zeroed.
+        DriverError: It cannot be reached.
     """
     if cell.plate is None or profile is None:
         return None

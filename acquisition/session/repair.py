@@ -24,19 +24,13 @@ _HEAD_BYTES = 9 + 22  # of a message: its record, its number and times
 class Repair:
     """What was kept of a journal, and what is lost.
 
-    Attributes
-    ----------
-    kept_rows, lost_rows : int
-        Messages read, and messages known to be missing: by their numbers, by the count of a closed
-        file, or by what was written when the run ended.
-    kept_s, lost_s : float
-        The time that they cover [s].
-    torn_rows : float
-        Rows that the torn bytes at the end would hold.
-    damage : JournalDamage
-        What is missing, in particular.
-    run_id : str
-        The run that the file says that it belongs to; empty where it does not say.
+    Attributes:
+        kept_rows, lost_rows: Messages read, and messages known to be missing: by their numbers, by
+            the count of a closed file, or by what was written when the run ended.
+        kept_s, lost_s: The time that they cover [s].
+        torn_rows: Rows that the torn bytes at the end would hold.
+        damage: What is missing, in particular.
+        run_id: The run that the file says that it belongs to; empty where it does not say.
     """
 
     kept_rows: int
@@ -74,17 +68,13 @@ class Repair:
 def examine_journal(path: Path, written: int | None = None) -> Repair:
     """Return what can be kept of a journal, without writing anything.
 
-    Parameters
-    ----------
-    path : Path
-        The journal.
-    written : int, optional
-        Rows that it held when its run ended, where that is known.
+    Args:
+        path: The journal.
+        written: Rows that it held when its run ended, where that is known.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be read, is no journal of this program, or holds nothing readable.
+    Raises:
+        RecordingError: The file cannot be read, is no journal of this program, or holds nothing
+            readable.
     """
     raw, header = _read(path)
     return _repair(raw, header.run_id, written)
@@ -98,21 +88,14 @@ def repair_journal(
     Every message keeps its number, so that lost ones stay visible to every reader. What was written
     is read back and compared.
 
-    Parameters
-    ----------
-    source : Path
-        The journal; it is not changed.
-    target : Path
-        The file to write; it must not exist.
-    run_id : str, optional
-        The run that the new file belongs to; the old one's if not given.
-    written : int, optional
-        Rows that the journal held when its run ended, where that is known.
+    Args:
+        source: The journal; it is not changed.
+        target: The file to write; it must not exist.
+        run_id: The run that the new file belongs to; the old one's if not given.
+        written: Rows that the journal held when its run ended, where that is known.
 
-    Raises
-    ------
-    RecordingError
-        The source holds nothing readable, or the target cannot be written.
+    Raises:
+        RecordingError: The source holds nothing readable, or the target cannot be written.
     """
     raw, header = _read(source)
     was = header.run_id

@@ -20,20 +20,15 @@ _COARSE = ~np.int64((1 << 42) - 1)
 class CycleStatistics:
     """Counts and percentiles over the rows of one run.
 
-    Attributes
-    ----------
-    cycles : int
-        Cycles that were run.
-    overruns : int
-        Cycle times that passed without one.
-    missed_frames : tuple of int, length joints
-        Rows in which a drive's answer was missing or implausible.
-    lateness_p50_s, lateness_p99_s, lateness_max_s : float
-        How late cycles began after their deadline [s].
-    lateness_edges_s, lateness_counts : tuple
-        Histogram of the same; the last count is of everything beyond the last edge.
-    exchange_p50_s, exchange_p99_s, exchange_max_s : float
-        From SYNC to the last answer [s].
+    Attributes:
+        cycles: Cycles that were run.
+        overruns: Cycle times that passed without one.
+        missed_frames: Length joints. Rows in which a drive's answer was missing or implausible.
+        lateness_p50_s, lateness_p99_s, lateness_max_s: How late cycles began after their deadline
+            [s].
+        lateness_edges_s, lateness_counts: Histogram of the same; the last count is of everything
+            beyond the last edge.
+        exchange_p50_s, exchange_p99_s, exchange_max_s: From SYNC to the last answer [s].
     """
 
     cycles: int
@@ -56,10 +51,8 @@ class CycleStatistics:
 class CycleTally:
     """Counts the rows of a run as they come; its memory does not grow with them.
 
-    Parameters
-    ----------
-    joints : int
-        Joints in a row.
+    Args:
+        joints: Joints in a row.
     """
 
     def __init__(self, joints: int) -> None:
@@ -73,10 +66,8 @@ class CycleTally:
     def add(self, rows: NDArray[Any]) -> None:
         """Count rows in.
 
-        Parameters
-        ----------
-        rows : ndarray of `row_dtype`, shape (rows,)
-            The next ones of the run; may be empty.
+        Args:
+            rows: Shape (rows,). The next ones of the run; may be empty.
         """
         if not len(rows):
             return

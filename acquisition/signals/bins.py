@@ -31,21 +31,15 @@ class Derivatives(NamedTuple):
 def to_bins(samples: FloatArray, harmonics: int) -> Bins:
     """Return the bins 0 to `harmonics` of one period.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (K, joints)
-        One period.
-    harmonics : int
-        The highest bin wanted, below K / 2.
+    Args:
+        samples: Shape (K, joints). One period.
+        harmonics: The highest bin wanted, below K / 2.
 
-    Returns
-    -------
-    ndarray of complex, shape (harmonics + 1, joints)
+    Returns:
+        Shape (harmonics + 1, joints).
 
-    Raises
-    ------
-    ConfigError
-        `harmonics` is not below half the number of samples.
+    Raises:
+        ConfigError: `harmonics` is not below half the number of samples.
     """
     _check_harmonics(harmonics, len(samples))
     return np.asarray(np.fft.rfft(samples, axis=0)[: harmonics + 1] / len(samples))
@@ -54,10 +48,8 @@ def to_bins(samples: FloatArray, harmonics: int) -> Bins:
 def from_bins(bins: Bins, samples: int) -> FloatArray:
     """Return one period of `samples` rows from its bins 0 to len(bins) - 1.
 
-    Raises
-    ------
-    ConfigError
-        The bins reach half the number of samples.
+    Raises:
+        ConfigError: The bins reach half the number of samples.
     """
     _check_harmonics(len(bins) - 1, samples)
     return np.asarray(np.fft.irfft(bins * samples, n=samples, axis=0))
@@ -68,22 +60,15 @@ def differentiate_on_bins(
 ) -> Derivatives:
     """Return a periodic signal, its velocity and acceleration, limited to bins 0 to `harmonics`.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (K, joints)
-        One period [rad or m].
-    sample_period_s : float
-        Time between rows [s].
-    harmonics : int
-        The highest bin kept, below K / 2.
-    oversampling : int
-        Rows returned per row given: products of the signals reach beyond their own bins, and a
-        finer grid keeps them from folding back.
+    Args:
+        samples: Shape (K, joints). One period [rad or m].
+        sample_period_s: Time between rows [s].
+        harmonics: The highest bin kept, below K / 2.
+        oversampling: Rows returned per row given: products of the signals reach beyond their own
+            bins, and a finer grid keeps them from folding back.
 
-    Raises
-    ------
-    ConfigError
-        `harmonics` is not below half the number of samples.
+    Raises:
+        ConfigError: `harmonics` is not below half the number of samples.
     """
     bins = to_bins(samples, harmonics)
     rows = len(samples) * oversampling
@@ -112,22 +97,15 @@ def divide_filter(
 ) -> FloatArray:
     """Return a period as it was before the anti-alias filter, limited to bins 0 to `harmonics`.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (K, joints)
-        One period that passed the filter.
-    sample_period_s : float
-        Time between rows [s].
-    torque_filter : ButterworthFilter or None
-        The filter; None leaves the limitation to the bins alone.
-    harmonics : int
-        The highest bin kept, below K / 2.
+    Args:
+        samples: Shape (K, joints). One period that passed the filter.
+        sample_period_s: Time between rows [s].
+        torque_filter: The filter; None leaves the limitation to the bins alone.
+        harmonics: The highest bin kept, below K / 2.
 
-    Raises
-    ------
-    ConfigError
-        `harmonics` is not below K / 2, or lies where the filter passes less than 1 %: dividing
-        there returns noise.
+    Raises:
+        ConfigError: `harmonics` is not below K / 2, or lies where the filter passes less than 1 %:
+            dividing there returns noise.
     """
     bins = to_bins(samples, harmonics)
     if torque_filter is not None:

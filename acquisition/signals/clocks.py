@@ -33,18 +33,12 @@ Method = Literal["arrivals", "marks", "edges"]
 class DeviceClock:
     """SYNC time = sync_s + rate (device time - device_s), over one run.
 
-    Attributes
-    ----------
-    device_s, sync_s : float
-        The same moment on both clocks, in the middle of the data [s].
-    rate : float
-        SYNC seconds per second of the device.
-    covariance : ndarray, shape (2, 2)
-        Of `sync_s` and `rate`.
-    wander_s : float
-        By how much the device's clock leaves the straight line, RMS [s].
-    method : "arrivals", "marks" or "edges"
-        Where it comes from. By arrivals, the shortest delay of the line counts as clock.
+    Attributes:
+        device_s, sync_s: The same moment on both clocks, in the middle of the data [s].
+        rate: SYNC seconds per second of the device.
+        covariance: Shape (2, 2). Of `sync_s` and `rate`.
+        wander_s: By how much the device's clock leaves the straight line, RMS [s].
+        method: Where it comes from. By arrivals, the shortest delay of the line counts as clock.
     """
 
     device_s: float
@@ -89,18 +83,13 @@ def clock_from_arrivals(
     in two variables. Its uncertainty is what the same fit on eighths of the reads shows, less
     what eight times as many gain.
 
-    Parameters
-    ----------
-    device_s, arrival_s : ndarray, shape (rows,)
-        Device time of each row, and SYNC time at which it was read [s]. Rows read together share
-        their arrival.
-    shortest_delay_s : float
-        What a row needs at least on its way: its bits at the line's speed.
+    Args:
+        device_s, arrival_s: Shape (rows,). Device time of each row, and SYNC time at which it was
+            read [s]. Rows read together share their arrival.
+        shortest_delay_s: What a row needs at least on its way: its bits at the line's speed.
 
-    Raises
-    ------
-    DataQualityError
-        Too few rows, or no clock that a quartz could be.
+    Raises:
+        DataQualityError: Too few rows, or no clock that a quartz could be.
     """
     device = read_only("device time", device_s, float, (None,), DataQualityError)
     arrival = read_only("arrival", arrival_s, float, device.shape, DataQualityError)
@@ -136,17 +125,13 @@ def clock_from_marks(
     that this allows at the top and at the bottom; half their distance bounds the error however
     differently the two ways delay.
 
-    Parameters
-    ----------
-    sent_s, received_s : ndarray, shape (marks,)
-        SYNC times of each question's last bit and of each answer's arrival [s].
-    device_s : ndarray, shape (marks,)
-        What the device answered [s].
+    Args:
+        sent_s, received_s: Shape (marks,). SYNC times of each question's last bit and of each
+            answer's arrival [s].
+        device_s: Shape (marks,). What the device answered [s].
 
-    Raises
-    ------
-    DataQualityError
-        Too few marks, an answer before its question, or no line between them.
+    Raises:
+        DataQualityError: Too few marks, an answer before its question, or no line between them.
     """
     device = read_only("mark", device_s, float, (None,), DataQualityError)
     sent = read_only("mark sent", sent_s, float, device.shape, DataQualityError)
@@ -179,15 +164,12 @@ def clock_from_marks(
 def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
     """Fit a clock to edges of a wired trigger: the device's times of known SYNC times.
 
-    Parameters
-    ----------
-    device_s, sync_s : ndarray, shape (edges,)
-        Device time and SYNC time of each edge, as `match_edges` pairs them [s].
+    Args:
+        device_s, sync_s: Shape (edges,). Device time and SYNC time of each edge, as `match_edges`
+            pairs them [s].
 
-    Raises
-    ------
-    DataQualityError
-        Too few edges.
+    Raises:
+        DataQualityError: Too few edges.
     """
     device = read_only("edge", device_s, float, (None,), DataQualityError)
     sync = read_only("edge's SYNC", sync_s, float, device.shape, DataQualityError)
@@ -221,21 +203,14 @@ def match_edges(
 ) -> tuple[IntArray, IntArray]:
     """Pair trigger edges with SYNC times by a coarse clock, such as one from arrivals.
 
-    Parameters
-    ----------
-    device_s : ndarray, shape (edges,)
-        Device times of the edges [s].
-    sync_s : ndarray, shape (cycles,)
-        SYNC times, increasing [s].
-    coarse : DeviceClock
-        Good to less than half a cycle.
-    within_s : float
-        An edge farther from every SYNC than this is none: a glitch [s].
+    Args:
+        device_s: Shape (edges,). Device times of the edges [s].
+        sync_s: Shape (cycles,). SYNC times, increasing [s].
+        coarse: Good to less than half a cycle.
+        within_s: An edge farther from every SYNC than this is none: a glitch [s].
 
-    Returns
-    -------
-    edges, cycles : ndarrays of int
-        Indices of what belongs together.
+    Returns:
+        `edges, cycles`. Indices of what belongs together.
     """
     at = coarse.to_sync(device_s)
     right = np.clip(np.searchsorted(sync_s, at), 1, len(sync_s) - 1)

@@ -28,31 +28,21 @@ def resample(
 ) -> tuple[FloatArray, BoolArray]:
     """Return rows of a device at other times, and which of them can be relied on.
 
-    Parameters
-    ----------
-    row_s : ndarray, shape (rows,)
-        Times of the rows, increasing, on a regular grid of which single ones may miss [s].
-    values : ndarray, shape (rows, channels)
-        The rows.
-    valid : ndarray of bool, shape (rows, channels)
-        False where a value is none, such as in saturation.
-    at_s : ndarray, shape (samples,)
-        The times wanted [s].
-    at_rate_hz : float
-        Their rate.
+    Args:
+        row_s: Shape (rows,). Times of the rows, increasing, on a regular grid of which single ones
+            may miss [s].
+        values: Shape (rows, channels). The rows.
+        valid: Shape (rows, channels). False where a value is none, such as in saturation.
+        at_s: Shape (samples,). The times wanted [s].
+        at_rate_hz: Their rate.
 
-    Returns
-    -------
-    samples : ndarray, shape (samples, channels)
-        Zero where not valid.
-    valid : ndarray of bool, shape (samples, channels)
-        False beyond the rows' ends and where a value that is none, or a gap of more than three
-        rows, lies within 12.6 / f.
+    Returns:
+        `samples`, shape (samples, channels). Zero where not valid.
+        `valid`, shape (samples, channels). False beyond the rows' ends and where a value that is
+            none, or a gap of more than three rows, lies within 12.6 / f.
 
-    Raises
-    ------
-    DataQualityError
-        The rows are too few, or their times are not regular.
+    Raises:
+        DataQualityError: The rows are too few, or their times are not regular.
     """
     place, step_s = _grid(row_s)
     size, channels = int(place[-1]) + 1, values.shape[1]

@@ -29,16 +29,11 @@ def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples
 
     The deviation d from the plan obeys d[k+1] = (1 - K_v T) d[k] + T (v_ff[k] - v[k]).
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The planned motion, with the feedforward that is added to it.
-    gain_per_s : float
-        K_v of the position loop [1/s].
+    Args:
+        samples: The planned motion, with the feedforward that is added to it.
+        gain_per_s: K_v of the position loop [1/s].
 
-    Returns
-    -------
-    MotionSamples
+    Returns:
         Every row, without a feedforward. Velocities are the commands; accelerations are how they
         change from row to row, the last one back to rest.
     """
@@ -69,19 +64,13 @@ def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescrip
     feedforward itself must not change faster either, wherever the motion may go over from one row
     to another: at its start, at its end, and where periods are left out.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The planned motion; nothing is checked without a feedforward.
-    cell : CellConfig
-        Gain of the position loop, margins.
-    robot : RobotDescription
-        The limits.
+    Args:
+        samples: The planned motion; nothing is checked without a feedforward.
+        cell: Gain of the position loop, margins.
+        robot: The limits.
 
-    Raises
-    ------
-    LimitError
-        A limit is exceeded; the text names joint, time, value and limit.
+    Raises:
+        LimitError: A limit is exceeded; the text names joint, time, value and limit.
     """
     if samples.feedforward is None:
         return
@@ -149,16 +138,11 @@ class _Excesses:
     ) -> None:
         """Note the worst value of each joint that is not between two limits.
 
-        Parameters
-        ----------
-        quantity, per : str
-            What it is, and per what time.
-        values : ndarray, shape (rows, n)
-            The values.
-        low, high : ndarray, shape (n,)
-            The limits.
-        at : ndarray of int, shape (rows,), optional
-            The motion's rows; counted from 0 if not given.
+        Args:
+            quantity, per: What it is, and per what time.
+            values: Shape (rows, n). The values.
+            low, high: Shape (n,). The limits.
+            at: Shape (rows,). The motion's rows; counted from 0 if not given.
         """
         beyond = np.maximum(values - high, low - values)
         for column, joint in enumerate(self._robot.joints):

@@ -12,16 +12,11 @@ from drivers.interfaces.servo_axes import DriveEvent
 class SetPoint(NamedTuple):
     """The set-point of one cycle and where it comes from.
 
-    Attributes
-    ----------
-    position, velocity : list of float, length joints
-        The motion [rad or m, and per second].
-    feedforward : list of float, length joints
-        Speed that the position loop adds to its own [rad/s or m/s].
-    sample_index : int
-        Row of the motion, -1 outside it.
-    phase : int
-        `Phase` of the row.
+    Attributes:
+        position, velocity: Length joints. The motion [rad or m, and per second].
+        feedforward: Length joints. Speed that the position loop adds to its own [rad/s or m/s].
+        sample_index: Row of the motion, -1 outside it.
+        phase: `Phase` of the row.
     """
 
     position: list[float]
@@ -38,34 +33,21 @@ class Cycle:
     It is filled on its way: by the exchange with the drives, by `HeldPositions.take` and by the
     position loop; then it is judged, sent and recorded. Lists have one element a joint.
 
-    Attributes
-    ----------
-    number : int
-        Cycle times since the first cycle.
-    periods : int
-        Cycle times since the cycle before, more than 1 after skipped ones.
-    lateness_s : float
-        How late it began [s].
-    target : SetPoint
-        What it is aimed at.
-    time_s, exchange_s : float
-        When it began on the bus, on the bus's clock, and how long the answers took [s].
-    received, enabled, fault : list of bool
-        Whose answer came, who follows velocities, and who is in fault.
-    position, torque_nm : list of float
-        As measured, link side [rad or m; N m or N].
-    position_counts, torque_raw, statusword : list of int
-        As received.
-    events : sequence of DriveEvent
-        What was made known besides.
-    late_frames : int
-        Answers that have come too late, so far.
-    second_answers : list of int
-        In how many cycles each drive's identifier answered more than once, so far.
-    valid : list of int
-        1 for the joints whose position is plausible, 0 for held values.
-    command : list of float
-        Velocity to send [rad/s or m/s].
+    Attributes:
+        number: Cycle times since the first cycle.
+        periods: Cycle times since the cycle before, more than 1 after skipped ones.
+        lateness_s: How late it began [s].
+        target: What it is aimed at.
+        time_s, exchange_s: When it began on the bus, on the bus's clock, and how long the answers
+            took [s].
+        received, enabled, fault: Whose answer came, who follows velocities, and who is in fault.
+        position, torque_nm: As measured, link side [rad or m; N m or N].
+        position_counts, torque_raw, statusword: As received.
+        events: What was made known besides.
+        late_frames: Answers that have come too late, so far.
+        second_answers: In how many cycles each drive's identifier answered more than once, so far.
+        valid: 1 for the joints whose position is plausible, 0 for held values.
+        command: Velocity to send [rad/s or m/s].
     """
 
     number: int

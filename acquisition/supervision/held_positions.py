@@ -18,26 +18,20 @@ class HeldPositions:
 
     With a coupled wrist a joint counts only where all motors that move it have answered.
 
-    Parameters
-    ----------
-    cell, robot : CellConfig, RobotDescription
-        Cycle time, largest velocities, coupling of the wrist.
+    Args:
+        cell, robot: Cycle time, largest velocities, coupling of the wrist.
 
-    Attributes
-    ----------
-    position : list of float, length joints
-        What the position loop is to use [rad or m]: the plausible positions; without one, the last
-        of them moved on as the set-point has moved since, so that a lost answer corrects nothing
-        and the correction before it stays.
-    velocity : list of float, length joints
-        Between the last two plausible positions [rad/s or m/s].
-    missed, implausible : list of int, length joints
-        For how many cycles in a row no answer came, and no plausible one.
-    unknown : list of int, length joints
-        In how many cycles since the last plausible position a motor that moves the joint was
-        silent; motors may be so in turn.
-    jump, jump_limit : list of float, length joints
-        How far the last answer is from the last plausible one, and how far it may be [rad or m].
+    Attributes:
+        position: Length joints. What the position loop is to use [rad or m]: the plausible
+            positions; without one, the last of them moved on as the set-point has moved since, so
+            that a lost answer corrects nothing and the correction before it stays.
+        velocity: Length joints. Between the last two plausible positions [rad/s or m/s].
+        missed, implausible: Length joints. For how many cycles in a row no answer came, and no
+            plausible one.
+        unknown: Length joints. In how many cycles since the last plausible position a motor that
+            moves the joint was silent; motors may be so in turn.
+        jump, jump_limit: Length joints. How far the last answer is from the last plausible one, and
+            how far it may be [rad or m].
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:

@@ -12,10 +12,8 @@ LATE_FRACTION = 0.5
 class Lateness:
     """Judges how late cycles begin (faults: row 27).
 
-    Parameters
-    ----------
-    cell : CellConfig
-        Cycle time and limits.
+    Args:
+        cell: Cycle time and limits.
     """
 
     def __init__(self, cell: CellConfig) -> None:
@@ -26,10 +24,8 @@ class Lateness:
     def judge(self, lateness_s: float) -> StopReason | None:
         """Return why the motion must stop; None where it may go on.
 
-        Parameters
-        ----------
-        lateness_s : float
-            How late this cycle begins [s].
+        Args:
+            lateness_s: How late this cycle begins [s].
         """
         rules = self._rules
         late_by = lateness_s / self._period_s

@@ -36,10 +36,9 @@ class SecondAnswers:
     def check(self, counts: Sequence[int]) -> StopReason | None:
         """Check a cycle.
 
-        Parameters
-        ----------
-        counts : sequence of int, length joints
-            In how many cycles each drive's identifier has answered more than once, so far.
+        Args:
+            counts: Length joints. In how many cycles each drive's identifier has answered more than
+                once, so far.
         """
         before, self._counts = self._counts, counts
         self._cycle += 1

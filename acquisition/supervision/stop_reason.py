@@ -44,16 +44,11 @@ class StopCode(IntEnum):
 class StopReason:
     """Why the motion was stopped.
 
-    Attributes
-    ----------
-    code : StopCode
-        The kind.
-    text : str
-        One sentence for people, with joint, value, limit and what to look at.
-    joint : str or None
-        The joint it is about.
-    value, limit : float or None
-        What was measured and what was allowed, in the unit that `text` gives.
+    Attributes:
+        code: The kind.
+        text: One sentence for people, with joint, value, limit and what to look at.
+        joint: The joint it is about.
+        value, limit: What was measured and what was allowed, in the unit that `text` gives.
     """
 
     code: StopCode

@@ -17,12 +17,9 @@ class StuckEncoders:
     cycles late, behind the drive's filter: so long it is no strain. Limits and cycles are those of
     `Supervision`.
 
-    Parameters
-    ----------
-    rules : Supervision
-        The cell's.
-    robot : RobotDescription
-        Joint names and torque limits.
+    Args:
+        rules: The cell's.
+        robot: Joint names and torque limits.
     """
 
     def __init__(self, rules: Supervision, robot: RobotDescription) -> None:
@@ -44,16 +41,11 @@ class StuckEncoders:
     ) -> StopReason | None:
         """Check one motor in one cycle.
 
-        Parameters
-        ----------
-        i : int
-            Index of its joint.
-        command, velocity : float
-            What it was told and what its encoder shows [rad/s or m/s].
-        torque_nm : float
-            Its torque, link side [N m or N].
-        periods : int
-            Cycle times since the last check.
+        Args:
+            i: Index of its joint.
+            command, velocity: What it was told and what its encoder shows [rad/s or m/s].
+            torque_nm: Its torque, link side [N m or N].
+            periods: Cycle times since the last check.
         """
         rules = self._rules
         command = abs(command)

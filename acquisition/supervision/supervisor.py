@@ -39,12 +39,9 @@ class Supervisor:
     and standstill motor by motor, velocity on both sides; a joint may be unknown for as many cycles
     as a drive may be silent. Call `begin` once the drives are enabled, then `judge` in every cycle.
 
-    Parameters
-    ----------
-    cell, robot : CellConfig, RobotDescription
-        Limits, margins, coupling of the wrist.
-    positions : HeldPositions
-        Has taken each cycle's answers before the cycle is judged.
+    Args:
+        cell, robot: Limits, margins, coupling of the wrist.
+        positions: Has taken each cycle's answers before the cycle is judged.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, positions: HeldPositions) -> None:
@@ -87,10 +84,8 @@ class Supervisor:
         rows 8, 9, 11), late answers (row 5), second answers (row 49), the set-point (row 17), what
         was measured, joint by joint (rows 1, 2, 6, 13, 14, 15), the command (row 17).
 
-        Parameters
-        ----------
-        cycle : Cycle
-            With everything in it, its command too; nothing of it has been sent yet.
+        Args:
+            cycle: With everything in it, its command too; nothing of it has been sent yet.
         """
         reason = (
             self._check_events(cycle.events)

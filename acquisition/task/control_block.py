@@ -25,10 +25,8 @@ class _Words(ctypes.Structure):
 class ControlBlock(SharedBlock):
     """The words of a motion's processes, one part a writer.
 
-    Attributes
-    ----------
-    program, task, recorder, monitor : ProgramWords, TaskWords, RecorderWords, MonitorWords
-        What each of them says.
+    Attributes:
+        program, task, recorder, monitor: What each of them says.
     """
 
     LABEL = "rid-daq-control-3"
@@ -52,10 +50,8 @@ class ControlBlock(SharedBlock):
     def of_process(cls, pid: int) -> ControlBlock | None:
         """Return the block of the motion that another process has under way, None without one.
 
-        Raises
-        ------
-        PermissionError
-            The process is not this user's.
+        Raises:
+            PermissionError: The process is not this user's.
         """
         return next((each for each in cls.all_of_process(pid) if not each.task_gone), None)
 

@@ -45,23 +45,15 @@ RING_LIMIT = 0.8
 class CyclicTask:
     """Streams set-points to enabled drives and stops them, whatever happens.
 
-    Parameters
-    ----------
-    axes : ServoAxes
-        The drives, in the cyclic exchange (`start` was called).
-    clock : Clock
-        The clock of their bus.
-    cell, robot : CellConfig, RobotDescription
-        Cycle time, gains, limits.
-    ring : Ring
-        Takes a row a cycle.
-    control : ControlBlock
-        Progress and the reason of a stop.
-    lockstep : bool
-        Whether `clock` is a simulated one, that stands still while this task works: then a full
-        ring is waited for.
-    orders : StopOrders
-        Whether anybody wants the motion to stop.
+    Args:
+        axes: The drives, in the cyclic exchange (`start` was called).
+        clock: The clock of their bus.
+        cell, robot: Cycle time, gains, limits.
+        ring: Takes a row a cycle.
+        control: Progress and the reason of a stop.
+        lockstep: Whether `clock` is a simulated one, that stands still while this task works: then
+            a full ring is waited for.
+        orders: Whether anybody wants the motion to stop.
     """
 
     def __init__(
@@ -104,24 +96,18 @@ class CyclicTask:
     def run(self, source: SetPointSource) -> StopReason | None:
         """Enable the drives, approach, stream the source's set-points, hold, stop and disable.
 
-        Parameters
-        ----------
-        source : SetPointSource
-            The motion, prepared; the way to its start is planned from where the robot stands.
+        Args:
+            source: The motion, prepared; the way to its start is planned from where the robot
+                stands.
 
-        Returns
-        -------
-        StopReason or None
+        Returns:
             Why the motion was stopped before its end; the same is in the control block.
 
-        Raises
-        ------
-        PreflightError
-            The robot stands outside its limits, or the way to the motion is blocked.
-        DriverError
-            The drives cannot be enabled.
-        SafetyStop
-            A stop was ordered while they were being enabled.
+        Raises:
+            PreflightError: The robot stands outside its limits, or the way to the motion is
+                blocked.
+            DriverError: The drives cannot be enabled.
+            SafetyStop: A stop was ordered while they were being enabled.
         """
         control, axes = self._control, self._axes
         refuse_pose(self._robot, axes.answers.position.tolist())

@@ -19,23 +19,15 @@ WINDOW_S = 0.05
 class JointValues:
     """The joints in the latest cycle; arrays of length joints.
 
-    Attributes
-    ----------
-    time_s : float
-        SYNC of the cycle, on the cyclic task's clock [s].
-    position, velocity : ndarray
-        Measured [rad or m, and per second]; velocity over the last `WINDOW_S`.
-    torque : ndarray
-        Measured [N m or N].
-    torque_share : ndarray
-        Its greatest size over the joint's limit, 1 at the limit, within `WINDOW_S`.
-    following_error : ndarray
-        Set-point less position [rad or m].
-    following_error_share : ndarray
-        Its greatest size over what the supervisor allows at the set-point's speed, 1 at the limit,
-        within `WINDOW_S`.
-    valid : ndarray of bool
-        Whose drive answered plausibly; else its old values are shown.
+    Attributes:
+        time_s: SYNC of the cycle, on the cyclic task's clock [s].
+        position, velocity: Measured [rad or m, and per second]; velocity over the last `WINDOW_S`.
+        torque: Measured [N m or N].
+        torque_share: Its greatest size over the joint's limit, 1 at the limit, within `WINDOW_S`.
+        following_error: Set-point less position [rad or m].
+        following_error_share: Its greatest size over what the supervisor allows at the set-point's
+            speed, 1 at the limit, within `WINDOW_S`.
+        valid: Whose drive answered plausibly; else its old values are shown.
     """
 
     time_s: float
@@ -51,12 +43,9 @@ class JointValues:
 class JointWatch:
     """Looks at the rows that pass through the ring, without taking any.
 
-    Parameters
-    ----------
-    ring : Ring
-        Between cyclic task and recorder.
-    cell, robot : CellConfig, RobotDescription
-        Cycle time and limits.
+    Args:
+        ring: Between cyclic task and recorder.
+        cell, robot: Cycle time and limits.
     """
 
     def __init__(self, ring: Ring, cell: CellConfig, robot: RobotDescription) -> None:

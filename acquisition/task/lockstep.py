@@ -21,16 +21,11 @@ PAUSE_S = 0.001
 class Lockstep:
     """Waits, a limited time, for the processes beside the cyclic task.
 
-    Parameters
-    ----------
-    control : ControlBlock
-        Between the task and the others.
-    ring : Ring
-        Takes a row a cycle.
-    cell : CellConfig
-        Cycle time, and the drive monitor's period where it has one.
-    stopped : callable
-        Whether somebody has ordered a stop: then nothing is waited for.
+    Args:
+        control: Between the task and the others.
+        ring: Takes a row a cycle.
+        cell: Cycle time, and the drive monitor's period where it has one.
+        stopped: Whether somebody has ordered a stop: then nothing is waited for.
     """
 
     def __init__(

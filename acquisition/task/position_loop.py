@@ -15,13 +15,10 @@ from config.robot.robot import RobotDescription
 class PositionLoop:
     """Proportional position control with velocity feedforward.
 
-    Attributes
-    ----------
-    gain_per_s : float
-        K_v [1/s].
-    velocity_limit : tuple of float, length joints
-        No command exceeds it [rad/s or m/s]; the limit is on what is sent, while the supervisor
-        trips on what is measured.
+    Attributes:
+        gain_per_s: K_v [1/s].
+        velocity_limit: Length joints. No command exceeds it [rad/s or m/s]; the limit is on what is
+            sent, while the supervisor trips on what is measured.
     """
 
     gain_per_s: float
@@ -57,10 +54,9 @@ class PositionLoop:
 
         A command that is not a number stays one, for the supervisor to refuse.
 
-        Parameters
-        ----------
-        target_position, target_velocity, position : sequence of float, length joints
-            q_d, q̇_ff and q [rad or m, and per second].
+        Args:
+            target_position, target_velocity, position: Length joints. q_d, q̇_ff and q [rad or m,
+                and per second].
         """
         gain = self.gain_per_s
         command = []

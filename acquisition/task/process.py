@@ -34,12 +34,9 @@ from drivers.settings.write_log import WriteLog
 class Ordering:
     """Who has ordered a motion, and without whom it stops.
 
-    Attributes
-    ----------
-    parent : int
-        Process id of the program.
-    service : ServiceBeat or None
-        Signs of life of the service that has ordered the motion, if one has.
+    Attributes:
+        parent: Process id of the program.
+        service: Signs of life of the service that has ordered the motion, if one has.
     """
 
     parent: int
@@ -61,20 +58,13 @@ def run_cyclic_task(
     Signals are ignored: the program asks for a stop through `control`. When the program is
     gone the motion is stopped all the same; before the drives have power they get none any more.
 
-    Parameters
-    ----------
-    cell, robot : CellConfig, RobotDescription
-        The cell and its robot.
-    source : SetPointSource
-        The motion.
-    ring, control : Ring, ControlBlock
-        Shared with recorder and program.
-    drive_writes : Path
-        Where what is written to the drives is kept.
-    ordering : Ordering
-        Who has ordered the motion.
-    pose : KnownPose, optional
-        Where the robot was seen last.
+    Args:
+        cell, robot: The cell and its robot.
+        source: The motion.
+        ring, control: Shared with recorder and program.
+        drive_writes: Where what is written to the drives is kept.
+        ordering: Who has ordered the motion.
+        pose: Where the robot was seen last.
     """
     leave_terminal()
     set_process_name(ProcessName.TASK)

@@ -26,9 +26,7 @@ def freeze_garbage() -> None:
 def become_realtime() -> tuple[str, ...]:
     """Ask for memory that is never paged out, exact timers, real-time scheduling, no deep idle.
 
-    Returns
-    -------
-    tuple of str
+    Returns:
         What was refused, one sentence each: timing is then best effort.
     """
     refused = []
@@ -57,14 +55,10 @@ def keep_processors_awake(latency: Path) -> str | None:
 
     Source: Linux kernel, Documentation/power/pm_qos_interface.rst.
 
-    Parameters
-    ----------
-    latency : Path
-        `PROCESSOR_LATENCY`; kept open, since the wish ends when it is closed.
+    Args:
+        latency: `PROCESSOR_LATENCY`; kept open, since the wish ends when it is closed.
 
-    Returns
-    -------
-    str or None
+    Returns:
         What was refused, a sentence; None also where the kernel has no such file.
     """
     try:

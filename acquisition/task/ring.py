@@ -26,15 +26,11 @@ _HEADER_BYTES = 192
 class Ring:
     """Rows in shared memory; made by `create`, handed to the processes as an argument.
 
-    Parameters
-    ----------
-    memory : SharedMemory
-        A header that says the joints of a row and how many rows there are, and the rows.
+    Args:
+        memory: A header that says the joints of a row and how many rows there are, and the rows.
 
-    Raises
-    ------
-    RecordingError
-        The memory's size is not what its header says.
+    Raises:
+        RecordingError: The memory's size is not what its header says.
     """
 
     def __init__(self, memory: SharedMemory) -> None:
@@ -78,10 +74,8 @@ class Ring:
         here. Only `latest` and the counters are for such a ring: it cannot be written to or read
         from.
 
-        Raises
-        ------
-        PermissionError
-            The process is not this user's.
+        Raises:
+            PermissionError: The process is not this user's.
         """
         rings = []
         for memory in SharedMemory.of_process(pid, _LABEL, writable=False):
@@ -110,14 +104,10 @@ class Ring:
     def write(self, values: tuple[Any, ...]) -> bool:
         """Write one row; the writer's side.
 
-        Parameters
-        ----------
-        values : tuple
-            The row's fields in the order of `row_dtype`, arrays spread out.
+        Args:
+            values: The row's fields in the order of `row_dtype`, arrays spread out.
 
-        Returns
-        -------
-        bool
+        Returns:
             False where the ring is full: the row is not written and nothing is overwritten.
         """
         counters = self._counters
@@ -131,9 +121,7 @@ class Ring:
     def read(self, limit: int = 4096) -> bytes:
         """Take up to `limit` waiting rows; the reader's side.
 
-        Returns
-        -------
-        bytes
+        Returns:
             Whole rows, oldest first; empty where none waits.
         """
         counters = self._counters
@@ -149,9 +137,7 @@ class Ring:
     def latest(self, limit: int) -> bytes:
         """Return up to `limit` of the rows last written, without taking them; for observers.
 
-        Returns
-        -------
-        bytes
+        Returns:
             Whole rows, oldest first; empty where there is none, or where the writer came round
             while they were copied.
         """

@@ -41,12 +41,10 @@ class ServiceBeat(SharedBlock):
     def give(self, now_s: float, lease_end_s: float) -> None:
         """Give a sign of life.
 
-        Parameters
-        ----------
-        now_s : float
-            The time [s].
-        lease_end_s : float
-            When the lease of the motion ends; infinity for what may go on without its client [s].
+        Args:
+            now_s: The time [s].
+            lease_end_s: When the lease of the motion ends; infinity for what may go on without its
+                client [s].
         """
         self._words.lease_end_s = lease_end_s
         self._words.beat_s = now_s

@@ -48,34 +48,26 @@ class SetPointSource(Protocol):
     def prepare(self) -> None:
         """Get ready, in the task's process and before the drives are spoken to: may take its time.
 
-        Raises
-        ------
-        RidDaqError
-            There is nothing to drive.
+        Raises:
+            RidDaqError: There is nothing to drive.
         """
 
     @abstractmethod
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose to begin at, at rest; called before power, and quick.
 
-        Parameters
-        ----------
-        lockstep : bool
-            Whether time stands still while the task works.
-        position : ndarray, shape (joints,)
-            Where the robot stands [rad or m].
+        Args:
+            lockstep: Whether time stands still while the task works.
+            position: Shape (joints,). Where the robot stands [rad or m].
         """
 
     @abstractmethod
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
         """Be told where the robot is: once a cycle, the way to the motion's start included.
 
-        Parameters
-        ----------
-        position : ndarray, shape (joints,)
-            As of the last SYNC [rad or m]; changed in place afterwards.
-        counts : ndarray of int32, shape (joints,)
-            As the drives sent it; changed in place, too.
+        Args:
+            position: Shape (joints,). As of the last SYNC [rad or m]; changed in place afterwards.
+            counts: Shape (joints,). As the drives sent it; changed in place, too.
         """
 
     @abstractmethod
@@ -91,10 +83,8 @@ class SetPointSource(Protocol):
 class PlannedMotion:
     """A motion that is known from end to end: the simplest source.
 
-    Attributes
-    ----------
-    samples : MotionSamples
-        The motion.
+    Attributes:
+        samples: The motion.
     """
 
     samples: MotionSamples

@@ -42,17 +42,12 @@ class SharedError(ctypes.Structure):
 class SharedBlock:
     """Words in memory that processes share; made by `create`, handed to them as an argument.
 
-    Parameters
-    ----------
-    memory : SharedMemory
-        As large as the words.
+    Args:
+        memory: As large as the words.
 
-    Attributes
-    ----------
-    LABEL : str
-        Says what is in the memory, and in which layout: counted up where that changes.
-    WORDS : type of ctypes.Structure
-        The layout.
+    Attributes:
+        LABEL: Says what is in the memory, and in which layout: counted up where that changes.
+        WORDS: The layout.
     """
 
     LABEL: ClassVar[str]
@@ -71,10 +66,8 @@ class SharedBlock:
     def all_of_process(cls, pid: int) -> Iterator[Self]:
         """Yield the blocks of this kind that another process has, the newest first.
 
-        Raises
-        ------
-        PermissionError
-            The process is not this user's.
+        Raises:
+            PermissionError: The process is not this user's.
         """
         for memory in SharedMemory.of_process(pid, cls.LABEL, ctypes.sizeof(cls.WORDS)):
             yield cls(memory)

@@ -18,12 +18,9 @@ from typing import Any
 class SharedMemory:
     """Zeroed memory behind a file descriptor; handed to spawned processes as an argument.
 
-    Parameters
-    ----------
-    descriptor : int
-        Of a memory file; it is closed with this object.
-    writable : bool
-        Whether its bytes may be changed through this object.
+    Args:
+        descriptor: Of a memory file; it is closed with this object.
+        writable: Whether its bytes may be changed through this object.
     """
 
     def __init__(self, descriptor: int, writable: bool = True) -> None:
@@ -47,10 +44,8 @@ class SharedMemory:
 
         All of it is there at once, so that no page is waited for when it is first written to.
 
-        Raises
-        ------
-        OSError
-            There is not so much memory.
+        Raises:
+            OSError: There is not so much memory.
         """
         descriptor = os.memfd_create(label, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
@@ -69,21 +64,14 @@ class SharedMemory:
 
         Memory that its owner could still shrink is left out: who reads beyond its end is killed.
 
-        Parameters
-        ----------
-        pid : int
-            The process.
-        label : str
-            As at `create`.
-        size : int or None
-            What has another size is left out; None for any.
-        writable : bool
-            Whether its bytes are to be changed.
+        Args:
+            pid: The process.
+            label: As at `create`.
+            size: What has another size is left out; None for any.
+            writable: Whether its bytes are to be changed.
 
-        Raises
-        ------
-        PermissionError
-            The process is not this user's.
+        Raises:
+            PermissionError: The process is not this user's.
         """
         folder = f"/proc/{pid}/fd"
         try:

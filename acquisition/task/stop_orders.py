@@ -24,16 +24,11 @@ TEXT_OF_ORDER = {
 class StopOrders:
     """Orders to stop; the first one stays.
 
-    Parameters
-    ----------
-    control : ControlBlock
-        Where requests to stop, and the recorder's troubles, are found.
-    orphaned : callable
-        Whether the program that started the task is gone.
-    service : ServiceBeat, optional
-        Signs of life of the service that has ordered the motion, if one has.
-    now_s : callable
-        The safety clock [s].
+    Args:
+        control: Where requests to stop, and the recorder's troubles, are found.
+        orphaned: Whether the program that started the task is gone.
+        service: Signs of life of the service that has ordered the motion, if one has.
+        now_s: The safety clock [s].
     """
 
     def __init__(

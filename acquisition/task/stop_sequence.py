@@ -36,16 +36,11 @@ class StopSequence:
     rest and limits are the joints', and each motor is judged by its own ramp: while all of them
     slow down, a joint may speed up.
 
-    Parameters
-    ----------
-    axes : ServoAxes
-        The drives.
-    clock : Clock
-        The clock of their bus.
-    cell, robot : CellConfig, RobotDescription
-        Cycle time, decelerations of a quick stop, limits, coupling of the wrist.
-    words : TaskWords
-        Takes the time to rest and the notes.
+    Args:
+        axes: The drives.
+        clock: The clock of their bus.
+        cell, robot: Cycle time, decelerations of a quick stop, limits, coupling of the wrist.
+        words: Takes the time to rest and the notes.
     """
 
     def __init__(
@@ -68,11 +63,9 @@ class StopSequence:
     def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
         """Quick stop, by set-point frames alone, and watch until everything rests.
 
-        Parameters
-        ----------
-        cycle : callable
-            Waits for the next cycle and does it, with a quick stop as its command; returns the time
-            of its SYNC [s] and how many cycle times have passed since the last.
+        Args:
+            cycle: Waits for the next cycle and does it, with a quick stop as its command; returns
+                the time of its SYNC [s] and how many cycle times have passed since the last.
         """
         axes = self._axes
         before = axes.answers.position.tolist()
@@ -150,16 +143,11 @@ class SlowingDown:
     Speeds are taken over some cycles, so that an encoder's increment is no speed. The first of them
     is what the axis had; where an axis was not seen, nothing is judged.
 
-    Parameters
-    ----------
-    decelerations : sequence of float, length axes
-        What each drive's quick stop has [rad/s² or m/s²].
-    period_s : float
-        The cycle time [s].
-    position : sequence of float, length axes
-        Where the axes are, with a coupled wrist the motors [rad or m].
-    began_s : float
-        When that was so [s].
+    Args:
+        decelerations: Length axes. What each drive's quick stop has [rad/s² or m/s²].
+        period_s: The cycle time [s].
+        position: Length axes. Where the axes are, with a coupled wrist the motors [rad or m].
+        began_s: When that was so [s].
     """
 
     def __init__(

@@ -30,14 +30,11 @@ from identification.estimation.estimate import Estimate
 class Deflection:
     """Estimated bending of the gears whose stiffness is known, over a motion.
 
-    Attributes
-    ----------
-    joint : ndarray, shape (samples, n)
-        Angle that each gear gives way by [rad or m]; 0 for gears of unknown stiffness.
-    distance_m : ndarray, shape (samples,)
-        Distance between the tool point with and without this bending.
-    known : ndarray of bool, shape (n,)
-        The gears whose stiffness is known.
+    Attributes:
+        joint: Shape (samples, n). Angle that each gear gives way by [rad or m]; 0 for gears of
+            unknown stiffness.
+        distance_m: Shape (samples,). Distance between the tool point with and without this bending.
+        known: Shape (n,). The gears whose stiffness is known.
     """
 
     joint: FloatArray
@@ -65,16 +62,12 @@ def deflection(
 ) -> Deflection | None:
     """Estimate how gears bend the tool; return None if no gear's stiffness is known.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Kinematics and `stiffness_nm_rad`. With a coupled wrist each stiffness is that of the
-        actuator's gear, at the gear's output.
-    position : ndarray, shape (samples, n)
-        Joint positions by the motors' encoders [rad or m].
-    torque_nm : ndarray, shape (samples, n)
-        Torques of the actuators, or those that their gears transmit, at the gears' outputs [N m or
-        N].
+    Args:
+        robot: Kinematics and `stiffness_nm_rad`. With a coupled wrist each stiffness is that of the
+            actuator's gear, at the gear's output.
+        position: Shape (samples, n). Joint positions by the motors' encoders [rad or m].
+        torque_nm: Shape (samples, n). Torques of the actuators, or those that their gears transmit,
+            at the gears' outputs [N m or N].
     """
     stiffness = [joint.stiffness_nm_rad for joint in robot.joints]
     known = np.array([each is not None for each in stiffness])
@@ -97,22 +90,16 @@ def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[Float
     inertia of rotors that the model tells from that of the links. What the arm carries beyond the
     model is not in them.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The identified robot.
-    recording : Recording
-        A run, its approach included.
+    Args:
+        estimate: The identified robot.
+        recording: A run, its approach included.
 
-    Returns
-    -------
-    position, torque_nm : ndarray, shape (samples, n)
-        Positions, low-passed [rad or m], and torques at the gears' outputs [N m or N].
+    Returns:
+        `position, torque_nm`, shape (samples, n). Positions, low-passed [rad or m], and torques at
+        the gears' outputs [N m or N].
 
-    Raises
-    ------
-    DataQualityError
-        The recording is too short or has too many gaps for accelerations.
+    Raises:
+        DataQualityError: The recording is too short or has too many gaps for accelerations.
     """
     signals = smoothed_recording(recording, BAND_HZ)
     main_s = recording.time_s[recording.phase == Phase.MAIN]

@@ -100,10 +100,8 @@ class FeedforwardFile(ConfigModel):
     def onto(self, samples: MotionSamples) -> MotionSamples:
         """Return the planned motion with this feedforward.
 
-        Raises
-        ------
-        ConfigError
-            It belongs to another motion, cycle time or robot.
+        Raises:
+            ConfigError: It belongs to another motion, cycle time or robot.
         """
         rows, samples = np.array(self.feedforward, dtype=float), samples.whole()
         cycle_ms = round(1e3 * samples.sample_period_s)
@@ -147,10 +145,8 @@ def feedforward_bytes(
 def read_feedforward(path: Path) -> FeedforwardFile:
     """Read such a file.
 
-    Raises
-    ------
-    ConfigError
-        It cannot be read or is none.
+    Raises:
+        ConfigError: It cannot be read or is none.
     """
     return feedforward_content(read_content(path, LARGEST_FILE_BYTES), path)
 

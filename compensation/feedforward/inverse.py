@@ -34,12 +34,9 @@ RETURN_S: Final = 1.5
 class FeedforwardTuning:
     """How one reference run corrects the feedforward, axis by axis.
 
-    Attributes
-    ----------
-    scale : ndarray, shape (n,)
-        What the model's torque is multiplied by.
-    delay_s : ndarray, shape (n,)
-        Transport delay beyond the cycles that are known [s].
+    Attributes:
+        scale: Shape (n,). What the model's torque is multiplied by.
+        delay_s: Shape (n,). Transport delay beyond the cycles that are known [s].
     """
 
     scale: FloatArray
@@ -58,10 +55,8 @@ class FeedforwardTuning:
 def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
     """Refuse what works joint by joint for a robot whose motors do not.
 
-    Raises
-    ------
-    ConfigError
-        The robot's wrist is coupled; `what` is named.
+    Raises:
+        ConfigError: The robot's wrist is coupled; `what` is named.
     """
     if robot.coupling is not None:
         raise ConfigError(
@@ -92,24 +87,17 @@ def periodic_feedforward(
 ) -> FloatArray:
     """Return the feedforward of a periodic motion, exactly on its bins.
 
-    Parameters
-    ----------
-    loops : sequence of VelocityLoop
-        One a joint.
-    velocity, torque_nm : ndarray, shape (K, n)
-        One period of the motion wanted, and the torque that a model says it takes.
-    cycle_time_s : float
-        Time between rows [s].
-    tuning : FeedforwardTuning, optional
-        Correction from a reference run.
-    band_hz : float, optional
-        Torque above this frequency [Hz] is left out; a quarter of the sampling frequency, if not
-        given.
+    Args:
+        loops: One a joint.
+        velocity, torque_nm: Shape (K, n). One period of the motion wanted, and the torque that a
+            model says it takes.
+        cycle_time_s: Time between rows [s].
+        tuning: Correction from a reference run.
+        band_hz: Torque above this frequency [Hz] is left out; a quarter of the sampling frequency,
+            if not given.
 
-    Returns
-    -------
-    ndarray, shape (K, n)
-        Speeds to send, row by row: those of row k act two cycles later.
+    Returns:
+        Shape (K, n). Speeds to send, row by row: those of row k act two cycles later.
     """
     rows, n = velocity.shape
     tuning = tuning or FeedforwardTuning.none(n)
@@ -135,14 +123,10 @@ class InverseFilter:
     The state is the torque that the loop's integrator carries. Parameters are those of
     `VelocityLoop`, without delay and lag, which the caller looks ahead for.
 
-    Parameters
-    ----------
-    gain, integral_time_s : ndarray, shape (n,)
-        K_p and T_i of every joint.
-    step_s : float
-        Time between samples [s].
-    torque_nm : ndarray, shape (n,)
-        The torque at the start, which the integrators carry already.
+    Args:
+        gain, integral_time_s: Shape (n,). K_p and T_i of every joint.
+        step_s: Time between samples [s].
+        torque_nm: Shape (n,). The torque at the start, which the integrators carry already.
     """
 
     gain: FloatArray
@@ -177,16 +161,12 @@ def returned(values: FloatArray, step_s: float) -> FloatArray:
     The return is far longer than a velocity loop's integral time: nothing of it is left when the
     motion begins.
 
-    Parameters
-    ----------
-    values : ndarray, shape (samples, n)
-        A signal that rests at both ends.
-    step_s : float
-        Time between rows [s].
+    Args:
+        values: Shape (samples, n). A signal that rests at both ends.
+        step_s: Time between rows [s].
 
-    Returns
-    -------
-    ndarray, shape (samples + padding_rows, n)
+    Returns:
+        Shape (samples + padding_rows, n).
     """
     rows = padding_rows(step_s)
     x = np.clip((np.arange(1, rows + 1) * step_s - REST_S) / RETURN_S, 0.0, 1.0)[:, np.newaxis]
@@ -222,22 +202,16 @@ def feedforward(
 ) -> FloatArray:
     """Return the feedforward of any motion in time, row after row, as the on-line stage does.
 
-    Parameters
-    ----------
-    loops : sequence of VelocityLoop
-        One a joint.
-    velocity, torque_nm : ndarray, shape (samples, n)
-        The motion wanted, and the torque that a model says it takes.
-    cycle_time_s : float
-        Time between rows [s].
-    tuning : FeedforwardTuning, optional
-        Correction from a reference run.
+    Args:
+        loops: One a joint.
+        velocity, torque_nm: Shape (samples, n). The motion wanted, and the torque that a model says
+            it takes.
+        cycle_time_s: Time between rows [s].
+        tuning: Correction from a reference run.
 
-    Returns
-    -------
-    ndarray, shape (samples, n)
-        Speeds to send, row by row. What the first two cycles would have to be told before the
-        motion begins is lost; it begins at rest.
+    Returns:
+        Shape (samples, n). Speeds to send, row by row. What the first two cycles would have to be
+        told before the motion begins is lost; it begins at rest.
     """
     n = velocity.shape[1]
     tuning = tuning or FeedforwardTuning.none(n)

@@ -55,14 +55,11 @@ _LOSSES: Final = ("cl_", "eta_")
 class StabilityBound:
     """By what an error shrinks at least, from one repetition to the next.
 
-    Attributes
-    ----------
-    frequency_hz : ndarray, shape (lines,)
-        Where it was computed.
-    rho : ndarray, shape (lines, n)
-        The largest |1 - L / L_true| over loops and inertias within their intervals.
-    band_hz : float
-        What is learned ends here: up to it `rho` stays below 0.8 in every joint.
+    Attributes:
+        frequency_hz: Shape (lines,). Where it was computed.
+        rho: Shape (lines, n). The largest |1 - L / L_true| over loops and inertias within their
+            intervals.
+        band_hz: What is learned ends here: up to it `rho` stays below 0.8 in every joint.
     """
 
     frequency_hz: FloatArray
@@ -79,16 +76,13 @@ class StabilityBound:
 class Refinement:
     """One step of refinement.
 
-    Attributes
-    ----------
-    correction : ndarray, shape (samples, n)
-        What to add to the feedforward in the error's rows [rad/s or m/s].
-    bound : StabilityBound
-        Of this step.
-    over_noise : ndarray, shape (n,)
-        Power of the mean error inside the band, over that of the noise in it.
-    noise_limit : float
-        Up to here the error cannot be told from noise.
+    Attributes:
+        correction: Shape (samples, n). What to add to the feedforward in the error's rows [rad/s or
+            m/s].
+        bound: Of this step.
+        over_noise: Shape (n,). Power of the mean error inside the band, over that of the noise in
+            it.
+        noise_limit: Up to here the error cannot be told from noise.
     """
 
     correction: FloatArray
@@ -111,25 +105,16 @@ def refinement(
 ) -> Refinement:
     """Return what to add to the feedforward, after repetitions of a motion.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion.
-    measured : RepeatedError
-        What was missed.
-    estimate : Estimate
-        The model of the robot.
-    loops : sequence of VelocityLoop
-        One a joint, base to flange.
-    gain_per_s : float
-        K_v of the position loop [1/s].
+    Args:
+        samples: The motion.
+        measured: What was missed.
+        estimate: The model of the robot.
+        loops: One a joint, base to flange.
+        gain_per_s: K_v of the position loop [1/s].
 
-    Raises
-    ------
-    ConfigError
-        The robot's wrist is coupled.
-    DataQualityError
-        The loops are known too badly for any refinement to be safe.
+    Raises:
+        ConfigError: The robot's wrist is coupled.
+        DataQualityError: The loops are known too badly for any refinement to be safe.
     """
     refuse_coupled_wrist(estimate.robot, "refinement")
     step_s = samples.sample_period_s
@@ -165,10 +150,8 @@ def stability_bound(
 ) -> StabilityBound:
     """Return by what refinement shrinks an error, given how well the loops are known.
 
-    Raises
-    ------
-    DataQualityError
-        Not even below 0.5 Hz by as much as a fifth.
+    Raises:
+        DataQualityError: Not even below 0.5 Hz by as much as a fifth.
     """
     step_s = samples.sample_period_s
     frequency_hz = np.geomspace(0.1, BAND_SHARE / step_s, 120)

@@ -22,23 +22,16 @@ FEWEST_RUNS: Final = 2
 class RepeatedError:
     """The mean error of a motion's repetitions, and the noise left in that mean.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    sample_period_s : float
-        Time between rows [s].
-    rows : slice
-        The rows of the planned motion that it is of: its last measured period, or all of them.
-    error : ndarray, shape (samples, n)
-        Mean of q_d - q [rad or m].
-    bin_variance : ndarray, shape (bins, n)
-        Noise of the mean, E|N|^2 on each bin of the error (with its return to the first row, where
-        the motion is not periodic).
-    periodic : bool
-        Whether it is of a period.
-    repetitions : int
-        Periods, or runs, that were averaged.
+    Attributes:
+        joint_names: Base to flange.
+        sample_period_s: Time between rows [s].
+        rows: The rows of the planned motion that it is of: its last measured period, or all of
+            them.
+        error: Shape (samples, n). Mean of q_d - q [rad or m].
+        bin_variance: Shape (bins, n). Noise of the mean, E|N|^2 on each bin of the error (with its
+            return to the first row, where the motion is not periodic).
+        periodic: Whether it is of a period.
+        repetitions: Periods, or runs, that were averaged.
     """
 
     joint_names: tuple[str, ...]
@@ -64,17 +57,12 @@ class RepeatedError:
 def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> RepeatedError:
     """Average the repetitions of a motion: the periods of a run, or several runs.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion as planned.
-    recordings : sequence of Recording
-        One run of a periodic motion, or at least two runs of one that is not.
+    Args:
+        samples: The motion as planned.
+        recordings: One run of a periodic motion, or at least two runs of one that is not.
 
-    Raises
-    ------
-    DataQualityError
-        There are too few repetitions, or rows are missing.
+    Raises:
+        DataQualityError: There are too few repetitions, or rows are missing.
     """
     for recording in recordings:
         if recording.joint_names != samples.joint_names:

@@ -15,14 +15,10 @@ from dynamics.geometry.kinematics import Chain, forward
 class TrackingError:
     """Errors of one run over its motion.
 
-    Attributes
-    ----------
-    joint : ndarray, shape (samples, n)
-        q_d - q [rad or m].
-    distance_m : ndarray, shape (samples,)
-        |p_d(i) - p(i)| of the tool point at the same instant (6.4).
-    wanted_m, reached_m : ndarray, shape (samples, 3)
-        The tool point's paths in the base frame.
+    Attributes:
+        joint: Shape (samples, n). q_d - q [rad or m].
+        distance_m: Shape (samples,). |p_d(i) - p(i)| of the tool point at the same instant (6.4).
+        wanted_m, reached_m: Shape (samples, 3). The tool point's paths in the base frame.
     """
 
     joint: FloatArray

@@ -47,16 +47,11 @@ SIGMAS: Final = 2.0
 class Tuning:
     """A tuning with its uncertainty.
 
-    Attributes
-    ----------
-    tuning : FeedforwardTuning
-        To use: 1 and 0 where the run cannot tell the value from them.
-    scale, delay_s : ndarray, shape (n,)
-        As found.
-    scale_std, delay_std_s : ndarray, shape (n,)
-        Standard deviations, from the residuals.
-    used : tuple of bool
-        Which axes the run shows well enough.
+    Attributes:
+        tuning: To use: 1 and 0 where the run cannot tell the value from them.
+        scale, delay_s: Shape (n,). As found.
+        scale_std, delay_std_s: Shape (n,). Standard deviations, from the residuals.
+        used: Which axes the run shows well enough.
     """
 
     tuning: FeedforwardTuning
@@ -79,26 +74,17 @@ def tune(
 ) -> Tuning:
     """Return scale and delay of every axis, from the mean period of a reference run.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The reference motion, with the feedforward that it was run with.
-    measured : RepeatedError
-        What it missed.
-    estimate : Estimate
-        The model of the robot.
-    loops : sequence of VelocityLoop
-        One a joint, base to flange.
-    gain_per_s : float
-        K_v of the position loop [1/s].
+    Args:
+        samples: The reference motion, with the feedforward that it was run with.
+        measured: What it missed.
+        estimate: The model of the robot.
+        loops: One a joint, base to flange.
+        gain_per_s: K_v of the position loop [1/s].
 
-    Raises
-    ------
-    ConfigError
-        The robot's wrist is coupled.
-    DataQualityError
-        The motion is not periodic, is too short to show anything, or shows that the model or the
-        loops are of something else.
+    Raises:
+        ConfigError: The robot's wrist is coupled.
+        DataQualityError: The motion is not periodic, is too short to show anything, or shows that
+            the model or the loops are of something else.
     """
     refuse_coupled_wrist(estimate.robot, "tuning by a reference run")
     if not measured.periodic:

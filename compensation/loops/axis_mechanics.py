@@ -31,22 +31,15 @@ MEDIAN_OF_RAYLEIGH: Final = math.sqrt(math.log(2.0))
 class AxisMechanics:
     """A fitted axis, joint side.
 
-    Attributes
-    ----------
-    joint_name : str
-        The joint.
-    inertia : float
-        J [kg m^2 or kg].
-    damping : float
-        B [N m s/rad or N s/m].
-    covariance : ndarray, shape (2, 2)
-        Of both, with the misfit as an error that all lines share. It spreads the margins; it is no
-        interval of J.
-    misfit : float
-        Median over the lines of what the fit leaves of torque per speed, as a share of it. Where it
-        is large the axis is something else than one inertia: elastic, above all.
-    noise : float
-        What the noise between periods alone leaves of it, likewise.
+    Attributes:
+        joint_name: The joint.
+        inertia: J [kg m^2 or kg].
+        damping: B [N m s/rad or N s/m].
+        covariance: Shape (2, 2). Of both, with the misfit as an error that all lines share. It
+            spreads the margins; it is no interval of J.
+        misfit: Median over the lines of what the fit leaves of torque per speed, as a share of it.
+            Where it is large the axis is something else than one inertia: elastic, above all.
+        noise: What the noise between periods alone leaves of it, likewise.
     """
 
     joint_name: str
@@ -91,10 +84,8 @@ def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:
     Friction makes it differ from an inertia by more than its variance, so that lines count by their
     relative accuracy, but none for more than a few per cent.
 
-    Raises
-    ------
-    EstimationError
-        Nothing like an inertia answers.
+    Raises:
+        EstimationError: Nothing like an inertia answers.
     """
     omega = 2.0 * math.pi * measured.frequency_hz
     size = np.abs(measured.response)

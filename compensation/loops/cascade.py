@@ -43,15 +43,11 @@ HIGHEST_HZ: Final = 2000.0
 class Margins:
     """How far an open loop is from instability.
 
-    Attributes
-    ----------
-    gain : float or None
-        The factor by which its gain may grow, below 1 where it is unstable already and has to
-        shrink; None where no gain makes it unstable.
-    phase_deg : float or None
-        The phase that it may lose; None where its gain is below 1 everywhere.
-    crossover_hz, phase_crossover_hz : float or None
-        Where its gain is 1, and where its phase is -180 degrees.
+    Attributes:
+        gain: The factor by which its gain may grow, below 1 where it is unstable already and has to
+            shrink; None where no gain makes it unstable.
+        phase_deg: The phase that it may lose; None where its gain is below 1 everywhere.
+        crossover_hz, phase_crossover_hz: Where its gain is 1, and where its phase is -180 degrees.
     """
 
     gain: float | None
@@ -69,16 +65,11 @@ class Margins:
 class Cascade:
     """The loops of one axis around one another.
 
-    Attributes
-    ----------
-    loop : VelocityLoop
-        The velocity controller with its current loop.
-    mechanics : AxisMechanics
-        What it moves.
-    position_gain_per_s : float
-        K_v [1/s].
-    cycle_time_s : float
-        Of the position loop [s].
+    Attributes:
+        loop: The velocity controller with its current loop.
+        mechanics: What it moves.
+        position_gain_per_s: K_v [1/s].
+        cycle_time_s: Of the position loop [s].
     """
 
     loop: VelocityLoop
@@ -172,17 +163,12 @@ class Cascade:
 class GainAdvice:
     """What to do about the position gain of a cell.
 
-    Attributes
-    ----------
-    joint_name : str
-        The axis that allows least.
-    present_per_s : float
-        K_v as it is [1/s].
-    largest_per_s : float
-        The largest K_v that keeps the margins on every axis, two standard deviations below what
-        the fits say.
-    sentence : str
-        The advice in words.
+    Attributes:
+        joint_name: The axis that allows least.
+        present_per_s: K_v as it is [1/s].
+        largest_per_s: The largest K_v that keeps the margins on every axis, two standard deviations
+            below what the fits say.
+        sentence: The advice in words.
     """
 
     joint_name: str
@@ -194,10 +180,8 @@ class GainAdvice:
 def advise(cascades: Sequence[Cascade]) -> GainAdvice:
     """Return what the margins say about K_v, which all axes share.
 
-    Parameters
-    ----------
-    cascades : sequence of Cascade
-        Of the axes that were measured.
+    Args:
+        cascades: Of the axes that were measured.
     """
     limits = [_surely(cascade) for cascade in cascades]
     least = int(np.argmin(limits))
@@ -221,10 +205,8 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
 def margins(opened: control.FrequencyResponseData) -> Margins:
     """Return the margins of an open loop, of several the one nearest to its edge.
 
-    Parameters
-    ----------
-    opened : control.FrequencyResponseData
-        The open loop, over rad/s.
+    Args:
+        opened: The open loop, over rad/s.
     """
     gain, phase_deg, _, at_half, at_one, _ = control.stability_margins(opened)
     return Margins(

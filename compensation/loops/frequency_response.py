@@ -39,15 +39,11 @@ class Distortion:
     Levels are RMS over realisations of the mean over periods. The linear response explains what
     the input at these lines causes; the rest is the part's own distortion.
 
-    Attributes
-    ----------
-    frequency_hz : ndarray, shape (lines,)
-        Where.
-    output : ndarray, shape (lines,)
-        Amplitude of the output, in its unit.
-    level, noise : ndarray, shape (lines,)
-        What the linear response leaves of it, and what noise alone would leave, over the input at
-        the excited lines beside: in the unit of the response.
+    Attributes:
+        frequency_hz: Shape (lines,). Where.
+        output: Shape (lines,). Amplitude of the output, in its unit.
+        level, noise: Shape (lines,). What the linear response leaves of it, and what noise alone
+            would leave, over the input at the excited lines beside: in the unit of the response.
     """
 
     frequency_hz: FloatArray
@@ -67,26 +63,18 @@ class Distortion:
 class FrequencyResponse:
     """The best linear approximation of one joint's part, from its input to its output.
 
-    Attributes
-    ----------
-    joint_name : str
-        The joint; with a coupled wrist the motor that is numbered as the joint is.
-    frequency_hz : ndarray, shape (lines,)
-        Excited lines.
-    response : ndarray of complex, shape (lines,)
-        Output over input.
-    variance_noise : ndarray, shape (lines,)
-        Of the response by noise, E|dG|^2, from what differs between periods.
-    variance : ndarray, shape (lines,)
-        Of the response in all: by noise, times what distortion adds. That is what realisations
-        differ more than by noise, over all lines; of one realisation, what its empty odd lines
-        show.
-    coherence : ndarray, shape (lines,)
-        Between the multisine and the output, over all periods, 0 to 1.
-    even, odd : Distortion
-        At even lines, and at odd lines left empty.
-    realisations, periods : int
-        What was averaged.
+    Attributes:
+        joint_name: The joint; with a coupled wrist the motor that is numbered as the joint is.
+        frequency_hz: Shape (lines,). Excited lines.
+        response: Shape (lines,). Output over input.
+        variance_noise: Shape (lines,). Of the response by noise, E|dG|^2, from what differs between
+            periods.
+        variance: Shape (lines,). Of the response in all: by noise, times what distortion adds. That
+            is what realisations differ more than by noise, over all lines; of one realisation, what
+            its empty odd lines show.
+        coherence: Shape (lines,). Between the multisine and the output, over all periods, 0 to 1.
+        even, odd: At even lines, and at odd lines left empty.
+        realisations, periods: What was averaged.
     """
 
     joint_name: str
@@ -136,14 +124,10 @@ def frequency_responses(
 def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
     """Return how each excited joint's velocity controller makes torque of velocity error.
 
-    Parameters
-    ----------
-    spectra : MultisineSpectra
-        Of a multisine run.
+    Args:
+        spectra: Of a multisine run.
 
-    Returns
-    -------
-    tuple of FrequencyResponse
+    Returns:
         N m s/rad or N s/m.
     """
     return _responses(spectra, spectra.error, spectra.torque)
@@ -152,14 +136,10 @@ def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, 
 def mechanics_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
     """Return how each excited joint's velocity answers its motor's torque, the others controlled.
 
-    Parameters
-    ----------
-    spectra : MultisineSpectra
-        Of a multisine run.
+    Args:
+        spectra: Of a multisine run.
 
-    Returns
-    -------
-    tuple of FrequencyResponse
+    Returns:
         rad/(N m s) or m/(N s).
     """
     return _responses(spectra, spectra.torque, spectra.velocity)
@@ -246,10 +226,8 @@ def _by_empty_lines(joint_name: str, odd: Distortion) -> float:
     Odd lines that nobody excites show the distortion that excited odd lines hide (Pintelon and
     Schoukens 2012, section 4.3).
 
-    Raises
-    ------
-    DataQualityError
-        No odd line was left empty.
+    Raises:
+        DataQualityError: No odd line was left empty.
     """
     if not len(odd.level):
         raise DataQualityError(

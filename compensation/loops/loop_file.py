@@ -51,10 +51,8 @@ def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str)
 def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
     """Return the robot's name and its loops.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read or is none.
+    Raises:
+        ConfigError: The file cannot be read or is none.
     """
     return loops_content(read_content(path, LARGEST_FILE_BYTES), path)
 

@@ -39,14 +39,10 @@ IMAGES: Final = (-2, -1, 1, 2)
 class LoopMeasurement:
     """Responses of the excited axes and what was fitted to them, in the same order.
 
-    Attributes
-    ----------
-    controllers, mechanics : tuple of FrequencyResponse
-        Torque over velocity error, and velocity over torque.
-    cascades : tuple of Cascade
-        The fitted loops around one another.
-    left_out : tuple of int
-        Realisations, counted from 1, of which rows are missing.
+    Attributes:
+        controllers, mechanics: Torque over velocity error, and velocity over torque.
+        cascades: The fitted loops around one another.
+        left_out: Realisations, counted from 1, of which rows are missing.
     """
 
     controllers: tuple[FrequencyResponse, ...]
@@ -68,23 +64,14 @@ def measure_loops(
 ) -> LoopMeasurement:
     """Measure and fit the loops of every axis that a multisine excites.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of that motion, by a cell.
-    motion : MultisineMotion
-        The motion.
-    robot : RobotDescription
-        The robot.
-    position_gain_per_s : float
-        K_v of the cell [1/s].
+    Args:
+        recording: Of that motion, by a cell.
+        position_gain_per_s: K_v of the cell [1/s].
 
-    Raises
-    ------
-    DataQualityError
-        The recording is of another robot, holds no commands, or no whole realisation.
-    EstimationError
-        Too few lines, or nothing like a velocity loop answers.
+    Raises:
+        DataQualityError: The recording is of another robot, holds no commands, or no whole
+            realisation.
+        EstimationError: Too few lines, or nothing like a velocity loop answers.
     """
     spectra = multisine_spectra(recording, motion, robot)
     first = _measured(spectra, position_gain_per_s)
@@ -94,12 +81,9 @@ def measure_loops(
 def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> MultisineSpectra:
     """Return spectra without what sampling folds back onto the lines.
 
-    Parameters
-    ----------
-    spectra : MultisineSpectra
-        As measured.
-    cascades : sequence of Cascade
-        What predicts the images; other joints stay as they are.
+    Args:
+        spectra: As measured.
+        cascades: What predicts the images; other joints stay as they are.
     """
     f, step_s = spectra.frequency_hz, spectra.cycle_time_s
     torque, error, velocity = (

@@ -55,20 +55,14 @@ def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
 class MultisineOptions(Ranged):
     """What multisines are asked for.
 
-    Attributes
-    ----------
-    band_hz : (float, float) or None
-        Lowest and highest frequency [Hz]; the cell's (`velocity_loop_band_hz`), if None.
-    period_s : float or None
-        The period [s], whole cycles; some 8 s, if None.
-    periods, realisations : int
-        How many count.
-    grid, phases : str
-        As in `MultisineMotion`.
-    slow : bool
-        Whether there is a slow sine beneath.
-    seed : int
-        Of phases, of the lines left empty, and of poses where the middle of the ranges touches.
+    Attributes:
+        band_hz: Lowest and highest frequency [Hz]; the cell's (`velocity_loop_band_hz`), if None.
+        period_s: The period [s], whole cycles; some 8 s, if None.
+        periods, realisations: How many count.
+        grid, phases: As in `MultisineMotion`.
+        slow: Whether there is a slow sine beneath.
+        seed: Of phases, of the lines left empty, and of poses where the middle of the ranges
+            touches.
     """
 
     band_hz: tuple[FrequencyHz, FrequencyHz] | None = None
@@ -94,21 +88,13 @@ def multisine_motion(
     the slow sine beneath it, which keeps friction from sticking most of the time, where position
     limits or clearances ask for it. Torque is held where a model or the robot's `cad` tells it.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    cell : CellConfig
-        Cycle time, band, workspace.
-    options : MultisineOptions
-        What is asked for.
-    estimate : Estimate, optional
-        A model, for the torque limits.
+    Args:
+        cell: Cycle time, band, workspace.
+        options: What is asked for.
+        estimate: A model, for the torque limits.
 
-    Raises
-    ------
-    ConfigError
-        Not even a small one holds the limits, or period and band do not suit the cell.
+    Raises:
+        ConfigError: Not even a small one holds the limits, or period and band do not suit the cell.
     """
     cycle_s, period_s, seed = cell.cycle_time_s, options.period_s, options.seed
     realisations, band_hz = options.realisations, options.band_hz
@@ -207,10 +193,8 @@ def limit_use(
 ) -> FloatArray:
     """Return the largest share of speed, acceleration and torque limit that a motion uses.
 
-    Returns
-    -------
-    ndarray, shape (joints, 3)
-        Torque is 0 where neither a model nor the robot's `cad` tells it.
+    Returns:
+        Shape (joints, 3). Torque is 0 where neither a model nor the robot's `cad` tells it.
     """
     moved = (samples.position, samples.velocity, samples.acceleration)
     torque_nm = np.zeros_like(samples.position)

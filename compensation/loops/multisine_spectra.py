@@ -25,24 +25,17 @@ Complex = NDArray[np.complex128]
 class MultisineSpectra:
     """Amplitudes of the measured signals at the lines, a row a period; the motors' own signals.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    frequency_hz : ndarray, shape (lines,)
-        Of every harmonic of the period, from 0.
-    lines : tuple of ndarray of int
-        The harmonics that each joint excites.
-    reference : tuple of ndarray of complex, shape (realisations, own lines)
-        The multisines that were asked for [rad/s or m/s].
-    torque, error, velocity : ndarray of complex, shape (realisations, periods, lines, joints)
-        Torque in front of its filter, velocity error of the drive, and velocity.
-    cycle_time_s : float
-        Time between samples and between commands [s].
-    torque_filter : ButterworthFilter or None
-        The analog filter, already divided out of the torque.
-    left_out : tuple of int
-        Realisations that are not in it, counted from 1: rows of them are missing.
+    Attributes:
+        joint_names: Base to flange.
+        frequency_hz: Shape (lines,). Of every harmonic of the period, from 0.
+        lines: The harmonics that each joint excites.
+        reference: Tuple of ndarray of complex, shape (realisations, own lines). The multisines that
+            were asked for [rad/s or m/s].
+        torque, error, velocity: Shape (realisations, periods, lines, joints). Torque in front of
+            its filter, velocity error of the drive, and velocity.
+        cycle_time_s: Time between samples and between commands [s].
+        torque_filter: The analog filter, already divided out of the torque.
+        left_out: Realisations that are not in it, counted from 1: rows of them are missing.
     """
 
     joint_names: tuple[str, ...]
@@ -66,19 +59,12 @@ def multisine_spectra(
     reach the velocity loops (`interpolation_response`). With a coupled wrist everything is the
     motors', whose loops they are.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of that motion, by a cell. Realisations of which rows are missing are left out.
-    motion : MultisineMotion
-        The motion.
-    robot : RobotDescription
-        The robot.
+    Args:
+        recording: Of that motion, by a cell. Realisations of which rows are missing are left out.
 
-    Raises
-    ------
-    DataQualityError
-        The recording is of another robot, holds no commands, or no whole realisation.
+    Raises:
+        DataQualityError: The recording is of another robot, holds no commands, or no whole
+            realisation.
     """
     step_s, commands = recording.sample_period_s, recording.velocity_command
     if commands is None or step_s is None:
@@ -141,10 +127,8 @@ def realisation_starts(
 
     Realisations count from 0; those of which rows are missing or not valid are left out.
 
-    Raises
-    ------
-    DataQualityError
-        None is whole.
+    Raises:
+        DataQualityError: None is whole.
     """
     assert recording.sample_period_s is not None
     length = motion.periods * round(motion.period_s / recording.sample_period_s)
@@ -184,12 +168,9 @@ def interpolation_response(frequency_hz: FloatArray, cycle_time_s: float) -> Com
     What is sent in cycle k acts from SYNC k+1 on, and the drive goes to it linearly within that
     cycle: a triangle two cycles wide, two cycles late.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray, shape (lines,)
-        Where.
-    cycle_time_s : float
-        The cycle [s].
+    Args:
+        frequency_hz: Shape (lines,). Where.
+        cycle_time_s: The cycle [s].
     """
     late = np.exp(-2j * math.pi * frequency_hz * 2.0 * cycle_time_s)
     bent = np.sinc(frequency_hz * cycle_time_s) ** 2

@@ -40,14 +40,10 @@ CLEARLY_SHORTER: Final = 4.0
 class LoopTrial:
     """One choice of terms and what came of it.
 
-    Attributes
-    ----------
-    extras : tuple of str
-        Terms beside the PI: `delay`, `lag`.
-    cost : float
-        Sum over lines of |misfit|^2 over its variance.
-    aic, mdl : float
-        Akaike's criterion and the minimum description length; the smaller the better.
+    Attributes:
+        extras: Terms beside the PI: `delay`, `lag`.
+        cost: Sum over lines of |misfit|^2 over its variance.
+        aic, mdl: Akaike's criterion and the minimum description length; the smaller the better.
     """
 
     extras: tuple[Extra, ...]
@@ -60,27 +56,19 @@ class LoopTrial:
 class VelocityLoop:
     """A fitted velocity controller, joint side.
 
-    Attributes
-    ----------
-    joint_name : str
-        The joint.
-    gain : float
-        K_p [N m s/rad or N s/m].
-    integral_time_s : float
-        T_i [s].
-    delay_s, lag_s : float
-        T_d and T_c [s]; 0 where the data do not show them.
-    names : tuple of str
-        The fitted parameters, in the covariance's order.
-    covariance : ndarray, shape (k, k)
-        Of the fitted parameters, with what not knowing the right terms adds to it.
-    p_value : float
-        Probability of a cost as large by chance: small where the controller is something else.
-    trials : tuple of LoopTrial
-        All choices that were compared.
-    whiteness : float
-        Probability of misfits as alike on neighbouring lines by chance: small where a term is
-        missing; 1 where the lines are too few to tell.
+    Attributes:
+        joint_name: The joint.
+        gain: K_p [N m s/rad or N s/m].
+        integral_time_s: T_i [s].
+        delay_s, lag_s: T_d and T_c [s]; 0 where the data do not show them.
+        names: The fitted parameters, in the covariance's order.
+        covariance: Shape (k, k). Of the fitted parameters, with what not knowing the right terms
+            adds to it.
+        p_value: Probability of a cost as large by chance: small where the controller is something
+            else.
+        trials: All choices that were compared.
+        whiteness: Probability of misfits as alike on neighbouring lines by chance: small where a
+            term is missing; 1 where the lines are too few to tell.
     """
 
     joint_name: str
@@ -142,10 +130,8 @@ class VelocityLoop:
 def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
     """Fit a velocity controller to its frequency response.
 
-    Raises
-    ------
-    EstimationError
-        Too few lines, or no controller of this kind fits.
+    Raises:
+        EstimationError: Too few lines, or no controller of this kind fits.
     """
     lines = len(measured.frequency_hz)
     if lines < FEWEST_LINES:
@@ -207,10 +193,8 @@ def whiteness(misfit: NDArray[np.complex128]) -> float:
 
     A test of Ljung and Box's kind on the complex autocorrelation of the weighted misfits.
 
-    Parameters
-    ----------
-    misfit : ndarray of complex, shape (lines,)
-        Over their standard deviations, in the order of frequency.
+    Args:
+        misfit: Shape (lines,). Over their standard deviations, in the order of frequency.
     """
     lines = len(misfit)
     lags = min(WHITENESS_LAGS, lines // 3)

@@ -30,16 +30,11 @@ LONGEST_LOOK_AHEAD: Final = 32
 class OnlineFeedforward:
     """Model, velocity loops and limits, as the compiled stage takes them.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    cycle_time_s : float
-        The cell's cycle [s].
-    torque : SampleTorque
-        The identified model.
-    axes : ndarray, shape (rows, n)
-        Limits and inverse of each velocity loop; `online_kernel` names the rows.
+    Attributes:
+        cycle_time_s: The cell's cycle [s].
+        torque: The identified model.
+        axes: Shape (rows, n). Limits and inverse of each velocity loop; `online_kernel` names the
+            rows.
     """
 
     robot: RobotDescription
@@ -58,12 +53,10 @@ class OnlineFeedforward:
     ) -> OnlineFeedforward:
         """Take an identified model and the measured velocity loops.
 
-        Raises
-        ------
-        ConfigError
-            Model, loops or tuning are of other joints, or a loop reacts too late to be led.
-        EstimationError
-            The model depends on the drives' temperature.
+        Raises:
+            ConfigError: Model, loops or tuning are of other joints, or a loop reacts too late to be
+                led.
+            EstimationError: The model depends on the drives' temperature.
         """
         ordered = in_order(robot.joint_names, estimate.robot.joint_names, loops)
         torque = SampleTorque.of(
@@ -86,22 +79,15 @@ class OnlineFeedforward:
         are not exact; positions and torques are the robot's. The path with its compensation has
         the margin of the cell's supervision.
 
-        Parameters
-        ----------
-        cell, robot : CellConfig, RobotDescription
-            Cycle and limits.
-        torque : SampleTorque
-            The model of the robot.
-        loops : sequence of VelocityLoop
-            One a joint, in the joints' order.
-        tuning : FeedforwardTuning, optional
-            Correction from a reference run.
+        Args:
+            cell, robot: Cycle and limits.
+            torque: The model of the robot.
+            loops: One a joint, in the joints' order.
+            tuning: Correction from a reference run.
 
-        Raises
-        ------
-        ConfigError
-            The robot's wrist is coupled, the tuning is of other joints, or a loop reacts too late
-            to be led.
+        Raises:
+            ConfigError: The robot's wrist is coupled, the tuning is of other joints, or a loop
+                reacts too late to be led.
         """
         refuse_coupled_wrist(robot, "feedforward on line")
         n = len(robot.joints)
@@ -159,10 +145,8 @@ def in_order(
 ) -> list[VelocityLoop]:
     """Return the loops in the order of the joints.
 
-    Raises
-    ------
-    ConfigError
-        The model is of other joints, or a loop is missing.
+    Raises:
+        ConfigError: The model is of other joints, or a loop is missing.
     """
     if tuple(modelled) != tuple(names):
         raise ConfigError(

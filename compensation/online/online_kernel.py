@@ -110,16 +110,11 @@ def next_set_point(
 ) -> bool:
     """Go on by one cycle.
 
-    Parameters
-    ----------
-    counters, rows, model, path
-        As for `take_points`.
-    stage : StageArrays
-        What is kept; `out` is written.
+    Args:
+        counters, rows, model, path: As for `take_points`.
+        stage: What is kept; `out` is written.
 
-    Returns
-    -------
-    bool
+    Returns:
         Whether the motion is over, and `out` its last set-point.
     """
     axes, nodes, _, counts, pace, _ = path

@@ -96,16 +96,10 @@ def take_points(
 ) -> None:
     """Take up to `most` points out of the ring, as long as there is room ahead.
 
-    Parameters
-    ----------
-    counters, rows : arrays
-        Those of the `PointRing`.
-    model : tuple of arrays
-        `SampleTorque.arrays`.
-    path : PathArrays
-        The path.
-    most : int
-        How many at once.
+    Args:
+        counters, rows: Those of the `PointRing`.
+        model: `SampleTorque.arrays`.
+        most: How many at once.
     """
     axes, nodes, _, counts, pace, _ = path
     total, written = counters[TOTAL], counters[WRITTEN]
@@ -262,16 +256,10 @@ def plan_stop(path: PathArrays, which: int) -> int:
 def advance(path: PathArrays, head: FloatArray) -> bool:
     """Go on by one cycle.
 
-    Parameters
-    ----------
-    path : PathArrays
-        The path.
-    head : (3, n) array
-        Where the path is then: position, velocity, acceleration; written.
+    Args:
+        head: Shape (3, n). Where the path is then: position, velocity, acceleration; written.
 
-    Returns
-    -------
-    bool
+    Returns:
         Whether that is a node at full rate, whose torque is known.
     """
     _, nodes, profiles, counts, pace, step_s = path

@@ -31,14 +31,10 @@ _COUNT: Final = struct.Struct("<I")
 def greeting(joint_names: Sequence[str], cycle_time_s: float, buffer: int) -> bytes:
     """Return the server's first line.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Base to flange: the order of a point's numbers.
-    cycle_time_s : float
-        Time between points [s].
-    buffer : int
-        How many points the robot is behind the client, once it moves.
+    Args:
+        joint_names: Base to flange: the order of a point's numbers.
+        cycle_time_s: Time between points [s].
+        buffer: How many points the robot is behind the client, once it moves.
     """
     return _line(
         {
@@ -62,15 +58,11 @@ def _line(document: dict[str, object]) -> bytes:
 class PointDecoder:
     """Turns a client's bytes into points.
 
-    Parameters
-    ----------
-    joints : int
-        Numbers in a point.
+    Args:
+        joints: Numbers in a point.
 
-    Attributes
-    ----------
-    ended : bool
-        Whether the client has announced the end.
+    Attributes:
+        ended: Whether the client has announced the end.
     """
 
     def __init__(self, joints: int) -> None:
@@ -83,10 +75,8 @@ class PointDecoder:
     def decode(self, data: bytes) -> FloatArray:
         """Take more bytes; return the points that are complete, shape (any, joints).
 
-        Raises
-        ------
-        ProtocolError
-            The client speaks another protocol, or goes on after the end.
+        Raises:
+            ProtocolError: The client speaks another protocol, or goes on after the end.
         """
         self._bytes += data
         if not self._greeted and not self._greet():

@@ -23,14 +23,10 @@ PAUSE_S: Final = 0.001
 class PointGate:
     """Lets points through that keep the robot off itself and its surroundings.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Its bodies.
-    workspace : Workspace
-        What stands around it.
-    step_s : float
-        Time between points [s].
+    Args:
+        robot: Its bodies.
+        workspace: What stands around it.
+        step_s: Time between points [s].
     """
 
     def __init__(self, robot: RobotDescription, workspace: Workspace, step_s: float) -> None:
@@ -41,10 +37,8 @@ class PointGate:
     def check(self, points: FloatArray) -> None:
         """Refuse points where two bodies come too close.
 
-        Raises
-        ------
-        PreflightError
-            Two do; the text names them.
+        Raises:
+            PreflightError: Two do; the text names them.
         """
         numbers = np.isfinite(points).all(axis=1)
         points = points[: len(points) if numbers.all() else int(np.argmin(numbers))]
@@ -68,16 +62,10 @@ def feed(
     Blocks while the ring is full. What goes wrong is said in the ring: the robot is then stopped on
     the points that it has.
 
-    Parameters
-    ----------
-    ring : PointRing
-        The ring.
-    gate : PointGate
-        What points have to pass.
-    batches : iterable of ndarray
-        One point, shape (joints,), or several at a time, shape (any, joints).
-    given_up : callable
-        Whether to leave.
+    Args:
+        gate: What points have to pass.
+        batches: One point, shape (joints,), or several at a time, shape (any, joints).
+        given_up: Whether to leave.
     """
     try:
         for batch in batches:
@@ -118,10 +106,8 @@ def _put(
 class PointFeed:
     """Feeds a ring from an iterator in a thread of its own; a context manager.
 
-    Parameters
-    ----------
-    ring, gate, batches : PointRing, PointGate, iterable of ndarray
-        As for `feed`.
+    Args:
+        ring, gate, batches: As for `feed`.
     """
 
     def __init__(self, ring: PointRing, gate: PointGate, batches: Iterable[FloatArray]) -> None:
@@ -148,10 +134,8 @@ class PointFeed:
     def wait(self, points: int, patience_s: float) -> None:
         """Wait until so many points have come, or no more will.
 
-        Raises
-        ------
-        ConfigError
-            The iterator failed before the first point.
+        Raises:
+            ConfigError: The iterator failed before the first point.
         """
         wait_for_points(self._ring, points, patience_s)
         if self._error is not None and self._ring.written == 0:

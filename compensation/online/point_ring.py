@@ -38,14 +38,10 @@ class PointsFailed(IntEnum):
 class PointRing:
     """Rows of joint positions in shared memory; made by `create`, handed to processes.
 
-    Parameters
-    ----------
-    memory : ctypes array
-        Shared memory of the header and `capacity` rows.
-    joints : int
-        Joints in a point.
-    capacity : int
-        Points that fit.
+    Args:
+        memory: Shared memory of the header and `capacity` rows.
+        joints: Joints in a point.
+        capacity: Points that fit.
     """
 
     def __init__(self, memory: Any, joints: int, capacity: int) -> None:
@@ -63,10 +59,8 @@ class PointRing:
     def create(cls, joints: int, capacity: int) -> PointRing:
         """Return an empty ring in fresh shared memory.
 
-        Raises
-        ------
-        ConfigError
-            It would hold nothing.
+        Raises:
+            ConfigError: It would hold nothing.
         """
         if capacity < 1 or joints < 1:
             raise ConfigError(

@@ -40,18 +40,11 @@ _LONGEST_PATH: Final = 107
 class PointService:
     """What the server's process is told.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    workspace : Workspace
-        What stands around it.
-    cycle_time_s : float
-        Time between points [s].
-    buffer : int
-        Points that the robot is behind.
-    silence_s : float
-        How long a client may send nothing while there is room [s].
+    Attributes:
+        workspace: What stands around it.
+        cycle_time_s: Time between points [s].
+        buffer: Points that the robot is behind.
+        silence_s: How long a client may send nothing while there is room [s].
     """
 
     robot: RobotDescription
@@ -64,21 +57,14 @@ class PointService:
 class PointServer:
     """The socket and its process; a context manager.
 
-    Parameters
-    ----------
-    path : Path
-        Where the socket is made; removed in the end.
-    ring : PointRing
-        Where points go.
-    service : PointService
-        What is served.
+    Args:
+        path: Where the socket is made; removed in the end.
+        ring: Where points go.
+        service: What is served.
 
-    Raises
-    ------
-    TransportError
-        The folder is open to other users, the path too long, or taken.
-    LockedError
-        Another session listens there, or is served.
+    Raises:
+        TransportError: The folder is open to other users, the path too long, or taken.
+        LockedError: Another session listens there, or is served.
     """
 
     def __init__(self, path: Path, ring: PointRing, service: PointService) -> None:
@@ -126,12 +112,9 @@ def listening(path: Path) -> Iterator[socket.socket]:
     The path is this session's until the end of the `with`, also when the socket listens no more
     since its client has come: a lock file beside it says so.
 
-    Raises
-    ------
-    TransportError
-        No socket can be made there.
-    LockedError
-        Another session listens there, or is served.
+    Raises:
+        TransportError: No socket can be made there.
+        LockedError: Another session listens there, or is served.
     """
     _refuse_unfit(path)
     lock = path.with_name(f"{path.name}.lock")
@@ -193,16 +176,11 @@ def run_point_server(
 ) -> None:
     """Serve one client; the main function of the server's process.
 
-    Parameters
-    ----------
-    listener : socket
-        Bound and listening.
-    ring : PointRing
-        Where points go.
-    service : PointService
-        What is served.
-    parent : int
-        Process id of the program: without it, there is nobody to take points for.
+    Args:
+        listener: Bound and listening.
+        ring: Where points go.
+        service: What is served.
+        parent: Process id of the program: without it, there is nobody to take points for.
     """
     leave_terminal()
     serve(listener, ring, service, lambda: ring.concluded or os.getppid() != parent)
@@ -231,12 +209,10 @@ def _points(
 ) -> Iterator[FloatArray]:
     """Yield a client's points until it announces the end.
 
-    Raises
-    ------
-    TransportError
-        It hangs up, says nothing for too long, or there is nobody left to take points for.
-    ProtocolError
-        What it sends is not the protocol.
+    Raises:
+        TransportError: It hangs up, says nothing for too long, or there is nobody left to take
+            points for.
+        ProtocolError: What it sends is not the protocol.
     """
     names = service.robot.joint_names
     decoder = PointDecoder(len(names))

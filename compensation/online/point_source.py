@@ -42,25 +42,17 @@ _WHAT: Final = {
 class PointSource:
     """A `SetPointSource` that follows streamed points with the on-line compensation.
 
-    Parameters
-    ----------
-    feedforward : OnlineFeedforward
-        Model, loops, limits.
-    ring : PointRing
-        Where the points come from.
-    compensated : bool
-        False for plain velocity feedforward: to compare with.
-    phase : ndarray of uint8, shape (points,), optional
-        `Phase` of each point; `Phase.MAIN` where none is given.
-    samples_per_period : int, optional
-        Where the points are of a periodic motion.
-    buffer_s : float
-        How much of the path is taken in ahead, at least 64 points; the robot has to come to rest
-        within that when nothing more comes [s].
-    prefill_patience_s : float
-        How long `prepare` waits for points to begin with [s, wall clock].
-    stall_patience_s : float
-        How long time stands still for points, on a cell in lock-step [s, wall clock].
+    Args:
+        feedforward: Model, loops, limits.
+        ring: Where the points come from.
+        compensated: False for plain velocity feedforward: to compare with.
+        phase: Shape (points,). `Phase` of each point; `Phase.MAIN` where none is given.
+        samples_per_period: Where the points are of a periodic motion.
+        buffer_s: How much of the path is taken in ahead, at least 64 points; the robot has to come
+            to rest within that when nothing more comes [s].
+        prefill_patience_s: How long `prepare` waits for points to begin with [s, wall clock].
+        stall_patience_s: How long time stands still for points, on a cell in lock-step [s, wall
+            clock].
     """
 
     def __init__(
@@ -147,12 +139,9 @@ class PointSource:
     def prepare(self) -> None:
         """Make room, compile, take in the first points and check them.
 
-        Raises
-        ------
-        DriverError
-            No points, or too few to be stopped on, come.
-        ConfigError
-            The first points are refused.
+        Raises:
+            DriverError: No points, or too few to be stopped on, come.
+            ConfigError: The first points are refused.
         """
         forward, ring = self._feedforward, self._ring
         n, step_s = ring.joints, forward.cycle_time_s
@@ -322,10 +311,8 @@ class PointSource:
 def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
     """Return how many points are kept ahead for a time [s].
 
-    Raises
-    ------
-    ConfigError
-        They would be more than can be kept.
+    Raises:
+        ConfigError: They would be more than can be kept.
     """
     points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
     if points > MOST_NODES:
@@ -339,10 +326,8 @@ def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
 def compile_stage(feedforward: OnlineFeedforward) -> None:
     """Compile what the task will run, or load it: in the program, so that the task starts at once.
 
-    Parameters
-    ----------
-    feedforward : OnlineFeedforward
-        Of any robot.
+    Args:
+        feedforward: Of any robot.
     """
     axes = np.array(feedforward.axes)
     axes[path.TORQUE] = np.inf

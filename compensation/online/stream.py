@@ -27,14 +27,10 @@ Record = Callable[[SetPointSource], RecordOutcome]
 class StreamOptions(Ranged):
     """How a path is streamed.
 
-    Attributes
-    ----------
-    compensated : bool
-        False for plain velocity feedforward.
-    buffer_s : float
-        How much of the path is taken in ahead [s].
-    patience_s : float
-        How long to wait for the first points [s].
+    Attributes:
+        compensated: False for plain velocity feedforward.
+        buffer_s: How much of the path is taken in ahead [s].
+        patience_s: How long to wait for the first points [s].
     """
 
     compensated: bool = True
@@ -51,25 +47,16 @@ def stream_motion(
 ) -> RecordOutcome:
     """Stream a planned motion's positions; its phases and periods stay what they are.
 
-    Parameters
-    ----------
-    cell : CellConfig
-        Cycle and surroundings.
-    feedforward : OnlineFeedforward
-        Model, loops, limits.
-    samples : MotionSamples
-        The motion.
-    record : callable
-        Runs a source: `record_motion` with everything else that it wants.
-    options : StreamOptions, optional
-        How.
+    Args:
+        cell: Cycle and surroundings.
+        feedforward: Model, loops, limits.
+        samples: The motion.
+        record: Runs a source: `record_motion` with everything else that it wants.
+        options: How.
 
-    Raises
-    ------
-    PreflightError
-        The motion comes too close to something; nothing was moved.
-    RidDaqError
-        As `record_motion`.
+    Raises:
+        PreflightError: The motion comes too close to something; nothing was moved.
+        RidDaqError: As `record_motion`.
     """
     options, samples = options or StreamOptions(), samples.whole()
     if samples.sample_period_s != cell.cycle_time_s:
@@ -108,25 +95,16 @@ def stream_points(
     The iterator runs in a thread of this process and is asked for more whenever there is room. When
     it ends, the path ends; when it raises or is too slow, the robot is stopped on the path.
 
-    Parameters
-    ----------
-    cell : CellConfig
-        Cycle and surroundings.
-    feedforward : OnlineFeedforward
-        Model, loops, limits.
-    points : iterable of ndarray
-        Joint positions, shape (joints,) or (any, joints) [rad or m], from rest to rest.
-    record : callable
-        Runs a source: `record_motion` with everything else that it wants.
-    options : StreamOptions, optional
-        How.
+    Args:
+        cell: Cycle and surroundings.
+        feedforward: Model, loops, limits.
+        points: Joint positions, shape (joints,) or (any, joints) [rad or m], from rest to rest.
+        record: Runs a source: `record_motion` with everything else that it wants.
+        options: How.
 
-    Raises
-    ------
-    ConfigError
-        The iterator fails before the first point.
-    RidDaqError
-        As `record_motion`.
+    Raises:
+        ConfigError: The iterator fails before the first point.
+        RidDaqError: As `record_motion`.
     """
     options = options or StreamOptions()
     ring = _ring(cell, feedforward, options)
@@ -146,29 +124,18 @@ def stream_socket(
 ) -> RecordOutcome:
     """Stream what another program sends to a socket.
 
-    Parameters
-    ----------
-    cell : CellConfig
-        Cycle and surroundings.
-    feedforward : OnlineFeedforward
-        Model, loops, limits.
-    path : Path
-        Where the socket is made, in a folder of the user's own.
-    record : callable
-        Runs a source: `record_motion` with everything else that it wants.
-    options : StreamOptions, optional
-        How.
-    on_listening : callable
-        Called once clients can connect.
+    Args:
+        cell: Cycle and surroundings.
+        feedforward: Model, loops, limits.
+        path: Where the socket is made, in a folder of the user's own.
+        record: Runs a source: `record_motion` with everything else that it wants.
+        options: How.
+        on_listening: Called once clients can connect.
 
-    Raises
-    ------
-    TransportError
-        No socket can be made.
-    DeviceTimeoutError
-        No client sends points in time.
-    RidDaqError
-        As `record_motion`.
+    Raises:
+        TransportError: No socket can be made.
+        DeviceTimeoutError: No client sends points in time.
+        RidDaqError: As `record_motion`.
     """
     options = options or StreamOptions()
     ring = _ring(cell, feedforward, options)

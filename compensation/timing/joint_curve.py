@@ -27,10 +27,8 @@ FARTHEST_OFF: Final = 2e-4  # rad or m
 class JointCurve:
     """The joints as functions of a path's length, of class C1 with a second derivative.
 
-    Attributes
-    ----------
-    curve : PPoly
-        Joint positions over the length; its values have shape (..., n).
+    Attributes:
+        curve: Joint positions over the length; its values have shape (..., n).
     """
 
     curve: PPoly
@@ -49,12 +47,9 @@ class JointCurve:
     def through(cls, points: FloatArray, speeds: Sequence[float] | FloatArray) -> JointCurve:
         """Return the cubic spline through points, measured by the time that chords would take.
 
-        Parameters
-        ----------
-        points : ndarray, shape (m, n)
-            Joint positions, m at least 2; each unlike the one before.
-        speeds : sequence of float
-            The joints' speed limits.
+        Args:
+            points: Shape (m, n). Joint positions, m at least 2; each unlike the one before.
+            speeds: The joints' speed limits.
         """
         knots = np.concatenate([[0.0], np.cumsum(_chords(points, np.asarray(speeds)))])
         return cls(joint_spline(knots, points))
@@ -64,16 +59,11 @@ class JointCurve:
 class RestToRest:
     """A motion's way from one rest to the next.
 
-    Attributes
-    ----------
-    curve : JointCurve
-        The way.
-    rest_s : float
-        How long the motion rests at its end, or in its last row [s].
-    off : float
-        How far the motion's own rows are off the curve [rad or m].
-    place : ndarray, shape (rows,)
-        How far along the curve each of them is.
+    Attributes:
+        curve: The way.
+        rest_s: How long the motion rests at its end, or in its last row [s].
+        off: How far the motion's own rows are off the curve [rad or m].
+        place: Shape (rows,). How far along the curve each of them is.
     """
 
     curve: JointCurve
@@ -87,17 +77,13 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
 
     A way ends where the motion stands still, or nearly, and goes on in another direction.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion, of any kind.
-    speeds : sequence of float
-        The joints' speed limits.
+    Args:
+        samples: The motion, of any kind.
+        speeds: The joints' speed limits.
 
-    Raises
-    ------
-    ConfigError
-        The motion goes nowhere, or its rows are too far apart to say what lies between.
+    Raises:
+        ConfigError: The motion goes nowhere, or its rows are too far apart to say what lies
+            between.
     """
     samples = samples.whole()
     step_s = samples.sample_period_s

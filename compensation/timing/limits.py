@@ -15,21 +15,15 @@ from config.robot.robot import RobotDescription
 class TimingLimits:
     """Limits of size, alike both ways; rad or m, per second, N m or N at the link side.
 
-    Attributes
-    ----------
-    speed, acceleration : ndarray, shape (n,)
-        The joints'; with a coupled wrist `speed` bounds the motors' as well, each on its own side.
-    torque : ndarray, shape (n,)
-        The motors'.
-    base : ndarray, shape (6,), or None
-        Force and moment of the base wrench [N, N m]; inf where one is free.
-    torque_rms : ndarray, shape (n,), or None
-        Root mean square of each motor's torque over the motion.
-    torque_rate : ndarray, shape (n,), or None
-        How fast a motor's torque may change [N m/s or N/s], the jump of its friction where it turns
-        back left out.
-    jerk : ndarray, shape (n,), or None
-        How fast a joint's acceleration may change [rad/s³ or m/s³].
+    Attributes:
+        speed, acceleration: Shape (n,). The joints'; with a coupled wrist `speed` bounds the
+            motors' as well, each on its own side.
+        torque: Shape (n,). The motors'.
+        base: Shape (6,). Force and moment of the base wrench [N, N m]; inf where one is free.
+        torque_rms: Shape (n,). Root mean square of each motor's torque over the motion.
+        torque_rate: Shape (n,). How fast a motor's torque may change [N m/s or N/s], the jump of
+            its friction where it turns back left out.
+        jerk: Shape (n,). How fast a joint's acceleration may change [rad/s³ or m/s³].
     """
 
     speed: FloatArray
@@ -70,10 +64,8 @@ class TimingLimits:
     def keeping_free(self, share: float) -> TimingLimits:
         """Return them with a share of the torque, and of what the base takes, kept free.
 
-        Raises
-        ------
-        ConfigError
-            The share is not one of 0 to 1.
+        Raises:
+            ConfigError: The share is not one of 0 to 1.
         """
         if not 0.0 <= share < 1.0:
             raise ConfigError(

@@ -26,24 +26,16 @@ SMALLEST: Final = 1e-12
 class PathDynamics:
     """A model along a path, and the friction that is added to it.
 
-    Attributes
-    ----------
-    curve : JointCurve
-        The path.
-    robot : RobotDescription
-        Whose joints they are.
-    length : ndarray, shape (points,)
-        The grid.
-    position, slope, bend : ndarray, shape (points, n)
-        The joints there, and their derivatives by the length.
-    parts : ndarray, shape (points, 2 n + 6, 3)
-        What `along_path` computes.
-    friction, losses : ndarray, shape (terms, 8)
-        Rows of `SampleTorque`'s table.
-    smoothing : float
-        Of the sign of friction [rad/s].
-    motor_slope : ndarray, shape (points, n)
-        The actuators' speeds at x = 1.
+    Attributes:
+        curve: The path.
+        robot: Whose joints they are.
+        length: Shape (points,). The grid.
+        position, slope, bend: Shape (points, n). The joints there, and their derivatives by the
+            length.
+        parts: Shape (points, 2 n + 6, 3). What `along_path` computes.
+        friction, losses: Shape (terms, 8). Rows of `SampleTorque`'s table.
+        smoothing: Of the sign of friction [rad/s].
+        motor_slope: Shape (points, n). The actuators' speeds at x = 1.
     """
 
     curve: JointCurve
@@ -91,24 +83,17 @@ class PathDynamics:
 class PathRows:
     """Rows and bounds, each divided by its limit, and what is faster than any joint may go.
 
-    Attributes
-    ----------
-    dynamics : PathDynamics
-        Where they come from.
-    labels : tuple of str
-        What each row is, for a message.
-    rows : ndarray, shape (points, rows, 3)
-        By u, by x, at rest.
-    bounds : ndarray, shape (points, rows, 3)
-        Least and largest, and how much of the joint's friction is in the row.
-    size : ndarray, shape (rows,)
-        What rows and bounds were divided by.
-    joints : ndarray, shape (rows,)
-        Whose friction, or -1.
-    both : ndarray, shape (points - 1, n)
-        Where an actuator turns back or stands still, so that its friction has either sign.
-    fastest : ndarray, shape (points,)
-        The largest x by the speed limits.
+    Attributes:
+        dynamics: Where they come from.
+        labels: What each row is, for a message.
+        rows: Shape (points, rows, 3). By u, by x, at rest.
+        bounds: Shape (points, rows, 3). Least and largest, and how much of the joint's friction is
+            in the row.
+        size: Shape (rows,). What rows and bounds were divided by.
+        joints: Shape (rows,). Whose friction, or -1.
+        both: Shape (points - 1, n). Where an actuator turns back or stands still, so that its
+            friction has either sign.
+        fastest: Shape (points,). The largest x by the speed limits.
     """
 
     dynamics: PathDynamics
@@ -199,16 +184,12 @@ class PathRows:
     def refuse_standing(self, free: FloatArray | float = 0.0) -> None:
         """Refuse a path on which not even standing is within the limits.
 
-        Parameters
-        ----------
-        free : ndarray, shape (points, rows), or float
-            The share of each limit that is to be kept free.
+        Args:
+            free: Shape (points, rows), or float. The share of each limit that is to be kept free.
 
-        Raises
-        ------
-        LimitError
-            Gravity, with the friction of a slow motion, takes more than a limit; the text names
-            the joint and the pose.
+        Raises:
+            LimitError: Gravity, with the friction of a slow motion, takes more than a limit; the
+                text names the joint and the pose.
         """
         least, most = self.at_rest()
         low, high = self.bounds[:, :, 0] + free, self.bounds[:, :, 1] - free

@@ -23,16 +23,11 @@ STUCK: Final = 1e-10  # of the largest x on the limit curve
 class SpeedOverPath:
     """How a path is driven.
 
-    Attributes
-    ----------
-    length : ndarray, shape (points,)
-        The grid.
-    x : ndarray, shape (points,)
-        Squared speed.
-    u : ndarray, shape (points - 1,)
-        Acceleration along the path, constant between two points.
-    time_s : ndarray, shape (points,)
-        When each point is passed.
+    Attributes:
+        length: Shape (points,). The grid.
+        x: Shape (points,). Squared speed.
+        u: Shape (points - 1,). Acceleration along the path, constant between two points.
+        time_s: Shape (points,). When each point is passed.
     """
 
     length: FloatArray
@@ -51,23 +46,16 @@ def fastest(
 ) -> SpeedOverPath:
     """Return the fastest way along a path.
 
-    Parameters
-    ----------
-    rows : PathRows
-        What limits it.
-    bounds : ndarray, shape (points, rows, 3)
-        `rows.bounds`, or tighter ones.
-    ends : (float, float)
-        Speed along the path at its begin and its end, path length per second.
-    closed : bool
-        Whether the path ends where it begins, at the same speed, which is then found.
-    most : ndarray, shape (points,), optional
-        The largest x, where less than the speed limits allow is wanted.
+    Args:
+        rows: What limits it.
+        bounds: Shape (points, rows, 3). `rows.bounds`, or tighter ones.
+        ends: Speed along the path at its begin and its end, path length per second.
+        closed: Whether the path ends where it begins, at the same speed, which is then found.
+        most: Shape (points,). The largest x, where less than the speed limits allow is wanted.
 
-    Raises
-    ------
-    LimitError
-        The speeds at the ends cannot be had, or the limits leave no motion; the text says where.
+    Raises:
+        LimitError: The speeds at the ends cannot be had, or the limits leave no motion; the text
+            says where.
     """
     length = rows.dynamics.length
     cap = (rows.fastest if most is None else np.minimum(most, rows.fastest)).copy()

@@ -57,14 +57,11 @@ def along_path(
 ) -> None:
     """Split what gears transmit, what acts beside them, and the base wrench by u, x and 1.
 
-    Parameters
-    ----------
-    model : tuple of arrays
-        `SampleTorque.arrays`, without friction.
-    q, slope, bend : (points, n) arrays
-        The joints, and their derivatives by the path's length.
-    out : (points, 2 n + 6, 3) array
-        Written: load torques, free torques and base wrench, by u, by x, and at rest.
+    Args:
+        model: `SampleTorque.arrays`, without friction.
+        q, slope, bend: Shape (points, n). The joints, and their derivatives by the path's length.
+        out: Shape (points, 2 n + 6, 3). Written: load torques, free torques and base wrench, by u,
+            by x, and at rest.
     """
     n = q.shape[1]
     memory = model[6]
@@ -281,24 +278,18 @@ def backwards(
 ) -> None:
     """Fill `out` (points,) with the largest x from which the end can be reached.
 
-    Parameters
-    ----------
-    rows : (points, rows, 3) array
-        A, B and C.
-    bounds : (points, rows, 3) array
-        The least and the largest that a row may be, and how much of its joint's friction is in it.
-    friction : tuple
-        (rows,) the joint whose friction is in a row, or -1; a table of friction terms as
-        `SampleTorque` has them; the smoothing of their sign; (points, n) the actuators' speeds at
-        x = 1; (points - 1, n) whether an actuator turns back, or stands still, in an interval.
-    length : (points,) array
-        The grid.
-    most : (points,) array
-        The largest x by the speed limits.
-    end : float
-        x at the end.
-    out : (points,) array
-        Written.
+    Args:
+        rows: Shape (points, rows, 3). A, B and C.
+        bounds: Shape (points, rows, 3). The least and the largest that a row may be, and how much
+            of its joint's friction is in it.
+        friction: (rows,) the joint whose friction is in a row, or -1; a table of friction terms as
+            `SampleTorque` has them; the smoothing of their sign; (points, n) the actuators' speeds
+            at x = 1; (points - 1, n) whether an actuator turns back, or stands still, in an
+            interval.
+        length: Shape (points,). The grid.
+        most: Shape (points,). The largest x by the speed limits.
+        end: x at the end.
+        out: Shape (points,). Written.
     """
     joints, table, smoothing, speed, both = friction
     here, there, room = np.empty((4, speed.shape[1])), np.empty((4, speed.shape[1])), np.empty(5)

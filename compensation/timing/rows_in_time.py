@@ -22,14 +22,12 @@ from config.arrays import FloatArray, IntArray
 class RowsInTime:
     """Rows of a motion, and where on the path each is.
 
-    Attributes
-    ----------
-    path : JointTrajectory
-        Positions, velocities, accelerations.
-    length, speed, change : ndarray, shape (rows,)
-        Where on the path, and how that changes, per second and per second squared.
-    begin, end : ndarray, shape (rows,)
-        The first and last interval of the path's grid that a row's values come from.
+    Attributes:
+        path: Positions, velocities, accelerations.
+        length, speed, change: Shape (rows,). Where on the path, and how that changes, per second
+            and per second squared.
+        begin, end: Shape (rows,). The first and last interval of the path's grid that a row's
+            values come from.
     """
 
     path: JointTrajectory
@@ -50,16 +48,11 @@ def rows_in_time(
 ) -> RowsInTime:
     """Return a timed path, one row a cycle; the time that it takes becomes whole cycles.
 
-    Parameters
-    ----------
-    curve, profile : JointCurve, SpeedOverPath
-        The path and its speed.
-    cycle_s : float
-        Time between rows [s].
-    window_s : float
-        Over how much time the length is averaged [s]; for a path from rest to rest.
-    slower : float
-        How many times as long the path is to take, at least.
+    Args:
+        curve, profile: The path and its speed.
+        cycle_s: Time between rows [s].
+        window_s: Over how much time the length is averaged [s]; for a path from rest to rest.
+        slower: How many times as long the path is to take, at least.
     """
     total_s = float(profile.time_s[-1])
     cycles = max(2, math.ceil((slower * total_s + window_s) / cycle_s - 1e-9))

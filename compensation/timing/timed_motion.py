@@ -29,21 +29,14 @@ MOST_INTERVALS = 20_000
 class TimedMotion:
     """A motion, timed.
 
-    Attributes
-    ----------
-    motion : TimedPathMotion
-        What its file says.
-    ways : tuple of TimedPath
-        Its ways from rest to rest.
-    moving_s, original_s : float
-        How long it moves, and how long the motion moved that it was made of: both without the rests
-        [s].
-    off : float
-        How far the original's rows are off the curve, at most [rad or m].
-    was_periodic : bool
-        Whether the original had periods: they are one way now.
-    places : tuple of ndarray
-        How far along each way the original is, cycle by cycle.
+    Attributes:
+        motion: What its file says.
+        ways: Its ways from rest to rest.
+        moving_s, original_s: How long it moves, and how long the motion moved that it was made of:
+            both without the rests [s].
+        off: How far the original's rows are off the curve, at most [rad or m].
+        was_periodic: Whether the original had periods: they are one way now.
+        places: How far along each way the original is, cycle by cycle.
     """
 
     motion: TimedPathMotion
@@ -63,10 +56,8 @@ class TimedMotion:
 def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleTorque:
     """Return an identified model sample by sample, with a payload on its flange.
 
-    Raises
-    ------
-    EstimationError
-        The model depends on the drives' temperature.
+    Raises:
+        EstimationError: The model depends on the drives' temperature.
     """
     found = SampleTorque.of(estimate.model, estimate.standard_values)
     if payload is None:
@@ -79,17 +70,12 @@ def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleT
 def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:
     """Return an estimate with the robot's weight from elsewhere: no plate can tell it.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the external or the combined model.
-    mass_kg : float or None
-        Mass of all that the base carries; by the robot's drawings, else zero, if None.
+    Args:
+        estimate: Of the external or the combined model.
+        mass_kg: Mass of all that the base carries; by the robot's drawings, else zero, if None.
 
-    Raises
-    ------
-    EstimationError
-        It is of the internal model.
+    Raises:
+        EstimationError: It is of the internal model.
     """
     values, covariance, _ = with_known_mass(estimate, mass_kg)
     noise = estimate.covariance_noise
@@ -111,30 +97,19 @@ def retimed(
 ) -> TimedMotion:
     """Return a motion's path, as fast as the limits allow, from rest to rest.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion as planned.
-    robot : RobotDescription
-        The robot.
-    estimate : Estimate
-        Its model.
-    limits : TimingLimits
-        What is kept to.
-    confidence : float
-        With which probability torques and base wrench of the robot itself keep to their limits at
-        any one instant; 0 for no margin.
-    payload : PayloadEstimate, optional
-        What the robot carries.
+    Args:
+        samples: The motion as planned.
+        estimate: Its model.
+        limits: What is kept to.
+        confidence: With which probability torques and base wrench of the robot itself keep to their
+            limits at any one instant; 0 for no margin.
+        payload: What the robot carries.
 
-    Raises
-    ------
-    ConfigError
-        The motion goes nowhere, or the model knows no base wrench and the limits ask for it.
-    EstimationError
-        The model depends on the drives' temperature.
-    LimitError
-        A limit cannot be kept to; the text names it, and where.
+    Raises:
+        ConfigError: The motion goes nowhere, or the model knows no base wrench and the limits ask
+            for it.
+        EstimationError: The model depends on the drives' temperature.
+        LimitError: A limit cannot be kept to; the text names it, and where.
     """
     if limits.base is not None and estimate.options.kind == "internal":
         raise ConfigError(

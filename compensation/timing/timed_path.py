@@ -42,12 +42,9 @@ ROUNDING: Final = 0.009  # a stream of points lets differences be off by a littl
 class Margins(NamedTuple):
     """How much of the torques, and of the base wrench, is uncertain along rows of a motion.
 
-    Attributes
-    ----------
-    torque : ndarray, shape (rows, n)
-        N m or N.
-    base : ndarray, shape (rows, 6)
-        N, N m.
+    Attributes:
+        torque: Shape (rows, n). N m or N.
+        base: Shape (rows, 6). N, N m.
     """
 
     torque: FloatArray
@@ -61,26 +58,16 @@ MarginOf = Callable[[JointTrajectory], Margins]
 class TimedPath:
     """A path, how fast it is driven, and what that takes.
 
-    Attributes
-    ----------
-    rows : PathRows
-        What limits it.
-    bounds : ndarray, shape (points, rows, 3)
-        What was kept to in the end.
-    profile : SpeedOverPath
-        Its speed, before it was averaged.
-    in_time : RowsInTime
-        Its rows.
-    torque : ndarray, shape (samples, n)
-        By the model [N m or N].
-    wrench : ndarray, shape (samples, 6)
-        What the base exerts, by the model [N, N m].
-    margins : Margins or None
-        What of both is uncertain.
-    window_s : float
-        Over how much time it was averaged [s].
-    scans : int
-        How often it was scanned.
+    Attributes:
+        rows: What limits it.
+        bounds: Shape (points, rows, 3). What was kept to in the end.
+        profile: Its speed, before it was averaged.
+        in_time: Its rows.
+        torque: Shape (samples, n). By the model [N m or N].
+        wrench: Shape (samples, 6). What the base exerts, by the model [N, N m].
+        margins: What of both is uncertain.
+        window_s: Over how much time it was averaged [s].
+        scans: How often it was scanned.
     """
 
     rows: PathRows
@@ -103,23 +90,14 @@ class TimedPath:
 class PathTimer:
     """Times paths of one robot.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    torque : SampleTorque
-        Its model.
-    limits : TimingLimits
-        What is kept to.
-    cycle_s : float
-        Time between rows [s].
-    margin : callable, optional
-        What of the torques is uncertain.
-    intervals : int
-        Of the grid over the path.
-    positions_alone : bool
-        Whether all holds as well for who takes positions alone and differences them, as a stream
-        of points is judged. The path is then from rest to rest.
+    Attributes:
+        torque: Its model.
+        limits: What is kept to.
+        cycle_s: Time between rows [s].
+        margin: What of the torques is uncertain.
+        intervals: Of the grid over the path.
+        positions_alone: Whether all holds as well for who takes positions alone and differences
+            them, as a stream of points is judged. The path is then from rest to rest.
     """
 
     robot: RobotDescription
@@ -135,20 +113,14 @@ class PathTimer:
     ) -> TimedPath:
         """Return the fastest rows along a path.
 
-        Parameters
-        ----------
-        curve : JointCurve
-            The path.
-        ends : (float, float)
-            Speed along it at its begin and its end, path length per second; less by as much as
-            whole cycles take longer.
-        closed : bool
-            Whether it ends where it begins, at the same speed, which is then found.
+        Args:
+            curve: The path.
+            ends: Speed along it at its begin and its end, path length per second; less by as much
+                as whole cycles take longer.
+            closed: Whether it ends where it begins, at the same speed, which is then found.
 
-        Raises
-        ------
-        LimitError
-            The limits cannot be kept to; the text names what, and where.
+        Raises:
+            LimitError: The limits cannot be kept to; the text names what, and where.
         """
         search = _Search(self, curve, ends, closed)
         for _ in range(ATTEMPTS):

@@ -29,16 +29,11 @@ class ModelMargin:
     The variance of a torque is that of its estimated parameters, and of what the model left
     unexplained of the data that it was made of, beyond their noise (theory: section 13.7).
 
-    Attributes
-    ----------
-    estimate : Estimate
-        The model.
-    confidence : float
-        With which probability a torque is within its margin, at any one instant.
-    payload : PayloadEstimate or None
-        What the robot carries.
-    base : bool
-        Whether the base wrench is asked for.
+    Attributes:
+        estimate: The model.
+        confidence: With which probability a torque is within its margin, at any one instant.
+        payload: What the robot carries.
+        base: Whether the base wrench is asked for.
     """
 
     estimate: Estimate

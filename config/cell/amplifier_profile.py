@@ -187,10 +187,9 @@ def require_line(
 ) -> float:
     """Return the line's load; refuse a stream that cannot work.
 
-    Raises
-    ------
-    ConfigError
-        The stream takes more than `LINE_LOAD_LIMIT`; says which rate or baud rate would do.
+    Raises:
+        ConfigError: The stream takes more than `LINE_LOAD_LIMIT`; says which rate or baud rate
+            would do.
     """
     load = line_load(amplifier, profile, cycle_time_s)
     if load <= LINE_LOAD_LIMIT:

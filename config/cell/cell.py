@@ -251,10 +251,8 @@ class CellConfig(PhysicalFile):
     def servo_of(self, axis: DriveAxis) -> ServoProfile:
         """Return the profile of one of the axes' drives, as its own keys and the cell's say.
 
-        Raises
-        ------
-        ConfigError
-            The profile is named only: `config.load` puts what it names in its place.
+        Raises:
+            ConfigError: The profile is named only: `config.load` puts what it names in its place.
         """
         chosen = self.servo if axis.servo is None else axis.servo
         if isinstance(chosen, str) or chosen.base is not None:

@@ -19,25 +19,18 @@ def read_eds_files(
 ) -> tuple[EdsFiles, dict[str, bytes], tuple[Path, ...]]:
     """Read the data sheets of a cell's axes, each file once.
 
-    Parameters
-    ----------
-    tree, cell : YamlTree, CellConfig
-        The cell file.
-    folder : Path or None
-        Where it lies: relative paths begin there.
-    kept : Path or None
-        The same folder where it is a run's, with copies of the files by the names returned here.
+    Args:
+        tree, cell: The cell file.
+        folder: Where it lies: relative paths begin there.
+        kept: The same folder where it is a run's, with copies of the files by the names returned
+            here.
 
-    Returns
-    -------
-    tuple
+    Returns:
         One EDS an axis, None where it names none; the files' bytes by the names that a run folder
         keeps them under; and where each of them lies.
 
-    Raises
-    ------
-    ConfigError
-        A file cannot be read, or is no data sheet; the message has file and line.
+    Raises:
+        ConfigError: A file cannot be read, or is no data sheet; the message has file and line.
     """
     eds_files: list[ElectronicDataSheet | None] = []
     known: dict[str, ElectronicDataSheet] = {}

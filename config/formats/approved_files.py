@@ -24,10 +24,8 @@ _approved: dict[str, str] = {}
 def approve_files(hashes: Mapping[str, str]) -> None:
     """Approve files for all further reads of this process; others may be read as they are.
 
-    Parameters
-    ----------
-    hashes : mapping
-        The SHA-256 of each file, by its path.
+    Args:
+        hashes: The SHA-256 of each file, by its path.
     """
     _approved.clear()
     _approved.update({os.path.abspath(path): found for path, found in hashes.items()})
@@ -36,10 +34,8 @@ def approve_files(hashes: Mapping[str, str]) -> None:
 def require_approved(path: Path, content: bytes) -> None:
     """Refuse bytes of an approved file that are not those that were approved.
 
-    Raises
-    ------
-    ConfigError
-        They differ.
+    Raises:
+        ConfigError: They differ.
     """
     approved = _approved.get(os.path.abspath(path)) if _approved else None
     if approved is None:

@@ -20,19 +20,13 @@ def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Itera
     What is opened is what is looked at: a file that is replaced meanwhile changes nothing. A pipe,
     a device or a folder is refused without waiting for it.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    most_bytes : int
-        The largest size that such a file can have.
-    follow_link : bool
-        Whether the last part of the path may be a symbolic link.
+    Args:
+        path: The file.
+        most_bytes: The largest size that such a file can have.
+        follow_link: Whether the last part of the path may be a symbolic link.
 
-    Raises
-    ------
-    OSError
-        It cannot be read, is no file, or is larger; `strerror` says which in words.
+    Raises:
+        OSError: It cannot be read, is no file, or is larger; `strerror` says which in words.
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow_link else os.O_NOFOLLOW)
     try:

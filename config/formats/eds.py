@@ -42,20 +42,14 @@ T = TypeVar("T")
 class ElectronicDataSheet:
     """A device type, or with `node_id` one configured device (DCF); None is what it does not say.
 
-    Attributes
-    ----------
-    name : str
-        What the file is called in messages.
-    sha256 : str
-        Of the file's bytes.
-    vendor, product, revision : int or None
-        VendorNumber, ProductNumber and RevisionNumber: what 1018h should answer.
-    vendor_name, product_name : str
-        As they stand in the file: escape them before they are shown.
-    node_id : int or None
-        Of a DCF: the device that it configures.
-    objects : tuple of EdsObject
-        By index and sub-index, in that order.
+    Attributes:
+        name: What the file is called in messages.
+        sha256: Of the file's bytes.
+        vendor, product, revision: VendorNumber, ProductNumber and RevisionNumber: what 1018h should
+            answer.
+        vendor_name, product_name: As they stand in the file: escape them before they are shown.
+        node_id: Of a DCF: the device that it configures.
+        objects: By index and sub-index, in that order.
     """
 
     name: str
@@ -102,17 +96,13 @@ class ElectronicDataSheet:
 def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
     """Read an electronic data sheet, EDS or DCF.
 
-    Parameters
-    ----------
-    data : bytes
-        The file's bytes, at most 4 MB.
-    name : str
-        What to call the file in messages.
+    Args:
+        data: The file's bytes, at most 4 MB.
+        name: What to call the file in messages.
 
-    Raises
-    ------
-    ConfigError
-        The file is no data sheet, or a line of it is invalid; the message has `name:line`.
+    Raises:
+        ConfigError: The file is no data sheet, or a line of it is invalid; the message has
+            `name:line`.
     """
     reader = _Reader(name, parse_sections(data, name))
     info = reader.sections.get("deviceinfo")

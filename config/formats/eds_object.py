@@ -104,28 +104,17 @@ class EdsFault:
 class EdsObject:
     """One object; None is what the EDS does not say, or not so that it can be read.
 
-    Attributes
-    ----------
-    index, subindex : int
-        The address.
-    name : str
-        What the vendor calls it, as it stands in the file: escape it before it is shown.
-    line : int
-        Where its section begins.
-    data_type : int or None
-        A `DataType`, or a number of the vendor's own.
-    access : Access or None
-        How SDO may use it; `rwr` and `rww` say which PDOs may carry it, too.
-    mappable : bool
-        Whether a PDO may carry it.
-    default : EdsValue or None
-        Its value after a reset.
-    value : EdsValue or None
-        What it is configured to be, in a DCF.
-    low, high : int or float or None
-        LowLimit and HighLimit as written.
-    faults : tuple of EdsFault
-        Its values and limits that cannot be read: no matter, unless the object is used.
+    Attributes:
+        index, subindex: The address.
+        name: What the vendor calls it, as it stands in the file: escape it before it is shown.
+        line: Where its section begins.
+        data_type: A `DataType`, or a number of the vendor's own.
+        access: How SDO may use it; `rwr` and `rww` say which PDOs may carry it, too.
+        mappable: Whether a PDO may carry it.
+        default: Its value after a reset.
+        value: What it is configured to be, in a DCF.
+        low, high: LowLimit and HighLimit as written.
+        faults: Its values and limits that cannot be read: no matter, unless the object is used.
     """
 
     index: int
@@ -184,10 +173,8 @@ class EdsObject:
 def parse_integer(text: str) -> int:
     """Return a number as CiA 306 has it: decimal, hexadecimal (0x) or octal (a leading 0).
 
-    Raises
-    ------
-    ConfigError
-        It is none, or has more digits than any object could hold.
+    Raises:
+        ConfigError: It is none, or has more digits than any object could hold.
     """
     if len(text) > MAX_DIGITS:
         raise ConfigError(
@@ -210,10 +197,8 @@ def parse_value(text: str, data_type: int | None) -> EdsValue:
 
     Of types that hold no number the text is kept. A signed one may be written by its bits (0xFFFF).
 
-    Raises
-    ------
-    ConfigError
-        It is no value of the type.
+    Raises:
+        ConfigError: It is no value of the type.
     """
     if data_type in REAL_BITS:
         return EdsValue(_real(text, REAL_BITS[data_type]))

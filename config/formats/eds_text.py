@@ -61,18 +61,13 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
 
     Those are the device's description, its commissioning (of a DCF), and every object's.
 
-    Parameters
-    ----------
-    data : bytes
-        The file's bytes.
-    name : str
-        What to call the file in messages.
+    Args:
+        data: The file's bytes.
+        name: What to call the file in messages.
 
-    Raises
-    ------
-    ConfigError
-        The file is too large, is no text, or a line of it is invalid; the message has
-        `name:line`.
+    Raises:
+        ConfigError: The file is too large, is no text, or a line of it is invalid; the message has
+            `name:line`.
     """
     if len(data) > MAX_BYTES:
         raise ConfigError(

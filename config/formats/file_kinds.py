@@ -51,12 +51,9 @@ _LOOKED_AT: Final = 1 << 16  # bytes
 def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
     """Return the one line that says that a file is of another kind than wanted; else none.
 
-    Parameters
-    ----------
-    tree
-        The file, which is not what was wanted.
-    wanted
-        The name of the model that it was read as.
+    Args:
+        tree: The file, which is not what was wanted.
+        wanted: The name of the model that it was read as.
     """
     kind = _kind_of(tree.data)
     if kind is None or wanted not in _WANTED or kind == _WANTED[wanted]:
@@ -67,12 +64,9 @@ def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
 def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
     """Return which kind of file some bytes are that could not be read as what was wanted.
 
-    Parameters
-    ----------
-    data
-        The file.
-    by_keys
-        Whether its keys count, which tell one YAML file from another.
+    Args:
+        data: The file.
+        by_keys: Whether its keys count, which tell one YAML file from another.
     """
     head = data[:_LOOKED_AT]
     for kind, beginning in _BEGINNINGS:

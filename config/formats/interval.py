@@ -11,14 +11,11 @@ _PLAIN = (-5, 6)  # powers of ten that are written without one
 def interval(value: float, reach: float) -> tuple[str, str]:
     """Return a value and its interval: the interval to two significant digits, both to the same.
 
-    Parameters
-    ----------
-    value, reach : float
-        A finite value, and how far its interval reaches to either side; above 0 and finite.
+    Args:
+        value, reach: A finite value, and how far its interval reaches to either side; above 0 and
+            finite.
 
-    Returns
-    -------
-    tuple of str
+    Returns:
         Such as 9.61 and 0.12, or 1230 and 340.
     """
     last = math.floor(math.log10(float(f"{reach:.1e}"))) - 1  # the place of the last digit

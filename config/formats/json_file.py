@@ -32,11 +32,9 @@ _LARGEST_INTEGER = 1 << 63
 def parse_json(data: bytes | str) -> Any:
     """Parse one JSON document.
 
-    Raises
-    ------
-    ConfigError
-        The text is not JSON, or uses a part of it that is refused. The message names the key, or
-        line and column, and not the file.
+    Raises:
+        ConfigError: The text is not JSON, or uses a part of it that is refused. The message names
+            the key, or line and column, and not the file.
     """
     try:
         text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
@@ -63,21 +61,14 @@ def parse_json(data: bytes | str) -> Any:
 def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
     """Read a JSON file that this program wrote.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    model : type
-        What stands in it.
-    most_bytes : int
-        The largest size that such a file can have.
-    what : str
-        What the file is, for the message, as "a payload of `rid-daq payload identify`".
+    Args:
+        path: The file.
+        model: What stands in it.
+        most_bytes: The largest size that such a file can have.
+        what: What the file is, for the message, as "a payload of `rid-daq payload identify`".
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or is none; the message has the file and the key.
+    Raises:
+        ConfigError: The file cannot be read, or is none; the message has the file and the key.
     """
     return json_content(read_content(path, most_bytes), path, model, what)
 
@@ -85,10 +76,8 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
 def read_content(path: Path, most_bytes: int) -> bytes:
     """Return a file's bytes, to be read once and kept.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or is larger than `most_bytes`.
+    Raises:
+        ConfigError: The file cannot be read, or is larger than `most_bytes`.
     """
     with system_errors(ConfigError, f"{path}: cannot be read", code="RID-FILE-READ"):
         return read_file(path, most_bytes)
@@ -128,12 +117,9 @@ def _format_name(shown: str) -> str:
 def other_format(where: str, found: object, expected: object) -> ConfigError:
     """Return the error for a file of another format than the one that this program reads.
 
-    Parameters
-    ----------
-    where : str
-        The file and what it is.
-    found, expected : object
-        The formats.
+    Args:
+        where: The file and what it is.
+        found, expected: The formats.
     """
     return ConfigError(
         f"{where}: format {str(found)[:80]}, this program reads format {expected} only: write the"

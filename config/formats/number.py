@@ -26,10 +26,8 @@ _EXPRESSION: Final = re.compile(r"\$[({]")
 def parse_number(text: str) -> float:
     """Return the finite number that a text holds in plain decimal digits.
 
-    Raises
-    ------
-    ConfigError
-        The text is anything else; it says what, and what to write.
+    Raises:
+        ConfigError: The text is anything else; it says what, and what to write.
     """
     words = text.strip()
     if _NUMBER.fullmatch(words):
@@ -42,10 +40,8 @@ def parse_number(text: str) -> float:
 def parse_numbers(text: str) -> tuple[float, ...]:
     """Return the finite numbers of a text with commas between them.
 
-    Raises
-    ------
-    ConfigError
-        One of them is none.
+    Raises:
+        ConfigError: One of them is none.
     """
     return tuple(parse_number(word) for word in text.split(","))
 

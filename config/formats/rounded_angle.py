@@ -26,14 +26,10 @@ FEWEST_DECIMALS: Final = 2
 class AngleReading:
     """An angle: as written, and as taken.
 
-    Attributes
-    ----------
-    written_rad : float
-        What the file says.
-    taken_rad : float
-        A whole multiple of 15 degrees if the file says that with few digits.
-    nearest_rad : float
-        The nearest multiple of 15 degrees.
+    Attributes:
+        written_rad: What the file says.
+        taken_rad: A whole multiple of 15 degrees if the file says that with few digits.
+        nearest_rad: The nearest multiple of 15 degrees.
     """
 
     written_rad: float
@@ -48,12 +44,9 @@ class AngleReading:
         precision, by less than one unit of its last decimal, and by 1e-3 rad at most (quarter
         turns: 5e-3 rad).
 
-        Parameters
-        ----------
-        angle_rad : float
-            What the file says.
-        exact_rad : float
-            Quarter turns may differ by this, whatever their decimals.
+        Args:
+            angle_rad: What the file says.
+            exact_rad: Quarter turns may differ by this, whatever their decimals.
         """
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)
@@ -83,10 +76,8 @@ class AngleReading:
 def angle_notes(readings: list[tuple[str, AngleReading]]) -> list[str]:
     """Return what to say of angles: which were corrected, and which are doubtful.
 
-    Parameters
-    ----------
-    readings : list of (str, AngleReading)
-        Where each angle stands, and the angle.
+    Args:
+        readings: Where each angle stands, and the angle.
     """
     corrected = [(where, each) for where, each in readings if each.is_corrected]
     doubtful = [(where, each) for where, each in readings if each.is_doubtful]

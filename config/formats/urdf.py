@@ -62,17 +62,12 @@ class Mimic:
 class UrdfJoint:
     """A joint; `placement` (4, 4) is the child's frame in the parent's at position zero.
 
-    Attributes
-    ----------
-    limits : dict of str to float
-        What the file states of lower, upper, velocity, effort, acceleration, deceleration,
-        soft_lower and soft_upper; infinite if it says so.
-    mimic : Mimic or None
-        The joint that it follows.
-    damping, friction : float or None
-        Viscous and Coulomb friction [N m s/rad or N s/m, N m or N].
-    rotor_inertia_kg_m2 : float or None
-        The motor's own, before the gear.
+    Attributes:
+        limits: What the file states of lower, upper, velocity, effort, acceleration, deceleration,
+            soft_lower and soft_upper; infinite if it says so.
+        mimic: The joint that it follows.
+        damping, friction: Viscous and Coulomb friction [N m s/rad or N s/m, N m or N].
+        rotor_inertia_kg_m2: The motor's own, before the gear.
     """
 
     name: str
@@ -118,22 +113,14 @@ class UrdfJoint:
 class UrdfTree:
     """A whole URDF, of one tree or several.
 
-    Attributes
-    ----------
-    name, file : str
-        What the robot and the file are called.
-    roots : tuple of str
-        The links that hang on no joint.
-    links : dict of str to UrdfLink
-        By name.
-    joints : tuple of UrdfJoint
-        In the file's order.
-    gear_ratios : dict of str to float
-        The reductions of simple transmissions, by joint.
-    unread_ratios : dict of str to str
-        Reductions that are no ratio, as the file has them, by joint.
-    notes : tuple of str
-        What was corrected, and what is not read.
+    Attributes:
+        name, file: What the robot and the file are called.
+        roots: The links that hang on no joint.
+        links: By name.
+        joints: In the file's order.
+        gear_ratios: The reductions of simple transmissions, by joint.
+        unread_ratios: Reductions that are no ratio, as the file has them, by joint.
+        notes: What was corrected, and what is not read.
     """
 
     name: str
@@ -167,10 +154,8 @@ class UrdfTree:
     def path(self, base: str, tip: str) -> tuple[UrdfJoint, ...]:
         """Return the joints from base to tip, of any kind.
 
-        Raises
-        ------
-        ConfigError
-            The tip does not hang on the base.
+        Raises:
+            ConfigError: The tip does not hang on the base.
         """
         joints: list[UrdfJoint] = []
         link = tip
@@ -189,12 +174,9 @@ class UrdfTree:
     ) -> dict[str, FloatArray]:
         """Return where every link below the base is in its frame, (4, 4) each.
 
-        Parameters
-        ----------
-        base : str
-            The link in whose frame they are.
-        positions : mapping of str to float, optional
-            Where joints stand [rad or m]; zero if not given.
+        Args:
+            base: The link in whose frame they are.
+            positions: Where joints stand [rad or m]; zero if not given.
         """
         stand = positions or {}
         places: dict[str, FloatArray] = {base: np.eye(4)}

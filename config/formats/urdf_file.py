@@ -49,21 +49,15 @@ T = TypeVar("T")
 def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTree:
     """Read a URDF.
 
-    Parameters
-    ----------
-    data : bytes
-        The file's bytes.
-    file : str
-        What to call it in messages.
-    literal_angles : bool
-        Take angles as they are written. Otherwise those that are a multiple of 15 degrees, rounded
-        to few digits, are taken as exactly that (`AngleReading`).
+    Args:
+        data: The file's bytes.
+        file: What to call it in messages.
+        literal_angles: Take angles as they are written. Otherwise those that are a multiple of 15
+            degrees, rounded to few digits, are taken as exactly that (`AngleReading`).
 
-    Raises
-    ------
-    ConfigError
-        The file is not XML, not a URDF, or has links and joints that cannot be read or make no
-        tree; a line a problem.
+    Raises:
+        ConfigError: The file is not XML, not a URDF, or has links and joints that cannot be read or
+            make no tree; a line a problem.
     """
     root = parse_xml(data, file)
     if root.tag != "robot":

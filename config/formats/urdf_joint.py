@@ -23,10 +23,8 @@ SHORTEST_AXIS: Final = 1e-6
 def joint_kind(element: XmlElement) -> str:
     """Return a joint's type.
 
-    Raises
-    ------
-    ConfigError
-        It has none that a URDF knows.
+    Raises:
+        ConfigError: It has none that a URDF knows.
     """
     kind = element.attribute("type")
     if kind not in KINDS:
@@ -40,10 +38,8 @@ def joint_kind(element: XmlElement) -> str:
 def joint_end(element: XmlElement, tag: str) -> str:
     """Return the link that a joint's `<parent>` or `<child>` names.
 
-    Raises
-    ------
-    ConfigError
-        It names none.
+    Raises:
+        ConfigError: It names none.
     """
     end = element.one(tag)
     if end is None:
@@ -56,10 +52,8 @@ def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
 
     The axis is x if none is stated.
 
-    Raises
-    ------
-    ConfigError
-        The axis has no direction, or cannot be read.
+    Raises:
+        ConfigError: The axis has no direction, or cannot be read.
     """
     stated = element.one("axis")
     axis = np.array([1.0, 0.0, 0.0])
@@ -76,10 +70,8 @@ def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
 def joint_limits(element: XmlElement) -> dict[str, float]:
     """Return the limits that are stated; infinite if the file says so.
 
-    Raises
-    ------
-    ConfigError
-        One of them is no number.
+    Raises:
+        ConfigError: One of them is no number.
     """
     limits: dict[str, float] = {}
     stated = element.one("limit")
@@ -117,10 +109,8 @@ class JointDynamics:
 def joint_dynamics(element: XmlElement) -> JointDynamics:
     """Return what `<dynamics>` states.
 
-    Raises
-    ------
-    ConfigError
-        A value is no number, or negative: such friction drives.
+    Raises:
+        ConfigError: A value is no number, or negative: such friction drives.
     """
     stated = element.one("dynamics")
     if stated is None:
@@ -136,10 +126,8 @@ def joint_dynamics(element: XmlElement) -> JointDynamics:
 def not_negative(element: XmlElement, name: str) -> float | None:
     """Return a number that is not negative, None if the attribute is missing.
 
-    Raises
-    ------
-    ConfigError
-        It is anything else.
+    Raises:
+        ConfigError: It is anything else.
     """
     value = element.optional_number(name)
     if value is not None and value < 0.0:
@@ -153,10 +141,8 @@ def not_negative(element: XmlElement, name: str) -> float | None:
 def joint_mimic(element: XmlElement) -> Mimic | None:
     """Return the joint that a joint follows, None if it moves by itself.
 
-    Raises
-    ------
-    ConfigError
-        `<mimic>` names no joint, or has a number that cannot be read.
+    Raises:
+        ConfigError: `<mimic>` names no joint, or has a number that cannot be read.
     """
     mimic = element.one("mimic")
     if mimic is None:

@@ -20,16 +20,11 @@ _LARGEST_RATIO: Final = 1e6
 class Transmissions:
     """Gear ratios, rotor inertias [kg m²] and what is wrong.
 
-    Attributes
-    ----------
-    ratios : dict of str to float
-        Motor turns per joint turn; negative if the motor turns against its joint.
-    unread : dict of str to str
-        Reductions that are not the ratio of one joint, as the file has them.
-    rotors_kg_m2 : dict of str to float
-        The rotors' inertias, before the gear.
-    errors : list of ConfigError
-        Values that cannot be read.
+    Attributes:
+        ratios: Motor turns per joint turn; negative if the motor turns against its joint.
+        unread: Reductions that are not the ratio of one joint, as the file has them.
+        rotors_kg_m2: The rotors' inertias, before the gear.
+        errors: Values that cannot be read.
     """
 
     ratios: dict[str, float] = field(default_factory=dict)
@@ -92,10 +87,8 @@ def _stated(element: XmlElement) -> Iterator[tuple[XmlElement, str]]:
 def _ratio(element: XmlElement, text: str) -> float | None:
     """Return a reduction; None if nothing or 0 is stated.
 
-    Raises
-    ------
-    ConfigError
-        It is something else than a number, or one that no gear has.
+    Raises:
+        ConfigError: It is something else than a number, or one that no gear has.
     """
     if not text.strip():
         return None

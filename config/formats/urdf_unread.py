@@ -35,10 +35,8 @@ _CHILDREN: Final = {
 def unread_parts(root: XmlElement) -> tuple[str, ...]:
     """Return a line for each element and attribute that may state something and is not read.
 
-    Parameters
-    ----------
-    root : XmlElement
-        The `<robot>`.
+    Args:
+        root: The `<robot>`.
     """
     found: dict[str, list[str]] = {}
     waiting = [root]

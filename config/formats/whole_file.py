@@ -17,10 +17,9 @@ def write_whole(path: Path, data: bytes) -> None:
     The bytes go into a `.tmp` file beside it, reach the disk, are read back and compared, and take
     the file's place. Where the path is a link, they take the place of what it points at.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be written, or reads back otherwise; what was there before is untouched.
+    Raises:
+        RecordingError: The file cannot be written, or reads back otherwise; what was there before
+            is untouched.
     """
     _write(path, data, replace=True)
 
@@ -28,12 +27,9 @@ def write_whole(path: Path, data: bytes) -> None:
 def write_new(path: Path, data: bytes) -> None:
     """Write a file as `write_whole`, but only if there is none of this name at the end either.
 
-    Raises
-    ------
-    ConfigError
-        There is one (`RID-FILE-EXISTS`); it is untouched.
-    RecordingError
-        The file cannot be written.
+    Raises:
+        ConfigError: There is one (`RID-FILE-EXISTS`); it is untouched.
+        RecordingError: The file cannot be written.
     """
     try:
         _write(path, data, replace=False)

@@ -44,10 +44,8 @@ class XmlElement:
     def one(self, tag: str) -> XmlElement | None:
         """Return the only child of one tag, or None.
 
-        Raises
-        ------
-        ConfigError
-            Where there are two.
+        Raises:
+            ConfigError: If there are two.
         """
         found = self.all(tag)
         if len(found) > 1:
@@ -59,10 +57,8 @@ class XmlElement:
     def attribute(self, name: str) -> str:
         """Return an attribute.
 
-        Raises
-        ------
-        ConfigError
-            Where it is missing.
+        Raises:
+            ConfigError: If it is missing.
         """
         value = self.attributes.get(name)
         if value is None:
@@ -74,10 +70,8 @@ class XmlElement:
     def numbers(self, name: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
         """Return `count` finite numbers of an attribute, or the default if it is missing.
 
-        Raises
-        ------
-        ConfigError
-            The attribute is anything else.
+        Raises:
+            ConfigError: The attribute is anything else.
         """
         text = self.attributes.get(name)
         if text is None:
@@ -98,10 +92,8 @@ class XmlElement:
     def number(self, name: str) -> float:
         """Return one finite number.
 
-        Raises
-        ------
-        ConfigError
-            The attribute is missing or anything else.
+        Raises:
+            ConfigError: The attribute is missing or anything else.
         """
         self.attribute(name)
         return self.numbers(name, 1, ())[0]
@@ -109,10 +101,8 @@ class XmlElement:
     def optional_number(self, name: str) -> float | None:
         """Return one finite number, or None if the attribute is missing.
 
-        Raises
-        ------
-        ConfigError
-            The attribute is anything else.
+        Raises:
+            ConfigError: The attribute is anything else.
         """
         return self.number(name) if name in self.attributes else None
 
@@ -131,17 +121,12 @@ class _Open:
 def parse_xml(data: bytes, name: str) -> XmlElement:
     """Parse one XML document and return its root.
 
-    Parameters
-    ----------
-    data : bytes
-        The file's bytes, in an encoding that XML declares.
-    name : str
-        What to call the file in messages.
+    Args:
+        data: The file's bytes, in an encoding that XML declares.
+        name: What to call the file in messages.
 
-    Raises
-    ------
-    ConfigError
-        The text is not XML, has a document type, is too large or too deep.
+    Raises:
+        ConfigError: The text is not XML, has a document type, is too large or too deep.
     """
     if len(data) > MAX_BYTES:
         raise ConfigError(

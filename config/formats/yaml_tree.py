@@ -65,18 +65,13 @@ class YamlTree:
 def parse_yaml(text: bytes, name: str) -> YamlTree:
     """Parse one YAML document.
 
-    Parameters
-    ----------
-    text : bytes
-        The file's bytes, UTF-8.
-    name : str
-        What to call the file in messages.
+    Args:
+        text: The file's bytes, UTF-8.
+        name: What to call the file in messages.
 
-    Raises
-    ------
-    ConfigError
-        The text is not YAML, or uses a part of YAML that is refused; the message has
-        `name:line:column`.
+    Raises:
+        ConfigError: The text is not YAML, or uses a part of YAML that is refused; the message has
+            `name:line:column`.
     """
     if len(text) > MAX_BYTES:
         raise ConfigError(
@@ -235,14 +230,10 @@ class _Builder:
 def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | None = None) -> str:
     """Return plain data as YAML text that `parse_yaml` reads back to equal data.
 
-    Parameters
-    ----------
-    data : object
-        Nested dict, list, str, int, float, bool, None.
-    comment : str
-        Text put above the data, each line behind `# `.
-    comments : mapping of path to str, optional
-        Texts put above the lines on which what is at the paths begins.
+    Args:
+        data: Nested dict, list, str, int, float, bool, None.
+        comment: Text put above the data, each line behind `# `.
+        comments: Texts put above the lines on which what is at the paths begins.
     """
     head = "".join(f"# {line}\n" if line else "#\n" for line in comment.splitlines())
     text = yaml.dump(

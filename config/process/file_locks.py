@@ -28,17 +28,12 @@ def held_file(path: Path) -> Iterator[None]:
     Another user's file is held as well as an own one; it stays. Processes that are started
     meanwhile do not inherit the lock.
 
-    Parameters
-    ----------
-    path : Path
-        The file; made where there is none, readable by every user.
+    Args:
+        path: The file; made where there is none, readable by every user.
 
-    Raises
-    ------
-    BlockingIOError
-        Another process, or another `with` of this one, holds it.
-    OSError
-        The file cannot be opened: it is closed to this user, or a symbolic link.
+    Raises:
+        BlockingIOError: Another process, or another `with` of this one, holds it.
+        OSError: The file cannot be opened: it is closed to this user, or a symbolic link.
     """
     descriptor = _locked(path)
     try:
@@ -67,25 +62,19 @@ def lock_holder(descriptor: int) -> int | None:
 
     The lock is not touched, so nobody who takes it at this moment fails.
 
-    Parameters
-    ----------
-    descriptor : int
-        Of the file, opened in any way; with O_PATH that needs no permission and never blocks.
+    Args:
+        descriptor: Of the file, opened in any way; with O_PATH that needs no permission and never
+            blocks.
 
-    Returns
-    -------
-    int or None
+    Returns:
         The process id. The kernel names the process that took the lock and lists it only where that
         process is visible here: not one in another container.
 
-    Raises
-    ------
-    RecordingError
-        The kernel's list cannot be read.
+    Raises:
+        RecordingError: The kernel's list cannot be read.
 
-    Notes
-    -----
-    proc(5): ``1: FLOCK ADVISORY WRITE 4711 fe:00:2146400 0 EOF``; one that waits has an arrow.
+    Note:
+        proc(5): ``1: FLOCK ADVISORY WRITE 4711 fe:00:2146400 0 EOF``; one that waits has an arrow.
     """
     try:
         inode = _inode(descriptor)

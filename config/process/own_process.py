@@ -31,12 +31,9 @@ def own_python(module: str, *arguments: str) -> list[str]:
     What lies in the folder where it starts, a `config.py` or a folder `drivers`, is not taken for
     ours (`python -P`).
 
-    Parameters
-    ----------
-    module : str
-        The module that is run, `rid_daq.worker`.
-    *arguments : str
-        Its arguments.
+    Args:
+        module: The module that is run, `rid_daq.worker`.
+        *arguments: Its arguments.
     """
     return [sys.executable, "-P", "-m", module, *arguments]
 

@@ -20,10 +20,8 @@ def own_state_folder() -> Path:
 
     It is ``$XDG_STATE_HOME/rid-daq``, or ``~/.local/state/rid-daq``.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be made, or another account owns it or can write to it.
+    Raises:
+        RecordingError: It cannot be made, or another account owns it or can write to it.
     """
     told = os.environ.get("XDG_STATE_HOME", "")
     home = Path(told) if Path(told).is_absolute() else Path("~/.local/state").expanduser()
@@ -37,15 +35,11 @@ def own_state_folder() -> Path:
 def own_secret(name: str) -> bytes:
     """Return a secret of this account; it is made where there is none.
 
-    Parameters
-    ----------
-    name : str
-        The name of its file in `own_state_folder`.
+    Args:
+        name: The name of its file in `own_state_folder`.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be read or made, or another account owns it or can read it.
+    Raises:
+        RecordingError: It cannot be read or made, or another account owns it or can read it.
     """
     path = own_state_folder() / name
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-ACCESS"):

@@ -12,15 +12,11 @@ from pathlib import Path
 def private_folder_problem(folder: Path) -> str:
     """Return why another user could reach into a folder of this user, empty if nobody could.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder itself, no symbolic link to it.
+    Args:
+        folder: The folder itself, no symbolic link to it.
 
-    Raises
-    ------
-    OSError
-        It cannot be looked at.
+    Raises:
+        OSError: It cannot be looked at.
     """
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode):
@@ -38,10 +34,8 @@ def changeable_by_others(folder: Path) -> str:
     Root may. Others may not own it, nor write in it unless it is sticky; the group that is this
     user's alone is no other user.
 
-    Raises
-    ------
-    OSError
-        It cannot be looked at.
+    Raises:
+        OSError: It cannot be looked at.
     """
     status = folder.stat()
     if status.st_uid not in (0, os.geteuid()):
@@ -56,10 +50,8 @@ def changeable_by_others(folder: Path) -> str:
 def file_problem(path: Path) -> str:
     """Return why a file or folder in a private folder may be another user's, empty if it is not.
 
-    Raises
-    ------
-    OSError
-        It cannot be looked at.
+    Raises:
+        OSError: It cannot be looked at.
     """
     status = path.lstat()
     if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):

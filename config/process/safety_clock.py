@@ -11,9 +11,8 @@ def safety_now_s() -> float:
 
     A change of the date does not move this clock, and all processes of the computer share it.
 
-    Notes
-    -----
-    `CLOCK_BOOTTIME` of clock_gettime(2).
+    Note:
+        `CLOCK_BOOTTIME` of clock_gettime(2).
     """
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 

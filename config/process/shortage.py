@@ -67,10 +67,8 @@ def as_shortage(error: BaseException) -> ShortageError | None:
 def as_named(error: Exception) -> RidDaqError:
     """Return an error that has a name of ours: itself, or what is lacking.
 
-    Raises
-    ------
-    Exception
-        The error, which is then a mistake of the program.
+    Raises:
+        Exception: The error, which is then a mistake of the program.
     """
     if isinstance(error, RidDaqError):
         return error
@@ -85,10 +83,8 @@ def require_memory(needed_bytes: int) -> None:
 
     Without memory one ends the program, another waits for ever.
 
-    Raises
-    ------
-    ShortageError
-        So much address space cannot be had.
+    Raises:
+        ShortageError: So much address space cannot be had.
     """
     try:
         flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS

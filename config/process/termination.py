@@ -84,17 +84,12 @@ def signals_handled(
 
     Outside the main thread, which alone may handle signals, nothing is changed.
 
-    Parameters
-    ----------
-    stop : callable
-        Called in the main thread, between two of its instructions.
-    then_ignored : bool
-        Whether, once a signal came, further ones are ignored at the end as well: the caller has
-        still to write down what was stopped.
+    Args:
+        stop: Called in the main thread, between two of its instructions.
+        then_ignored: Whether, once a signal came, further ones are ignored at the end as well: the
+            caller has still to write down what was stopped.
 
-    Yields
-    ------
-    Interruption
+    Yields:
         Says which signal came first.
     """
     interruption = Interruption()

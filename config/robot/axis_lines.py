@@ -23,14 +23,10 @@ _EXACT: Final = 1e-12
 class AxisFrames:
     """Rows, and where the frames that they lead to are at position zero.
 
-    Attributes
-    ----------
-    origin_m : (3,) array
-        Origin of frame 0 in the root frame; its axes are the root's.
-    rows : tuple of KinematicRow
-        One a joint, modified convention.
-    frames : (n + 1, 4, 4) array
-        Frames 0 to n in the root frame at position zero.
+    Attributes:
+        origin_m: Shape (3,). Origin of frame 0 in the root frame; its axes are the root's.
+        rows: One a joint, modified convention.
+        frames: Shape (n + 1, 4, 4). Frames 0 to n in the root frame at position zero.
     """
 
     origin_m: FloatArray
@@ -44,15 +40,12 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
     Frame 0 is the root frame where row 1 can start from it; otherwise it is moved, not turned, to
     the first axis.
 
-    Parameters
-    ----------
-    points_m : (n, 3) array
-        A point on each axis, in the root frame, all joints at zero; frames are put there where
-        the geometry leaves the choice.
-    directions : (n, 3) array
-        Unit vectors along the axes, in the sense of positive motion.
-    last : (3, 3) array
-        Rotation whose x axis the last frame's x follows as far as it can, in the root frame.
+    Args:
+        points_m: Shape (n, 3). A point on each axis, in the root frame, all joints at zero; frames
+            are put there where the geometry leaves the choice.
+        directions: Shape (n, 3). Unit vectors along the axes, in the sense of positive motion.
+        last: Shape (3, 3). Rotation whose x axis the last frame's x follows as far as it can, in
+            the root frame.
     """
     n = len(points_m)
     origin, x = _on_root(points_m[0], directions[0])

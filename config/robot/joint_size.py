@@ -31,18 +31,11 @@ def joint_sizes(
 ) -> list[JointSize]:
     """Return the size of every joint's load, along the chain as if it were stretched out.
 
-    Parameters
-    ----------
-    joints : sequence of UrdfJoint
-        The joints.
-    origins_m : (n, 3) array
-        Their places at zero.
-    tip_m : (3,) array
-        The tool point.
-    centres_m : (n, 3) array
-        The links' centres of gravity.
-    masses_kg : (n,) array
-        Their masses.
+    Args:
+        origins_m: Shape (n, 3). Their places at zero.
+        tip_m: Shape (3,). The tool point.
+        centres_m: Shape (n, 3). The links' centres of gravity.
+        masses_kg: Shape (n,). Their masses.
     """
     n = len(origins_m)
     steps = np.linalg.norm(np.diff(np.vstack([origins_m, tip_m]), axis=0), axis=1)

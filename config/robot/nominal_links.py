@@ -19,16 +19,12 @@ SLENDERNESS: Final = 25.0
 def nominal_links(rows: FloatArray, tool_m: FloatArray) -> tuple[LinkCad, ...]:
     """Return a solid cylinder for each link, from half its own offset to the next axis.
 
-    Parameters
-    ----------
-    rows : (n, 5) array
-        alpha [rad], beta [rad], theta [rad], a [m], d [m] of every joint, modified convention.
-    tool_m : (3,) array
-        Tool point in the last frame.
+    Args:
+        rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of every joint,
+            modified convention.
+        tool_m: Shape (3,). Tool point in the last frame.
 
-    Returns
-    -------
-    tuple of LinkCad
+    Returns:
         Guesses, one a link.
     """
     lengths = np.abs(rows[:, 3:5]).sum() + float(np.linalg.norm(tool_m))

@@ -23,16 +23,11 @@ def bodies_of_urdf(
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
     """Return the collision primitives in the frames of the links, and what to know of them.
 
-    Parameters
-    ----------
-    tree : UrdfTree
-        The URDF.
-    carried : list of list of str
-        The URDF's links that move as one: with the base, then with each joint.
-    places : dict of str to (4, 4) array
-        Where the URDF's links are in the base at zero.
-    axes : AxisFrames
-        The robot's frames.
+    Args:
+        tree: The URDF.
+        carried: The URDF's links that move as one: with the base, then with each joint.
+        places: Dict of str to (4, 4) array. Where the URDF's links are in the base at zero.
+        axes: The robot's frames.
     """
     bodies: list[Body] = []
     meshes: list[str] = []

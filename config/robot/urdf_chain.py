@@ -31,16 +31,11 @@ class SeveralArmsError(ConfigError):
 class UrdfArm:
     """A chain of driven joints, base to tip.
 
-    Attributes
-    ----------
-    base, tip : str
-        The link that stands still, and the link whose origin is the tool point.
-    joints : tuple of UrdfJoint
-        The driven joints between them, at least one.
-    gripper : str or None
-        The link on which the arm ends because a gripper begins there.
-    side_branches : tuple of str
-        The last links of shorter chains that were left aside.
+    Attributes:
+        base, tip: The link that stands still, and the link whose origin is the tool point.
+        joints: The driven joints between them, at least one.
+        gripper: The link on which the arm ends because a gripper begins there.
+        side_branches: The last links of shorter chains that were left aside.
     """
 
     base: str
@@ -68,21 +63,15 @@ class UrdfArm:
 def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
     """Return the arm between two links, or the only one that there is.
 
-    Parameters
-    ----------
-    tree : UrdfTree
-        The URDF.
-    base : str or None
-        The link that stands still; the root of the longest arm where None.
-    tip : str or None
-        The link whose origin is the tool point; the last link of the only arm where None.
+    Args:
+        tree: The URDF.
+        base: The link that stands still; the root of the longest arm where None.
+        tip: The link whose origin is the tool point; the last link of the only arm where None.
 
-    Raises
-    ------
-    SeveralArmsError
-        There are several arms, and no tip says which.
-    ConfigError
-        There is no such link, no moving joint, or a joint among them moves as another does.
+    Raises:
+        SeveralArmsError: There are several arms, and no tip says which.
+        ConfigError: There is no such link, no moving joint, or a joint among them moves as another
+            does.
     """
     for link in (base, tip):
         if link is not None and link not in tree.links:
@@ -147,10 +136,9 @@ def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
     Each stands within its limits, as close to zero as they allow; one that mimics another stands
     where that one puts it.
 
-    Raises
-    ------
-    ConfigError
-        A joint that follows one of the arm's carries mass: its link is part of no link of the arm.
+    Raises:
+        ConfigError: A joint that follows one of the arm's carries mass: its link is part of no link
+            of the arm.
     """
     driven = {joint.name for joint in arm.joints}
     named = {joint.name: joint for joint in tree.joints}
@@ -232,10 +220,8 @@ def _is_serious(arm: UrdfArm, longest: UrdfArm) -> bool:
 def _without_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
     """Return the arm, where no joint before its last one moves as another does.
 
-    Raises
-    ------
-    ConfigError
-        One does.
+    Raises:
+        ConfigError: One does.
     """
     path = tree.path(arm.base, arm.tip)
     last = path.index(arm.joints[-1])

@@ -48,14 +48,10 @@ class LimitDefaults:
 
     Empty where the robot's size decides.
 
-    Attributes
-    ----------
-    position : tuple of float
-        Joints go from minus to plus this [rad or m].
-    velocity, acceleration : tuple of float
-        [rad/s or m/s], and the same per second.
-    torque : tuple of float
-        At the link side [N m or N].
+    Attributes:
+        position: Joints go from minus to plus this [rad or m].
+        velocity, acceleration: [rad/s or m/s], and the same per second.
+        torque: At the link side [N m or N].
     """
 
     position: tuple[float, ...] = ()
@@ -66,10 +62,8 @@ class LimitDefaults:
     def refuse_unfit(self, names: Sequence[str]) -> None:
         """Refuse a number of values that is neither one nor one a joint.
 
-        Raises
-        ------
-        ConfigError
-            Some is.
+        Raises:
+            ConfigError: Some is.
         """
         options = ("--range", "--velocity", "--acceleration", "--effort")
         values = (self.position, self.velocity, self.acceleration, self.torque)
@@ -109,11 +103,9 @@ def limits_of_urdf(
 ) -> list[FoundLimits]:
     """Return every joint's limits.
 
-    Raises
-    ------
-    ConfigError
-        What is given does not fit the joints, or the URDF states limits that no joint has, all of
-        them at once.
+    Raises:
+        ConfigError: What is given does not fit the joints, or the URDF states limits that no joint
+            has, all of them at once.
     """
     given.refuse_unfit([joint.name for joint in joints])
     found: list[FoundLimits] = []
@@ -161,10 +153,8 @@ class _OneJoint:
     def range(self, given: float | None) -> tuple[float, float]:
         """Return the least and the largest position [rad or m].
 
-        Raises
-        ------
-        ConfigError
-            No range of this joint can be meant.
+        Raises:
+            ConfigError: No range of this joint can be meant.
         """
         limits = self._joint.limits
         stated = f"the URDF states {_told(limits.get('lower'))} to {_told(limits.get('upper'))}"
@@ -253,10 +243,8 @@ class _OneJoint:
     def velocity(self, given: float | None) -> float:
         """Return the largest speed [rad/s or m/s].
 
-        Raises
-        ------
-        ConfigError
-            The URDF states one that no joint has.
+        Raises:
+            ConfigError: The URDF states one that no joint has.
         """
         stated = self._stated("velocity", JointVelocity)
         if stated is not None:
@@ -276,10 +264,8 @@ class _OneJoint:
     def acceleration(self, given: float | None, velocity: float) -> float:
         """Return the largest acceleration [rad/s² or m/s²].
 
-        Raises
-        ------
-        ConfigError
-            The URDF states one that no joint has.
+        Raises:
+            ConfigError: The URDF states one that no joint has.
         """
         keys = ("acceleration", "deceleration")
         stated = [self._stated(key, JointAcceleration) for key in keys]
@@ -295,10 +281,8 @@ class _OneJoint:
     def torque(self, given: float | None) -> float:
         """Return the largest torque [N m or N].
 
-        Raises
-        ------
-        ConfigError
-            The URDF states one that no joint has.
+        Raises:
+            ConfigError: The URDF states one that no joint has.
         """
         stated = self._stated("effort", JointTorque)
         if stated is not None:

@@ -55,18 +55,12 @@ def links_of_urdf(
 ) -> UrdfLinks:
     """Return mass, centre and inertia of every moving link in its frame.
 
-    Parameters
-    ----------
-    tree : UrdfTree
-        The URDF.
-    carried : list of list of str
-        The URDF's links that move as one: with the base, then with each joint.
-    places : dict of str to (4, 4) array
-        Where the URDF's links are in the base at zero.
-    axes : AxisFrames
-        The robot's frames.
-    tool_m : (3,) array
-        Tool point in the last frame [m].
+    Args:
+        tree: The URDF.
+        carried: The URDF's links that move as one: with the base, then with each joint.
+        places: Dict of str to (4, 4) array. Where the URDF's links are in the base at zero.
+        axes: The robot's frames.
+        tool_m: Shape (3,). Tool point in the last frame [m].
     """
     rows = [[r.alpha_rad, r.beta_rad, r.theta_rad, r.a_m, r.d_m] for r in axes.rows]
     guesses = nominal_links(np.array(rows), tool_m)

@@ -22,12 +22,9 @@ FRICTION_SHARE: Final = 0.6
 class UrdfMotor:
     """Friction at the joint, and which way the motor turns.
 
-    Attributes
-    ----------
-    coulomb, viscous : float or None
-        Friction [N m or N, N m s/rad or N s/m]; None if the plant must invent it.
-    direction : 1 or -1
-        -1 if the motor turns against its joint: the URDF's reduction is negative.
+    Attributes:
+        coulomb, viscous: Friction [N m or N, N m s/rad or N s/m]; None if the plant must invent it.
+        direction: -1 if the motor turns against its joint: the URDF's reduction is negative.
     """
 
     coulomb: float | None
@@ -40,19 +37,13 @@ def motors_of_urdf(
 ) -> tuple[list[float], tuple[UrdfMotor, ...], list[list[Taken]]]:
     """Return the joints' gear ratios, their motors, and what to say of them at each joint.
 
-    Parameters
-    ----------
-    tree : UrdfTree
-        The URDF.
-    arm : UrdfArm
-        The joints.
-    limits : sequence of JointLimits
-        Their limits.
+    Args:
+        tree: The URDF.
+        arm: The joints.
+        limits: Their limits.
 
-    Raises
-    ------
-    ConfigError
-        A reduction is none that a joint has.
+    Raises:
+        ConfigError: A reduction is none that a joint has.
     """
     ratios: list[float] = []
     motors: list[UrdfMotor] = []

@@ -29,16 +29,10 @@ from config.robot.urdf_motors import UrdfMotor, motors_of_urdf
 class UrdfRobot:
     """A robot made from a URDF, and what a person should know of how it was made.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    notes : tuple of str
-        What was left out, repaired or taken as a default.
-    comments : mapping of path to str
-        The same at the keys of the robot file that it concerns.
-    motors : tuple of UrdfMotor
-        What the URDF says of the joints' friction and of their motors, one a joint.
+    Attributes:
+        notes: What was left out, repaired or taken as a default.
+        comments: The same at the keys of the robot file that it concerns.
+        motors: What the URDF says of the joints' friction and of their motors, one a joint.
     """
 
     robot: RobotDescription
@@ -60,23 +54,16 @@ def robot_of_urdf(
     links behind fixed joints count as part of the link that carries them, and so do branches, at
     position zero. The first frame has the base link's axes.
 
-    Parameters
-    ----------
-    tree : UrdfTree
-        The URDF.
-    base : str or None
-        The link that stands still; the URDF's root if not given.
-    tip : str or None
-        The link whose origin is the tool point; the last moving link if not given.
-    defaults : LimitDefaults or None
-        What to take where the URDF states no limits; the robot's size decides if not given.
+    Args:
+        tree: The URDF.
+        base: The link that stands still; the URDF's root if not given.
+        tip: The link whose origin is the tool point; the last moving link if not given.
+        defaults: What to take where the URDF states no limits; the robot's size decides if not
+            given.
 
-    Raises
-    ------
-    SeveralArmsError
-        There are several arms and no tip.
-    ConfigError
-        There is no such link, no chain, or values that no robot has.
+    Raises:
+        SeveralArmsError: There are several arms and no tip.
+        ConfigError: There is no such link, no chain, or values that no robot has.
     """
     arm = arm_between(tree, base, tip)
     notes = list(arm.notes)
@@ -146,10 +133,8 @@ def robot_of_urdf(
 def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
     """Refuse geometry that no robot has; everything else was repaired.
 
-    Raises
-    ------
-    ConfigError
-        Some is not plausible; a line each.
+    Raises:
+        ConfigError: Some is not plausible; a line each.
     """
     lines = [
         f"{tree.file}: makes an implausible robot: {key_name(path)}: {why.split('. Correct')[0]}."

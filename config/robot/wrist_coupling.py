@@ -22,14 +22,10 @@ Array = NDArray[np.float64]
 class WristCoupling:
     """The matrix C of q = C alpha; alpha are the motors' angles over their gear ratios.
 
-    Attributes
-    ----------
-    joints_by_motors : ndarray, shape (n, n)
-        C.
-    motors_by_joints : ndarray, shape (n, n)
-        Its inverse.
-    motors_of : tuple of tuple of int
-        For each joint the motors that move it.
+    Attributes:
+        joints_by_motors: Shape (n, n). C.
+        motors_by_joints: Shape (n, n). Its inverse.
+        motors_of: For each joint the motors that move it.
     """
 
     joints_by_motors: Array

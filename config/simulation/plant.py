@@ -199,10 +199,8 @@ class PlantConfig(PhysicalFile):
     def with_payload(self, name: str | None) -> PlantConfig:
         """Return the same plant with a payload of `payloads` on its flange, or with none.
 
-        Raises
-        ------
-        ConfigError
-            There is no payload of that name.
+        Raises:
+            ConfigError: There is no payload of that name.
         """
         if name is not None:
             try:

@@ -10,6 +10,7 @@ import inspect
 import io
 import json
 import os
+import re
 import typing
 from pathlib import Path
 from typing import Any
@@ -181,19 +182,32 @@ def _help(arguments: list[str]) -> str:
 
 def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]) -> None:
     seen.append(model)
-    parts.append(f"### {model.__name__}\n\n{inspect.getdoc(model)}\n")
-    parts.append("| key | kind | default |\n|---|---|---|")
+    text, meanings = _documented(model)
+    parts.append(f"### {model.__name__}\n\n{text}\n")
+    parts.append("| key | kind | default | meaning |\n|---|---|---|---|")
     inner: list[type[BaseModel]] = []
     for name, field in model.model_fields.items():
         kind, models = _kind(field.annotation)
         parts.append(
-            f"| `{field.alias or name}` | {kind}{_bounds(field.metadata)} | {_default(field)} |"
+            f"| `{field.alias or name}` | {kind}{_bounds(field.metadata)} | {_default(field)}"
+            f" | {meanings.get(name, '')} |"
         )
         inner += models
     parts.append("")
     for child in inner:
         if child not in seen:
             _model(child, seen, parts)
+
+
+def _documented(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
+    """Return a model's docstring without its attributes, and the attributes' texts by name."""
+    text, _, rest = (inspect.getdoc(model) or "").partition("\nAttributes:\n")
+    attributes, _, notes = rest.partition("\n\n")
+    meanings: dict[str, str] = {}
+    for entry in re.split(r"\n(?= {4}\S)", attributes) if attributes else []:
+        names, _, meaning = " ".join(entry.split()).partition(": ")
+        meanings.update(dict.fromkeys(names.split(", "), meaning.replace("|", "\\|")))
+    return "\n\n".join(each.strip() for each in (text, notes) if each.strip()), meanings
 
 
 def _default(field: FieldInfo) -> str:

@@ -28,16 +28,12 @@ from drivers.ports.serial_link import SerialLink, open_serial
 class SerialAmplifier(ForcePlate):
     """The amplifier behind an open port.
 
-    Parameters
-    ----------
-    link : SerialLink
-        The port.
-    config : AmplifierConfig
-        What is required of the amplifier.
-    profile : AmplifierProfile
-        What it speaks.
-    arrivals : ArrivalReader, optional
-        Where a simulated amplifier says when its rows arrive, if time itself is simulated.
+    Args:
+        link: The port.
+        config: What is required of the amplifier.
+        profile: What it speaks.
+        arrivals: Where a simulated amplifier says when its rows arrive, if time itself is
+            simulated.
     """
 
     def __init__(
@@ -66,14 +62,11 @@ class SerialAmplifier(ForcePlate):
     def connect(self) -> str:
         """End a stream that is under way; return who answers.
 
-        Raises
-        ------
-        ProtocolError
-            The amplifier answers at another speed, which is named, or answers no text.
-        DeviceTimeoutError
-            Nothing answers at any speed.
-        TransportError
-            The port is gone.
+        Raises:
+            ProtocolError: The amplifier answers at another speed, which is named, or answers no
+                text.
+            DeviceTimeoutError: Nothing answers at any speed.
+            TransportError: The port is gone.
         """
         self._stream = None
         return self._dialogue.connect()
@@ -81,27 +74,20 @@ class SerialAmplifier(ForcePlate):
     def settings(self) -> tuple[PlateSetting, ...]:
         """Read every setting back; nothing is changed.
 
-        Raises
-        ------
-        DriverError
-            The amplifier does not answer, or not as its profile says.
+        Raises:
+            DriverError: The amplifier does not answer, or not as its profile says.
         """
         return tuple(self._check(wanted) for wanted in required_settings(self._config))
 
     def configure(self) -> bool:
         """Change the settings that differ and read them back.
 
-        Returns
-        -------
-        bool
+        Returns:
             Whether that lost the charges on the channels: zero must be made again.
 
-        Raises
-        ------
-        ProtocolError
-            A setting is refused, or reads back differently.
-        DriverError
-            The amplifier does not answer.
+        Raises:
+            ProtocolError: A setting is refused, or reads back differently.
+            DriverError: The amplifier does not answer.
         """
         charge_lost = False
         for wanted in required_settings(self._config):
@@ -141,10 +127,8 @@ class SerialAmplifier(ForcePlate):
     def take_overloads(self) -> tuple[bool, ...]:
         """Return which channels were overloaded since the last call, and forget it.
 
-        Raises
-        ------
-        DriverError
-            The amplifier does not answer, or not as its profile says.
+        Raises:
+            DriverError: The amplifier does not answer, or not as its profile says.
         """
         text = self._ask("overload").text
         try:
@@ -178,17 +162,12 @@ class SerialAmplifier(ForcePlate):
 
         Cheaper than `read`: a piece costs a system call or two, whatever is in it.
 
-        Returns
-        -------
-        bool
+        Returns:
             Whether anything came.
 
-        Raises
-        ------
-        TransportError
-            The port is gone.
-        ProtocolError
-            No stream was started.
+        Raises:
+            TransportError: The port is gone.
+            ProtocolError: No stream was started.
         """
         if self._stream is None:
             raise ProtocolError(f"{self._where}: no stream was started", code="RID-INTERNAL-ERROR")
@@ -205,12 +184,9 @@ class SerialAmplifier(ForcePlate):
     def read(self, until_s: float) -> PlateRead:
         """Gather, and return all that was gathered since the last call.
 
-        Raises
-        ------
-        TransportError
-            The port is gone.
-        ProtocolError
-            No stream was started.
+        Raises:
+            TransportError: The port is gone.
+            ProtocolError: No stream was started.
         """
         self.gather(until_s)
         assert self._stream is not None
@@ -229,9 +205,7 @@ class SerialAmplifier(ForcePlate):
     def mark(self) -> float:
         """Ask for the device's time within the stream; the answer is an event.
 
-        Returns
-        -------
-        float
+        Returns:
             When the question was about to be sent [s, monotonic clock].
         """
         asked_s = self._link.clock.now_s()
@@ -243,22 +217,18 @@ class SerialAmplifier(ForcePlate):
 
         The answer is an event.
 
-        Raises
-        ------
-        TransportError
-            The port is gone.
+        Raises:
+            TransportError: The port is gone.
         """
         self._link.write(self._dialogue.codec.request("overload"))
 
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
         """End the stream and return what came until then.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            The amplifier did not confirm it until `until_s` [s, monotonic clock].
-        TransportError
-            The port is gone.
+        Raises:
+            DeviceTimeoutError: The amplifier did not confirm it until `until_s` [s, monotonic
+                clock].
+            TransportError: The port is gone.
         """
         stream = self._stream
         if stream is None:
@@ -318,10 +288,8 @@ class SerialAmplifier(ForcePlate):
 def open_amplifier(config: AmplifierConfig, profile: AmplifierProfile) -> Iterator[SerialAmplifier]:
     """Open the amplifier's port; nothing is sent yet. Leaving ends a stream and closes the port.
 
-    Raises
-    ------
-    TransportError
-        The port cannot be opened.
+    Raises:
+        TransportError: The port cannot be opened.
     """
     with open_serial(config.address, config.baud_rate) as link:
         path = arrivals_path(config.address)

@@ -27,14 +27,10 @@ _LINE_END = re.compile(rb"[\r\n]")
 class Request:
     """A command as the device understands it.
 
-    Attributes
-    ----------
-    name : str
-        Field of `config.cell.amplifier_profile.Commands`.
-    channel : int
-        1 to 8, 0 for all or none.
-    value : str or None
-        What to set; None for a question.
+    Attributes:
+        name: Field of `config.cell.amplifier_profile.Commands`.
+        channel: 1 to 8, 0 for all or none.
+        value: What to set; None for a question.
     """
 
     name: str
@@ -46,14 +42,11 @@ class Request:
 class Answer:
     """What the device said.
 
-    Attributes
-    ----------
-    text : str
-        The value asked for; empty after OK.
-    error : str
-        The error's number, empty where there is none.
-    charge_lost : bool
-        The setting was taken and the charge on the channels with it: zero must be made again.
+    Attributes:
+        text: The value asked for; empty after OK.
+        error: The error's number, empty where there is none.
+        charge_lost: The setting was taken and the charge on the channels with it: zero must be made
+            again.
     """
 
     text: str = ""
@@ -86,14 +79,10 @@ class AmplifierCodec:
     def request(self, name: str, value: str | None = None, channel: int = ALL_CHANNELS) -> bytes:
         """Return a command: `value` to set, None to ask.
 
-        Parameters
-        ----------
-        name : str
-            Field of `config.cell.amplifier_profile.Commands`.
-        value : str, optional
-            What to set.
-        channel : int
-            1 to 8; 0 leaves it out.
+        Args:
+            name: Field of `config.cell.amplifier_profile.Commands`.
+            value: What to set.
+            channel: 1 to 8; 0 leaves it out.
         """
         start = f"{channel}{self.profile.channel_separator}" if channel else ""
         rest = self.profile.query if value is None else value
@@ -102,10 +91,8 @@ class AmplifierCodec:
     def read_request(self, line: bytes) -> Request:
         """Understand a command, given without its terminator: the device's side.
 
-        Raises
-        ------
-        RequestError
-            It is none, or names a channel that is not there.
+        Raises:
+            RequestError: It is none, or names a channel that is not there.
         """
         match = self._request.fullmatch(line.decode("latin-1"))
         if match is None or not match[3]:
@@ -132,10 +119,8 @@ class AmplifierCodec:
     def read_answer(self, line: bytes) -> Answer:
         """Understand an answer, given without its terminator.
 
-        Raises
-        ------
-        ProtocolError
-            It is empty, or not text.
+        Raises:
+            ProtocolError: It is empty, or not text.
         """
         text = line.decode("latin-1").strip(" ")
         if not text or not (text.isascii() and text.isprintable()):
@@ -159,10 +144,8 @@ class AmplifierCodec:
 class LineSplitter:
     """Bytes to lines ended by CR, LF or both; bounded, whatever comes.
 
-    Attributes
-    ----------
-    rest : bytes
-        What came after the last line's end.
+    Attributes:
+        rest: What came after the last line's end.
     """
 
     def __init__(self) -> None:

@@ -19,17 +19,12 @@ _MAX_STALE_BYTES = 1 << 20
 class AmplifierDialogue:
     """One question after the other over an open port.
 
-    Parameters
-    ----------
-    link : SerialLink
-        The port, open at the speed that the cell file names.
-    profile : AmplifierProfile
-        What the amplifier speaks.
+    Args:
+        link: The port, open at the speed that the cell file names.
+        profile: What the amplifier speaks.
 
-    Attributes
-    ----------
-    lines : LineSplitter
-        What came and was not an answer yet; after the start of a stream, its first bytes.
+    Attributes:
+        lines: What came and was not an answer yet; after the start of a stream, its first bytes.
     """
 
     def __init__(self, link: SerialLink, profile: AmplifierProfile) -> None:
@@ -47,14 +42,11 @@ class AmplifierDialogue:
     def connect(self) -> str:
         """End a stream that is under way; return who answers.
 
-        Raises
-        ------
-        ProtocolError
-            The amplifier answers at another speed, which is named, or answers no text.
-        DeviceTimeoutError
-            Nothing answers at any speed.
-        TransportError
-            The port is gone.
+        Raises:
+            ProtocolError: The amplifier answers at another speed, which is named, or answers no
+                text.
+            DeviceTimeoutError: Nothing answers at any speed.
+            TransportError: The port is gone.
         """
         try:
             return self._greet(ANSWER_TIMEOUT_S)
@@ -78,23 +70,15 @@ class AmplifierDialogue:
     def ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
         """Set or ask something.
 
-        Parameters
-        ----------
-        name : str
-            Field of `config.cell.amplifier_profile.Commands`.
-        value : str, optional
-            What to set; None to ask.
-        channel : int
-            1 to 8; 0 for all or none.
+        Args:
+            name: Field of `config.cell.amplifier_profile.Commands`.
+            value: What to set; None to ask.
+            channel: 1 to 8; 0 for all or none.
 
-        Raises
-        ------
-        ProtocolError
-            The amplifier answers an error, or no text.
-        DeviceTimeoutError
-            It does not answer in time.
-        TransportError
-            The port is gone.
+        Raises:
+            ProtocolError: The amplifier answers an error, or no text.
+            DeviceTimeoutError: It does not answer in time.
+            TransportError: The port is gone.
         """
         clock = self._link.clock
         if self._link.read(clock.now_s()) or self.lines.rest:

@@ -45,14 +45,10 @@ _HEX_DIGIT[list(b"abcdef")] = np.arange(10, 16)
 class FrameLayout:
     """One kind of frame.
 
-    Attributes
-    ----------
-    start : bytes
-        What it begins with.
-    size : int
-        Its bytes up to and with the checksum.
-    terminator : bytes
-        What follows it on the line; not part of it.
+    Attributes:
+        start: What it begins with.
+        size: Its bytes up to and with the checksum.
+        terminator: What follows it on the line; not part of it.
     """
 
     def __init__(self, parts: tuple[Part, ...], terminator: bytes) -> None:
@@ -78,10 +74,8 @@ class FrameLayout:
     def encode(self, values: dict[str, int | Sequence[int]]) -> bytes:
         """Return a frame with its terminator; `values` has every number but the checksum.
 
-        Raises
-        ------
-        struct.error, ValueError
-            A number does not fit.
+        Raises:
+            struct.error, ValueError: A number does not fit.
         """
         spread: list[Any] = []
         for part in self._parts[:-1]:
@@ -110,12 +104,10 @@ class FrameLayout:
     def decode(self, frames: bytes) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.bool_]]:
         """Return the numbers of whole frames, one after the other without terminators.
 
-        Returns
-        -------
-        fields : dict of ndarray of int64, shape (frames,) or (frames, 8)
-            By name.
-        good : ndarray of bool, shape (frames,)
-            False where a text frame has something else than a number in the place of one.
+        Returns:
+            `fields`: Dict of ndarray of int64, shape (frames,) or (frames, 8). By name.
+            `good`, shape (frames,). False where a text frame has something else than a number in
+                the place of one.
         """
         if not self._is_text:
             records = np.frombuffer(frames, dtype=self._record)
@@ -165,10 +157,8 @@ def encode_row(
 ) -> bytes:
     """Return a row as it stands on the line; `sequence` and `ticks` overflow as on the device.
 
-    Raises
-    ------
-    struct.error, ValueError
-        There are not eight counts, or one does not fit 16 bits.
+    Raises:
+        struct.error, ValueError: There are not eight counts, or one does not fit 16 bits.
     """
     if len(counts) != CHANNELS:
         raise ValueError(f"{len(counts)} counts for {CHANNELS} channels")

@@ -14,20 +14,13 @@ _SAME = 1e-3
 class RequiredSetting:
     """One setting.
 
-    Attributes
-    ----------
-    name : str
-        Field of `config.cell.amplifier_profile.Commands`.
-    channel : int
-        1 to 8, 0 for all.
-    value : float
-        What it must be.
-    label : str
-        What it is, in words.
-    unit : str
-        Of the value.
-    is_settable : bool
-        Whether it can be set; otherwise the cell file must agree with the device.
+    Attributes:
+        name: Field of `config.cell.amplifier_profile.Commands`.
+        channel: 1 to 8, 0 for all.
+        value: What it must be.
+        label: What it is, in words.
+        unit: Of the value.
+        is_settable: Whether it can be set; otherwise the cell file must agree with the device.
     """
 
     name: str

@@ -42,10 +42,8 @@ class ArrivalWriter:
 class ArrivalReader:
     """Looks up when rows have arrived.
 
-    Raises
-    ------
-    TransportError
-        There is no such file: this is a real port, or a simulated one in real time.
+    Raises:
+        TransportError: There is no such file: this is a real port, or a simulated one in real time.
     """
 
     def __init__(self, path: Path) -> None:

@@ -28,14 +28,11 @@ _SEPARATORS = b"\r\n"
 class StreamPiece:
     """What one piece of the stream brought.
 
-    Attributes
-    ----------
-    rows : ndarray of `PLATE_ROW`, shape (rows,)
-        In the order sent.
-    events : ndarray of `PLATE_EVENT`, shape (events,)
-        In the order sent.
-    row_ends, event_ends : ndarray of int64, shape (rows,) and (events,)
-        Bytes from the beginning of the stream to the end of each: which piece completed it.
+    Attributes:
+        rows: Shape (rows,). In the order sent.
+        events: Shape (events,). In the order sent.
+        row_ends, event_ends: Shape (rows,) and (events,). Bytes from the beginning of the stream to
+            the end of each: which piece completed it.
     """
 
     rows: NDArray[Any]
@@ -48,18 +45,13 @@ class StreamPiece:
 class StreamCounts:
     """What a stream has brought so far.
 
-    Attributes
-    ----------
-    rows, events : int
-        Frames taken.
-    gaps, rows_lost : int
-        Places where the sequence number jumped, and how many rows are missing there.
-    bad_frames : int
-        Frames that began rightly and failed their checksum.
-    garbage_bytes : int
-        Bytes that belong to no frame.
-    repeated_rows : int
-        Rows left out because they carried the sequence number of the row before.
+    Attributes:
+        rows, events: Frames taken.
+        gaps, rows_lost: Places where the sequence number jumped, and how many rows are missing
+            there.
+        bad_frames: Frames that began rightly and failed their checksum.
+        garbage_bytes: Bytes that belong to no frame.
+        repeated_rows: Rows left out because they carried the sequence number of the row before.
     """
 
     rows: int = 0
@@ -81,25 +73,16 @@ class _Frames(NamedTuple):
 class AmplifierStream:
     """An incremental parser; `feed` it what the line brings.
 
-    Parameters
-    ----------
-    profile : AmplifierProfile
-        The rows' layout.
-    form : "ascii" or "binary"
-        Which of the two.
-    rate_hz : float
-        Rows per second, roughly: how many rows a long silence has cost.
+    Args:
+        profile: The rows' layout.
+        form: Which of the two.
+        rate_hz: Rows per second, roughly: how many rows a long silence has cost.
 
-    Attributes
-    ----------
-    counts : StreamCounts
-        What came so far.
-    stopped : bool
-        The device has said that no more rows will come.
-    rest : bytes
-        What came after that; text again.
-    taken_bytes : int
-        Bytes fed so far.
+    Attributes:
+        counts: What came so far.
+        stopped: The device has said that no more rows will come.
+        rest: What came after that; text again.
+        taken_bytes: Bytes fed so far.
     """
 
     def __init__(self, profile: AmplifierProfile, form: str, rate_hz: float) -> None:

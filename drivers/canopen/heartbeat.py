@@ -61,14 +61,10 @@ class HeartbeatConsumer:
 
     Watching begins with the first heartbeat (CiA 301, 7.2.8.3.2) or with `start`.
 
-    Attributes
-    ----------
-    state
-        The state of the last heartbeat's byte, None before the first.
-    lost
-        Whether the heartbeat has timed out and has not come back since.
-    guarded
-        Whether it is asked for: then one with the toggle bit of the last is none.
+    Attributes:
+        state: The state of the last heartbeat's byte, None before the first.
+        lost: Whether the heartbeat has timed out and has not come back since.
+        guarded: Whether it is asked for: then one with the toggle bit of the last is none.
     """
 
     def __init__(self, timeout_s: float, *, guarded: bool = False) -> None:

@@ -56,22 +56,15 @@ class ObjectWrite:
 class PdoMapping:
     """One PDO as it is to be configured.
 
-    Attributes
-    ----------
-    direction : {'rpdo', 'tpdo'}
-        ``"rpdo"`` (the device receives) or ``"tpdo"`` (the device transmits).
-    number : int
-        1 for the first PDO, whose records are 1400h/1600h or 1800h/1A00h.
-    cob_id : int
-        Identifier of its frame.
-    objects : tuple of MappedObject
-        What it carries, in order.
-    transmission_type : int
-        1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
-    event_timer_ms : int
-        Of an event-driven TPDO: how often it is sent even without a change; 0 for never.
-    fixed : bool
-        Whether its objects are the device's choice, and only read back.
+    Attributes:
+        direction: ``"rpdo"`` (the device receives) or ``"tpdo"`` (the device transmits).
+        number: 1 for the first PDO, whose records are 1400h/1600h or 1800h/1A00h.
+        cob_id: Identifier of its frame.
+        objects: What it carries, in order.
+        transmission_type: 1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
+        event_timer_ms: Of an event-driven TPDO: how often it is sent even without a change; 0 for
+            never.
+        fixed: Whether its objects are the device's choice, and only read back.
     """
 
     direction: Literal["rpdo", "tpdo"]
@@ -152,10 +145,9 @@ def is_valid(cob_id_entry: int) -> bool:
 def split(objects: tuple[MappedObject, ...], data: bytes) -> list[bytes]:
     """Cut a PDO's bytes into those of its objects.
 
-    Raises
-    ------
-    ProtocolError
-        The frame is shorter than the mapping. A longer one is cut, as CiA 301, 7.2.2.1 allows.
+    Raises:
+        ProtocolError: The frame is shorter than the mapping. A longer one is cut, as CiA 301,
+            7.2.2.1 allows.
     """
     needed = sum(item.bits for item in objects) // 8
     if len(data) < needed:

@@ -83,12 +83,10 @@ def abort_text(code: int) -> str:
 class SdoAbort(ProtocolError):  # noqa: N818 - CiA 301 calls it so
     """An SDO transfer was aborted by one of its ends.
 
-    Attributes
-    ----------
-    code : int
-        Abort code; one of `SdoCode`, or what the device sent.
-    index, subindex : int
-        The object; an object dictionary's callback may leave them out, the server knows them.
+    Attributes:
+        code: Abort code; one of `SdoCode`, or what the device sent.
+        index, subindex: The object; an object dictionary's callback may leave them out, the server
+            knows them.
     """
 
     def __init__(self, code: int, index: int = 0, subindex: int = 0, where: str = "") -> None:

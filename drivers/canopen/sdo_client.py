@@ -27,12 +27,9 @@ class SdoClient:
     An answer about another object than the one asked for is a late one of a transfer that was given
     up: it is left alone, never taken for the answer.
 
-    Attributes
-    ----------
-    done
-        Whether the transfer has ended, well or not.
-    deadline_s
-        When the wait for the next answer ends [s].
+    Attributes:
+        done: Whether the transfer has ended, well or not.
+        deadline_s: When the wait for the next answer ends [s].
     """
 
     def __init__(self, node_id: int, timeout_s: float = 0.5) -> None:
@@ -110,12 +107,9 @@ class SdoClient:
     def result(self) -> bytes:
         """Return what was read (nothing for a write).
 
-        Raises
-        ------
-        SdoAbort
-            Either end aborted the transfer.
-        DeviceTimeoutError
-            An answer did not come.
+        Raises:
+            SdoAbort: Either end aborted the transfer.
+            DeviceTimeoutError: An answer did not come.
         """
         if self._error is not None:
             raise self._error

@@ -35,19 +35,15 @@ class _Transfer:
 class SdoServer:
     """Answers a client's requests out of two functions; knows neither bus nor clock.
 
-    Parameters
-    ----------
-    node_id : int
-        The device's node id.
-    read : ReadObject
-        ``read(index, subindex) -> bytes``; raises `SdoAbort` (the code alone is enough) to refuse.
-    write : WriteObject
-        ``write(index, subindex, data)``, called once a whole value has arrived; may raise
-        `SdoAbort`. A client that does not indicate the size of an expedited value delivers 4 bytes.
-    timeout_s : float
-        A segmented transfer that stood still for longer is aborted at its next message.
-
-    Block transfers are refused with 0504 0001h, as CiA 301 asks of a server without them.
+    Args:
+        node_id: The device's node id.
+        read: ``read(index, subindex) -> bytes``; raises `SdoAbort` (the code alone is enough) to
+            refuse.
+        write: ``write(index, subindex, data)``, called once a whole value has arrived; may raise
+            `SdoAbort`. A client that does not indicate the size of an expedited value delivers 4
+            bytes.
+        timeout_s: A segmented transfer that stood still for longer is aborted at its next message.
+        Block transfers are refused with 0504 0001h, as CiA 301 asks of a server without them.:
     """
 
     def __init__(

@@ -19,13 +19,11 @@ from numpy.typing import NDArray
 class MotorData:
     """What a drive says of its motor; NaN for what it does not say.
 
-    Attributes
-    ----------
-    torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k : float
-        Of the motor, before its gear: at the reference temperature, its relative change per kelvin,
-        and that temperature.
-    rated_torque_nm, rated_current_a, rotor_inertia_kg_m2 : float
-        Of the motor.
+    Attributes:
+        torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k: Of the motor,
+            before its gear: at the reference temperature, its relative change per kelvin, and that
+            temperature.
+        rated_torque_nm, rated_current_a, rotor_inertia_kg_m2: Of the motor.
     """
 
     torque_constant_nm_per_a: float
@@ -40,13 +38,10 @@ class MotorData:
 class MonitorReading:
     """What the drives said in one round.
 
-    Attributes
-    ----------
-    temperature_k, operating_time_s : ndarray, shape (n,)
-        Of each joint's motor [K], and since its drive was switched on [s]; NaN where it did not
-        answer, or has no such register.
-    problems : tuple of str
-        Why a drive did not answer, one sentence each.
+    Attributes:
+        temperature_k, operating_time_s: Shape (n,). Of each joint's motor [K], and since its drive
+            was switched on [s]; NaN where it did not answer, or has no such register.
+        problems: Why a drive did not answer, one sentence each.
     """
 
     temperature_k: NDArray[np.float64]

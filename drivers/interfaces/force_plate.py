@@ -20,16 +20,11 @@ from numpy.typing import NDArray
 class PlateSetting:
     """One setting of a force plate's amplifier as required and as read back.
 
-    Attributes
-    ----------
-    name : str
-        What it is, in words.
-    channel : int
-        1 to 8; 0 for what belongs to all.
-    required, found : str
-        Values in words.
-    verdict : {'ok', 'red'}
-        ``"ok"`` or ``"red"``.
+    Attributes:
+        name: What it is, in words.
+        channel: 1 to 8; 0 for what belongs to all.
+        required, found: Values in words.
+        verdict: ``"ok"`` or ``"red"``.
     """
 
     name: str
@@ -43,19 +38,14 @@ class PlateSetting:
 class PlateRead:
     """What one read of a force plate's stream brought.
 
-    Attributes
-    ----------
-    rows : structured ndarray
-        `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
-    events : structured ndarray
-        `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
-    arrival_s : ndarray
-        When each row was here, on the cell's clock [s], shape (rows,); rows that one piece brought
-        arrived together.
-    event_arrival_s : ndarray
-        When each event was here, on the computer's monotonic clock [s], shape (events,).
-    read_s : float
-        When the last piece was here, on the computer's monotonic clock [s].
+    Attributes:
+        rows: `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
+        events: `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
+        arrival_s: When each row was here, on the cell's clock [s], shape (rows,); rows that one
+            piece brought arrived together.
+        event_arrival_s: When each event was here, on the computer's monotonic clock [s], shape
+            (events,).
+        read_s: When the last piece was here, on the computer's monotonic clock [s].
     """
 
     rows: NDArray[Any]

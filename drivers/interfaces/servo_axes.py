@@ -50,18 +50,12 @@ class EventKind(IntEnum):
 class DriveEvent:
     """Something that happened outside the cyclic data.
 
-    Attributes
-    ----------
-    kind : EventKind
-        What it was.
-    joint : str
-        Name of the joint, empty where the event belongs to none.
-    time_s : float
-        When it was noticed, on the link's clock [s].
-    text : str
-        One sentence for people; what a device sent is escaped in it.
-    code : int
-        Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
+    Attributes:
+        kind: What it was.
+        joint: Name of the joint, empty where the event belongs to none.
+        time_s: When it was noticed, on the link's clock [s].
+        text: One sentence for people; what a device sent is escaped in it.
+        code: Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
     """
 
     kind: EventKind
@@ -75,24 +69,16 @@ class DriveEvent:
 class DriveSetting:
     """One object of a drive as required and as read back.
 
-    Attributes
-    ----------
-    joint, node_id : str, int
-        Which drive.
-    object_name : str
-        The object, as ``6007h:00``.
-    name : str
-        What it is, in words.
-    required, found : str
-        Values in words; `required` is empty for an object that is only shown, `found` says why when
-        the object could not be read.
-    verdict : {'ok', 'red', 'allowed', 'shown'}
-        ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names this drive
-        in allow_drive_without_watchdog) or ``"shown"``.
-    next_action : str
-        What to do where it is red; empty where that follows from the object alone.
-    code : str
-        Stable name of the refusal if it is red; empty for settings without one of their own.
+    Attributes:
+        joint, node_id: Which drive.
+        object_name: The object, as ``6007h:00``.
+        name: What it is, in words.
+        required, found: Values in words; `required` is empty for an object that is only shown,
+            `found` says why when the object could not be read.
+        verdict: ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names
+            this drive in allow_drive_without_watchdog) or ``"shown"``.
+        next_action: What to do where it is red; empty where that follows from the object alone.
+        code: Stable name of the refusal if it is red; empty for settings without one of their own.
     """
 
     joint: str
@@ -113,26 +99,19 @@ class Answers:
     A drive that did not answer keeps its last values. With a coupled wrist `position` is the
     joints' all the same; everything else is that of the joint's drive.
 
-    Attributes
-    ----------
-    received : ndarray of bool, shape (joints,)
-        Whose answer came in time, and was not contradicted.
-    position : ndarray of float64, shape (joints,)
-        Of the joints [rad or m].
-    torque_nm : ndarray of float64, shape (joints,)
-        Of the motors, at the link side of their gears [N m or N].
-    enabled, fault : ndarray of bool, shape (joints,)
-        Which drives said that they follow velocities, and which that they are in fault.
-    position_counts : ndarray of int32, shape (joints,)
-        As received, for the record.
-    torque_raw : ndarray of int16, shape (joints,)
-        As received, for the record.
-    statusword : ndarray of uint16, shape (joints,)
-        As received, for the record and for people; what it means is told by `enabled` and `fault`.
-    late_frames : int
-        How many answers have come after their cycle so far; they are not used.
-    second_answers : ndarray of int64, shape (joints,)
-        In how many cycles so far each drive's identifier answered more than once.
+    Attributes:
+        received: Shape (joints,). Whose answer came in time, and was not contradicted.
+        position: Shape (joints,). Of the joints [rad or m].
+        torque_nm: Shape (joints,). Of the motors, at the link side of their gears [N m or N].
+        enabled, fault: Shape (joints,). Which drives said that they follow velocities, and which
+            that they are in fault.
+        position_counts: Shape (joints,). As received, for the record.
+        torque_raw: Shape (joints,). As received, for the record.
+        statusword: Shape (joints,). As received, for the record and for people; what it means is
+            told by `enabled` and `fault`.
+        late_frames: How many answers have come after their cycle so far; they are not used.
+        second_answers: Shape (joints,). In how many cycles so far each drive's identifier answered
+            more than once.
     """
 
     received: NDArray[np.bool_]
@@ -169,14 +148,10 @@ class ServoAxes(Protocol):
     `send_heartbeat`; at the end `quick_stop` and `disable`. What takes long between `start` and
     `enable` calls `keep_alive`.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange; the order of every array.
-    answers : Answers
-        What the drives answered last; `exchange` fills it.
-    answers_within_s : float
-        How long after the beginning of a cycle answers are waited for [s].
+    Attributes:
+        joint_names: Base to flange; the order of every array.
+        answers: What the drives answered last; `exchange` fills it.
+        answers_within_s: How long after the beginning of a cycle answers are waited for [s].
     """
 
     joint_names: tuple[str, ...]
@@ -199,10 +174,8 @@ class ServoAxes(Protocol):
     def keep_alive(self, now_s: float) -> None:
         """Between `start` and `enable`, let no drive miss this computer, during what takes long.
 
-        Parameters
-        ----------
-        now_s : float
-            The time [s].
+        Args:
+            now_s: The time [s].
         """
 
     @abstractmethod
@@ -217,14 +190,10 @@ class ServoAxes(Protocol):
     def command(self, velocity: FloatArray) -> bool:
         """Send velocities, which act in the next cycle.
 
-        Parameters
-        ----------
-        velocity : ndarray, shape (joints,)
-            At the joints [rad/s or m/s].
+        Args:
+            velocity: Shape (joints,). At the joints [rad/s or m/s].
 
-        Returns
-        -------
-        bool
+        Returns:
             False: not sent, the axes were stopped instead.
         """
 

@@ -52,10 +52,8 @@ def decode(
 ) -> dict[Quantity, float]:
     """Return the quantities, in SI, of a stretch of registers.
 
-    Raises
-    ------
-    ProtocolError
-        There are not as many words as were asked for, or a number is not finite.
+    Raises:
+        ProtocolError: There are not as many words as were asked for, or a number is not finite.
     """
     if len(words) != read.count:
         raise ProtocolError(

@@ -24,14 +24,10 @@ HOTTEST_K = 523.15
 class ModbusDriveMonitor(DriveMonitor):
     """The drives behind an open line.
 
-    Parameters
-    ----------
-    link : ModbusLink
-        The line.
-    units : sequence of int
-        The drives' addresses on it, base to flange.
-    profile : DriveProfile
-        Their registers.
+    Args:
+        link: The line.
+        units: The drives' addresses on it, base to flange.
+        profile: Their registers.
     """
 
     def __init__(self, link: ModbusLink, units: Sequence[int], profile: DriveProfile) -> None:
@@ -44,10 +40,8 @@ class ModbusDriveMonitor(DriveMonitor):
     def motors(self) -> tuple[MotorData, ...]:
         """Return what the drives say of their motors.
 
-        Raises
-        ------
-        DriverError
-            One of them does not answer, or not as its profile says.
+        Raises:
+            DriverError: One of them does not answer, or not as its profile says.
         """
         answers: list[MotorData] = []
         for unit in self._units:
@@ -60,10 +54,8 @@ class ModbusDriveMonitor(DriveMonitor):
     def read(self) -> MonitorReading:
         """Return temperatures; see `DriveMonitor.read`.
 
-        Raises
-        ------
-        TransportError
-            The line is gone.
+        Raises:
+            TransportError: The line is gone.
         """
         temperature = np.full(len(self._units), math.nan)
         operating = np.full(len(self._units), math.nan)
@@ -107,9 +99,7 @@ def open_drive_monitor(
 ) -> ModbusDriveMonitor:
     """Open the way to the drives that a cell file names; nothing is asked yet.
 
-    Raises
-    ------
-    TransportError
-        It cannot be opened.
+    Raises:
+        TransportError: It cannot be opened.
     """
     return ModbusDriveMonitor(open_modbus(config, pause), config.units, profile)

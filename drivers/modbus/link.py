@@ -61,18 +61,12 @@ class Received:
 class ModbusLink:
     """An open line to one or more drives; a context manager.
 
-    Parameters
-    ----------
-    client : ModbusBaseSyncClient
-        The connected client.
-    name : str
-        How errors call the line.
-    timeout_s : float
-        How long an answer may take [s].
-    pause : callable
-        How to let time pass.
-    received : Received, optional
-        Keeps what has come since the last request; the client's `trace_packet`.
+    Args:
+        client: The connected client.
+        name: How errors call the line.
+        timeout_s: How long an answer may take [s].
+        pause: How to let time pass.
+        received: Keeps what has come since the last request; the client's `trace_packet`.
     """
 
     def __init__(
@@ -93,14 +87,10 @@ class ModbusLink:
     def read(self, unit: int, read: RegisterRead) -> list[int]:
         """Return the registers of one request.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            The drive did not answer in time.
-        ProtocolError
-            It refused, or what came is not an answer to this.
-        TransportError
-            The line is gone.
+        Raises:
+            DeviceTimeoutError: The drive did not answer in time.
+            ProtocolError: It refused, or what came is not an answer to this.
+            TransportError: The line is gone.
         """
         client = self._client
         ask = client.read_holding_registers
@@ -186,10 +176,8 @@ class ModbusLink:
 def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sleep) -> ModbusLink:
     """Open the line that a cell file names.
 
-    Raises
-    ------
-    TransportError
-        It cannot be opened, or its certificates cannot be used.
+    Raises:
+        TransportError: It cannot be opened, or its certificates cannot be used.
     """
     link = config.link
     if isinstance(link, ModbusRtu):

@@ -15,17 +15,13 @@ _PATIENCE_S: Final = 5.0
 class CanInterface:
     """An interface as `ip -details link show` has it.
 
-    Attributes
-    ----------
-    up : bool
-        Whether it is switched on.
-    controller : str
-        State of its CAN controller, as ``"ERROR-ACTIVE"``; empty for one without a controller.
-    bitrate : int or None
-        Bit rate [bit/s]; None if its driver does not say (vcan, slcan).
-    restart_ms : int or None
-        After which time the controller leaves bus-off by itself [ms], 0 for never; None if its
-        driver does not say.
+    Attributes:
+        up: Whether it is switched on.
+        controller: State of its CAN controller, as ``"ERROR-ACTIVE"``; empty for one without a
+            controller.
+        bitrate: Bit rate [bit/s]; None if its driver does not say (vcan, slcan).
+        restart_ms: After which time the controller leaves bus-off by itself [ms], 0 for never; None
+            if its driver does not say.
     """
 
     up: bool

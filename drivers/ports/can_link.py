@@ -24,16 +24,11 @@ class CanLink:
     as were sent are left out when they come back, so that a frame of the same identifier that
     somebody else sent is told from them.
 
-    Attributes
-    ----------
-    clock
-        The time that all deadlines of this link are in.
-    simulated
-        Whether that is a simulated clock.
-    time_stamped
-        Whether the bus says when a frame arrived; otherwise that is when it was read.
-    last_time_s
-        When the last received frame arrived, on `clock` [s].
+    Attributes:
+        clock: The time that all deadlines of this link are in.
+        simulated: Whether that is a simulated clock.
+        time_stamped: Whether the bus says when a frame arrived; otherwise that is when it was read.
+        last_time_s: When the last received frame arrived, on `clock` [s].
     """
 
     def __init__(self, bus: can.BusABC | FramePort, *, hears_itself: bool = False) -> None:
@@ -80,10 +75,8 @@ class CanLink:
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
         """Send frames (identifier and data), oldest first; every one is tried.
 
-        Raises
-        ------
-        TransportError
-            The bus did not take one of them.
+        Raises:
+            TransportError: The bus did not take one of them.
         """
         if self._echoes is not None:
             data_frames = (frame for frame in frames if not frame[0] & REMOTE_FLAG)
@@ -102,10 +95,8 @@ class CanLink:
 
         A deadline that has passed still takes what is waiting, without waiting.
 
-        Raises
-        ------
-        TransportError
-            The adapter is gone, or reports bus-off.
+        Raises:
+            TransportError: The adapter is gone, or reports bus-off.
         """
         if not self._arrived:
             self._arrived.extend(self.receive_all(until_s))
@@ -191,19 +182,13 @@ class SimulatedClock:
 def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
     """Open the bus that a cell file names; SocketCAN as a raw socket, past python-can.
 
-    Parameters
-    ----------
-    config : CanBusConfig
-        Interface, channel and bit rate.
-    watch_errors : bool
-        Whether bus-off that a SocketCAN interface reports is an error.
+    Args:
+        config: Interface, channel and bit rate.
+        watch_errors: Whether bus-off that a SocketCAN interface reports is an error.
 
-    Raises
-    ------
-    ConfigError
-        The interface is unknown.
-    TransportError
-        Its driver is missing or the channel cannot be opened.
+    Raises:
+        ConfigError: The interface is unknown.
+        TransportError: Its driver is missing or the channel cannot be opened.
     """
     bus: can.BusABC | FramePort
     if config.interface != "socketcan":

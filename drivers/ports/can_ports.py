@@ -34,12 +34,9 @@ class Arrival(NamedTuple):
 class FramePort(Protocol):
     """An open CAN bus; its methods raise `can.CanError`, `OSError` or `TransportError`.
 
-    Attributes
-    ----------
-    channel_info : str
-        What to call it in messages.
-    time_stamped : bool
-        Whether frames say in real time when they arrived, however late they are read.
+    Attributes:
+        channel_info: What to call it in messages.
+        time_stamped: Whether frames say in real time when they arrived, however late they are read.
     """
 
     channel_info: str
@@ -67,17 +64,13 @@ class FramePort(Protocol):
 class PythonCanPort:
     """Any bus of python-can.
 
-    Parameters
-    ----------
-    bus : BusABC
-        The open bus.
-    simulated : bool
-        Whether its messages' time stamps are in the link's (simulated) time.
+    Args:
+        bus: The open bus.
+        simulated: Whether its messages' time stamps are in the link's (simulated) time.
 
-    Attributes
-    ----------
-    takes_remote_frames : bool
-        Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices want them.
+    Attributes:
+        takes_remote_frames: Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices
+            want them.
     """
 
     def __init__(self, bus: can.BusABC, *, simulated: bool) -> None:

@@ -35,10 +35,8 @@ class MonotonicClock:
     A computer takes some time to wake a program up, much the same each time. `sleep_until` learns
     how long, asks for so much less, and waits out what then is left: a cycle begins in time.
 
-    Parameters
-    ----------
-    now_s, sleep : callable
-        CLOCK_MONOTONIC [s], and how to sleep [s].
+    Args:
+        now_s, sleep: CLOCK_MONOTONIC [s], and how to sleep [s].
     """
 
     def __init__(

@@ -33,12 +33,9 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
 
     UDP multicast stays on this computer.
 
-    Raises
-    ------
-    ConfigError
-        The interface is unknown.
-    TransportError
-        Its driver is missing or the channel cannot be opened.
+    Raises:
+        ConfigError: The interface is unknown.
+        TransportError: Its driver is missing or the channel cannot be opened.
     """
     options: dict[str, Any] = {"channel": config.channel, "bitrate": config.bitrate}
     try:

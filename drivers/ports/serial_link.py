@@ -23,14 +23,10 @@ _PORT_ERRORS = (OSError, ValueError, termios.error)  # serial.SerialException is
 class SerialLink:
     """A serial port with typed errors, chunked reads and absolute deadlines.
 
-    Attributes
-    ----------
-    address : str
-        What was opened.
-    clock
-        The time that all deadlines of this link are in.
-    last_time_s
-        When the last bytes were received, on `clock` [s].
+    Attributes:
+        address: What was opened.
+        clock: The time that all deadlines of this link are in.
+        last_time_s: When the last bytes were received, on `clock` [s].
     """
 
     def __init__(self, port: serial.Serial, address: str) -> None:
@@ -70,10 +66,8 @@ class SerialLink:
 
         A deadline that has passed still takes what is waiting, without waiting.
 
-        Raises
-        ------
-        TransportError
-            The port is gone.
+        Raises:
+            TransportError: The port is gone.
         """
         try:
             data = self._read_network(until_s) if self._poll is None else self._read(until_s)
@@ -130,10 +124,8 @@ def _close_port(port: serial.Serial) -> None:
 def open_serial(address: str, baud_rate: int) -> SerialLink:
     """Open a serial port, 8N1, for this process alone: a path, or a URL that pyserial knows.
 
-    Raises
-    ------
-    TransportError
-        There is no such port, it cannot be opened, or another program has it.
+    Raises:
+        TransportError: There is no such port, it cannot be opened, or another program has it.
     """
     try:
         port = serial.serial_for_url(

@@ -57,10 +57,8 @@ class KernelStamps:
     which. Where the date was set by less than the time between, it does not, and the frame may be
     wrong by as much.
 
-    Parameters
-    ----------
-    date_ns, now_ns : int
-        CLOCK_REALTIME and CLOCK_MONOTONIC [ns], as in `look`.
+    Args:
+        date_ns, now_ns: CLOCK_REALTIME and CLOCK_MONOTONIC [ns], as in `look`.
     """
 
     def __init__(self, date_ns: int, now_ns: int) -> None:
@@ -90,29 +88,22 @@ class KernelStamps:
 class SocketCanPort:
     """A CAN interface such as can0; see `drivers.ports.can_ports.FramePort`.
 
-    Parameters
-    ----------
-    channel : str
-        The interface's name.
-    watch_errors : bool
-        Whether error frames are received at all; simulated devices leave them to the master.
+    Args:
+        channel: The interface's name.
+        watch_errors: Whether error frames are received at all; simulated devices leave them to the
+            master.
 
-    Attributes
-    ----------
-    channel_info
-        What to call it in messages.
-    lost_frames
-        How many frames the kernel dropped because they were not read in time, and how many times
-        the controller reported that it had to.
-    takes_remote_frames
-        Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices want them.
-    error_frames
-        How many error frames came (error-passive, arbitration lost, ...); bus-off is an error.
+    Attributes:
+        channel_info: What to call it in messages.
+        lost_frames: How many frames the kernel dropped because they were not read in time, and how
+            many times the controller reported that it had to.
+        takes_remote_frames: Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices
+            want them.
+        error_frames: How many error frames came (error-passive, arbitration lost, ...); bus-off is
+            an error.
 
-    Raises
-    ------
-    OSError
-        There is no such interface.
+    Raises:
+        OSError: There is no such interface.
     """
 
     time_stamped = True
@@ -154,10 +145,8 @@ class SocketCanPort:
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
         """Send frames; see `FramePort`. A frame that would have to wait is refused.
 
-        Raises
-        ------
-        TransportError
-            The transmit queue is full: nobody acknowledges, or the cable is off.
+        Raises:
+            TransportError: The transmit queue is full: nobody acknowledges, or the cable is off.
         """
         failed: OSError | None = None
         send = self._socket.send

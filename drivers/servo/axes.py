@@ -54,37 +54,24 @@ class CanServoAxes:
     Once an axis has left Operation Enabled, or a quick stop was commanded, no velocity is sent any
     more until `bring_up` has been run again: nothing stale can move the robot when power returns.
 
-    Parameters
-    ----------
-    link : CanLink
-        The open bus. The constructor does not use it.
-    cell, robot : CellConfig, RobotDescription
-        Addresses and limits; the axes are put into the robot's order.
-    write_log : WriteLog, optional
-        Where what is written to the drives is kept, with what was there.
-    stopped : callable
-        Whether a stop was ordered: then `start` and `enable` go no further.
+    Args:
+        link: The open bus. The constructor does not use it.
+        cell, robot: Addresses and limits; the axes are put into the robot's order.
+        write_log: Where what is written to the drives is kept, with what was there.
+        stopped: Whether a stop was ordered: then `start` and `enable` go no further.
 
-    Attributes
-    ----------
-    joint_names, answers, answers_within_s
-        As in `ServoAxes`.
-    service : DriveService
-        What is asked of the drives one by one, outside the cyclic exchange.
-    cyclic : CyclicExchange
-        The frames of every cycle, and how many were not as they should be.
-    watch : DriveWatch
-        What the drives and others send besides.
-    last_heartbeat_s : float
-        When this computer's heartbeat was last sent, on the link's clock [s].
-    without_power : bool
-        Whether `disable` was called last of all, and every drive confirmed it that had power.
+    Attributes:
+        joint_names, answers, answers_within_s: As in `ServoAxes`.
+        service: What is asked of the drives one by one, outside the cyclic exchange.
+        cyclic: The frames of every cycle, and how many were not as they should be.
+        watch: What the drives and others send besides.
+        last_heartbeat_s: When this computer's heartbeat was last sent, on the link's clock [s].
+        without_power: Whether `disable` was called last of all, and every drive confirmed it that
+            had power.
 
-    Raises
-    ------
-    ConfigError
-        Cell and robot do not name the same joints, or the cyclic exchange would take more than 80 %
-        of the bus.
+    Raises:
+        ConfigError: Cell and robot do not name the same joints, or the cyclic exchange would take
+            more than 80 % of the bus.
     """
 
     without_power = False
@@ -137,18 +124,13 @@ class CanServoAxes:
     def bring_up(self) -> None:
         """Reset, configure and read back every drive (CiA 301 order); no power, no motion.
 
-        Raises
-        ------
-        LockedError
-            Another master is active on the bus.
-        DeviceTimeoutError
-            A drive does not boot or does not answer.
-        DeviceFaultError
-            A drive restarted meanwhile.
-        PreflightError
-            Something was read back that is not as required; `settings` has all of it.
-        TransportError
-            The bus is gone.
+        Raises:
+            LockedError: Another master is active on the bus.
+            DeviceTimeoutError: A drive does not boot or does not answer.
+            DeviceFaultError: A drive restarted meanwhile.
+            PreflightError: Something was read back that is not as required; `settings` has all of
+                it.
+            TransportError: The bus is gone.
         """
         self._phase = _Phase.CLOSED
         self.cyclic.left_enabled = False
@@ -187,18 +169,14 @@ class CanServoAxes:
     def command(self, velocity: NDArray[np.float64]) -> bool:
         """Send velocities [rad/s or m/s, joint side]; they act at the next SYNC.
 
-        Returns
-        -------
-        bool
+        Returns:
             False when an axis is not in Operation Enabled, or the axes were stopped: then a quick
             stop is sent to all of them in place of the velocities.
 
-        Raises
-        ------
-        SafetyStop
-            A velocity is not finite or does not fit the drive; a quick stop was sent instead.
-        TransportError
-            The bus does not take the frames.
+        Raises:
+            SafetyStop: A velocity is not finite or does not fit the drive; a quick stop was sent
+                instead.
+            TransportError: The bus does not take the frames.
         """
         if self.cyclic.left_enabled or self._phase is not _Phase.ENABLED:
             self.quick_stop()
@@ -235,14 +213,10 @@ class CanServoAxes:
     def start(self) -> None:
         """Start the drives' cyclic exchange and this computer's heartbeat, still without power.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            A drive does not become operational or does not answer SYNC.
-        DeviceFaultError
-            A drive has restarted since its setup, or reports a fault meanwhile.
-        SafetyStop
-            A stop was ordered.
+        Raises:
+            DeviceTimeoutError: A drive does not become operational or does not answer SYNC.
+            DeviceFaultError: A drive has restarted since its setup, or reports a fault meanwhile.
+            SafetyStop: A stop was ordered.
         """
         self._expect(_Phase.CONFIGURED, "start", "bring_up")
         refuse_restarted(self._axes, self.watch)
@@ -267,19 +241,14 @@ class CanServoAxes:
     def enable(self) -> float:
         """Lead every drive to Operation Enabled, one checked step a cycle, at velocity 0.
 
-        Returns
-        -------
-        float
+        Returns:
             Time of the last SYNC [s]: the next is due one cycle later.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            A drive does not get there, or does not follow its command (6041h bit 12).
-        DeviceFaultError
-            A drive is in fault or reports one; a fault is never reset here.
-        SafetyStop
-            A stop was ordered: no drive is led on.
+        Raises:
+            DeviceTimeoutError: A drive does not get there, or does not follow its command (6041h
+                bit 12).
+            DeviceFaultError: A drive is in fault or reports one; a fault is never reset here.
+            SafetyStop: A stop was ordered: no drive is led on.
         """
         self._expect(_Phase.STARTED, "enable", "start")
         self._power.enable()
@@ -290,10 +259,8 @@ class CanServoAxes:
     def quick_stop(self) -> None:
         """Send a quick stop to every axis by RPDO, acting at the next SYNC; no more motion follows.
 
-        Raises
-        ------
-        TransportError
-            The bus did not take a frame; every axis's was tried.
+        Raises:
+            TransportError: The bus did not take a frame; every axis's was tried.
         """
         if self._phase >= _Phase.STARTED:
             self._phase = _Phase.STOPPED
@@ -302,9 +269,7 @@ class CanServoAxes:
     def halt(self) -> bool:
         """Quick stop, and wait a limited time until no drive is powered or none moves any more.
 
-        Returns
-        -------
-        bool
+        Returns:
             Whether every axis was seen at rest or without power.
         """
         if self._phase < _Phase.STARTED:
@@ -318,9 +283,7 @@ class CanServoAxes:
         The reset ends the drives' watch on this computer, which would end in a fault when its
         heartbeat stops. It is left out where a drive did not confirm: then that watch is needed.
 
-        Returns
-        -------
-        tuple of str
+        Returns:
             The joints whose drive did not confirm in time that it is without power.
         """
         if self._phase is _Phase.CLOSED:

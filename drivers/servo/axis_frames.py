@@ -48,16 +48,11 @@ class Place:
 class AxisFrames:
     """One axis's frames of a cycle.
 
-    Attributes
-    ----------
-    commands : tuple of (int, bytes)
-        Identifier and data of what it is sent, with what never changes; zeros elsewhere.
-    places : dict of Signal to Place
-        Where the signals are. A torque that is asked for lies in the SDO answer.
-    asked : tuple of int or None
-        The object that is asked for after every SYNC.
-    answer_bytes : tuple of int
-        How long the frames are that a cycle brings at most, used or not.
+    Attributes:
+        commands: Identifier and data of what it is sent, with what never changes; zeros elsewhere.
+        places: Where the signals are. A torque that is asked for lies in the SDO answer.
+        asked: The object that is asked for after every SYNC.
+        answer_bytes: How long the frames are that a cycle brings at most, used or not.
     """
 
     commands: tuple[tuple[int, bytes], ...]
@@ -144,16 +139,11 @@ class AnswerJoiner:
     An answer is as old as its oldest part. A part that comes twice makes a second answer. Parts
     from before the last SYNC are never joined with later ones.
 
-    Parameters
-    ----------
-    link : CanLink
-        The bus.
-    node_ids : sequence of int
-        The drives, base to flange.
-    frames : sequence of AxisFrames
-        Theirs.
-    watch : DriveWatch
-        Is told of parts that are too short.
+    Args:
+        link: The bus.
+        node_ids: The drives, base to flange.
+        frames: Theirs.
+        watch: Is told of parts that are too short.
     """
 
     def __init__(

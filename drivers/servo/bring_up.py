@@ -32,10 +32,8 @@ SETTLE_S = 0.02
 def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[DriveAxis, ...]:
     """Return the cell's axes in the order of the robot's joints.
 
-    Raises
-    ------
-    ConfigError
-        A joint has no drive, or a drive moves a joint that the robot does not have.
+    Raises:
+        ConfigError: A joint has no drive, or a drive moves a joint that the robot does not have.
     """
     by_joint = {axis.joint: axis for axis in cell.axes}
     missing = [name for name in robot.joint_names if name not in by_joint]
@@ -78,10 +76,8 @@ def _more_bits(node_id: int, profile: ServoProfile) -> int:
 def check_bus_load(cell: CellConfig) -> float:
     """Return `bus_load`.
 
-    Raises
-    ------
-    ConfigError
-        It is above 80 %.
+    Raises:
+        ConfigError: It is above 80 %.
     """
     load = bus_load(cell)
     if load > LOAD_LIMIT:
@@ -99,14 +95,10 @@ def check_bus_load(cell: CellConfig) -> float:
 def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
     """Reset every drive's communication, and wait until each has booted.
 
-    Raises
-    ------
-    LockedError
-        Another master was heard.
-    DeviceTimeoutError
-        A drive does not boot.
-    ProtocolError
-        Two devices boot with the same node id.
+    Raises:
+        LockedError: Another master was heard.
+        DeviceTimeoutError: A drive does not boot.
+        ProtocolError: Two devices boot with the same node id.
     """
     for axis in axes:
         link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, axis.node_id))
@@ -163,10 +155,8 @@ def common_code(codes: Iterable[str]) -> str:
 def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
     """Listen for as long as a master may be silent, before anything is sent.
 
-    Raises
-    ------
-    LockedError
-        Another master was heard.
+    Raises:
+        LockedError: Another master was heard.
     """
     timeout_s = cell.drive_safety.master_heartbeat_timeout_ms / 1000.0
     until_s = link.clock.now_s() + max(2.5 * cell.cycle_time_s, timeout_s)

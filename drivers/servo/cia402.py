@@ -138,13 +138,10 @@ def enabling_word(mode: Mode) -> ControlWord:
 def after_controlword(state: PowerState, controlword: int, previous: int) -> PowerState:
     """Return the state that a controlword takes a drive to (CiA 402-2, figure 9 and table 30).
 
-    Parameters
-    ----------
-    state : PowerState
-        The state now. `NOT_READY_TO_SWITCH_ON` and `FAULT_REACTION_ACTIVE` are left by the drive
-        itself (T1, T14) and stay here; so does the end of a quick stop (T12).
-    controlword, previous : int
-        6040h now and before: fault reset acts on a rising edge of bit 7.
+    Args:
+        state: The state now. `NOT_READY_TO_SWITCH_ON` and `FAULT_REACTION_ACTIVE` are left by the
+            drive itself (T1, T14) and stay here; so does the end of a quick stop (T12).
+        controlword, previous: 6040h now and before: fault reset acts on a rising edge of bit 7.
     """
     if state in (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT_REACTION_ACTIVE):
         return state
@@ -184,14 +181,10 @@ def _after_low_bits(state: PowerState, low: int) -> PowerState:
 class MotorRatings:
     """What a drive, or the cell file, tells of a motor; None is what is not needed.
 
-    Attributes
-    ----------
-    increments : float
-        Units of 6064h in a motor revolution.
-    torque_nm, current_a : float or None
-        Rated torque [N m] and rated current [A].
-    nm_per_a : float or None
-        Torque constant [N m/A].
+    Attributes:
+        increments: Units of 6064h in a motor revolution.
+        torque_nm, current_a: Rated torque [N m] and rated current [A].
+        nm_per_a: Torque constant [N m/A].
     """
 
     increments: float
@@ -209,10 +202,8 @@ class MotorRatings:
     def nm_per_unit(self, of: TorqueObject) -> float:
         """Return the motor's torque per unit of a torque object [N m].
 
-        Raises
-        ------
-        ConfigError
-            What the object is related to is not known.
+        Raises:
+            ConfigError: What the object is related to is not known.
         """
         whole, lacking = self.torque_nm, "rated_torque_nm"
         if of.of != "rated_torque":
@@ -231,10 +222,8 @@ class MotorRatings:
     def limit(self, of: TorqueObject, fraction: float) -> int:
         """Return what a torque limit's object must hold for a fraction of the rated torque.
 
-        Raises
-        ------
-        ConfigError
-            The rated current is needed and not known.
+        Raises:
+            ConfigError: The rated current is needed and not known.
         """
         if of.of == "ampere":
             if self.current_a is None:
@@ -249,24 +238,17 @@ class MotorRatings:
 class AxisUnits:
     """Between a drive's numbers and the joint's: rad (or m), rad/s and N m at the link side.
 
-    Attributes
-    ----------
-    counts_per_rad : float
-        Encoder increments per radian (or metre) of the joint; negative where they count backwards.
-    velocity_units_per_rad_s : float
-        Units of 60FFh per rad/s of the joint, same sign.
-    acceleration_units_per_rad_s2 : float
-        Units of 6085h per rad/s² of the joint, same sign.
-    nm_per_torque_unit : float
-        Joint torque per unit of the object that tells it, same sign: 0.1 % of the rated motor
-        torque with 6077h.
-    zero_counts : int
-        6064h at joint position zero.
-    counter : PositionCounter
-        How 6064h wraps.
-    middle_counts : int
-        From joint position zero to the middle of the joint's range: positions are within half a
-        round of the counter of it.
+    Attributes:
+        counts_per_rad: Encoder increments per radian (or metre) of the joint; negative where they
+            count backwards.
+        velocity_units_per_rad_s: Units of 60FFh per rad/s of the joint, same sign.
+        acceleration_units_per_rad_s2: Units of 6085h per rad/s² of the joint, same sign.
+        nm_per_torque_unit: Joint torque per unit of the object that tells it, same sign: 0.1 % of
+            the rated motor torque with 6077h.
+        zero_counts: 6064h at joint position zero.
+        counter: How 6064h wraps.
+        middle_counts: From joint position zero to the middle of the joint's range: positions are
+            within half a round of the counter of it.
     """
 
     counts_per_rad: float
@@ -304,10 +286,8 @@ class AxisUnits:
         `gear_ratio` is motor radians per joint radian; its sign is `direction`. Velocities in rpm
         are the motor's. Source: CiA 402-2, 608Fh, 6091h, 6076h.
 
-        Raises
-        ------
-        ConfigError
-            The torque cannot be told in N m, or a factor is 0 or not finite.
+        Raises:
+            ConfigError: The torque cannot be told in N m, or a factor is 0 or not finite.
         """
         ratio = direction * abs(gear_ratio)
         per_rad = motor.increments / (2.0 * math.pi)
@@ -347,12 +327,9 @@ def torque_setting(
 ) -> DriveSetting:
     """Return the line that compares a motor's rated torque with the joint's limit.
 
-    Parameters
-    ----------
-    axis, joint : DriveAxis, Joint
-        The drive, and the joint that it moves.
-    rated_nm, at_joint_nm : float
-        The motor's rated torque, and the same behind the gear [N m].
+    Args:
+        axis, joint: The drive, and the joint that it moves.
+        rated_nm, at_joint_nm: The motor's rated torque, and the same behind the gear [N m].
     """
     limit = joint.limits.torque
     least, most = (share * limit for share in PLAUSIBLE_RATED_TORQUE)

@@ -26,12 +26,9 @@ _WORD = struct.Struct("<H")
 class FullCommands:
     """RPDO 1 of 6 bytes: controlword and target velocity.
 
-    Parameters
-    ----------
-    node_ids : sequence of int
-        The drives, base to flange.
-    enables : sequence of int
-        The controlword of each that enables its operation.
+    Args:
+        node_ids: The drives, base to flange.
+        enables: The controlword of each that enables its operation.
     """
 
     def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
@@ -45,10 +42,8 @@ class FullCommands:
     def velocities(self, values: Sequence[int]) -> Frames:
         """Return set-points with Enable Operation.
 
-        Raises
-        ------
-        struct.error
-            A value does not fit.
+        Raises:
+            struct.error: A value does not fit.
         """
         for buffer, enable, value in zip(self._buffers, self._enables, values, strict=True):
             _FULL.pack_into(buffer, 0, enable, value)
@@ -68,12 +63,9 @@ class FullCommands:
 class SpreadCommands:
     """Commands wherever the drives' PDOs have them, the controlword's before the velocity's.
 
-    Parameters
-    ----------
-    frames : sequence of AxisFrames
-        The drives', base to flange.
-    enables : sequence of int
-        The controlword of each that enables its operation.
+    Args:
+        frames: The drives', base to flange.
+        enables: The controlword of each that enables its operation.
     """
 
     def __init__(self, frames: Sequence[AxisFrames], enables: Sequence[int]) -> None:
@@ -92,10 +84,8 @@ class SpreadCommands:
     def velocities(self, values: Sequence[int]) -> Frames:
         """Return set-points with Enable Operation.
 
-        Raises
-        ------
-        struct.error
-            A value does not fit.
+        Raises:
+            struct.error: A value does not fit.
         """
         return self._filled(self._enables, values)
 
@@ -121,12 +111,9 @@ class TrimmedCommands:
     are up to `REFRESH_CYCLES` axes, so that a lost frame does not stay lost and a full bus not get
     fuller.
 
-    Parameters
-    ----------
-    node_ids : sequence of int
-        The drives, base to flange.
-    enables : sequence of int
-        The controlword of each that enables its operation.
+    Args:
+        node_ids: The drives, base to flange.
+        enables: The controlword of each that enables its operation.
     """
 
     def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
@@ -140,10 +127,8 @@ class TrimmedCommands:
     def velocities(self, values: Sequence[int]) -> Frames:
         """Return set-points; with Enable Operation where that was not the last word.
 
-        Raises
-        ------
-        struct.error
-            A value does not fit.
+        Raises:
+            struct.error: A value does not fit.
         """
         for (_, buffer), value in zip(self._velocities, values, strict=True):
             _VELOCITY.pack_into(buffer, 0, value)

@@ -53,44 +53,30 @@ and for the bus, in bursts of answers."""
 class CyclicExchange:
     """The cyclic frames of all axes: messages and arrays are made once and used again.
 
-    Parameters
-    ----------
-    link : CanLink
-        The bus; the constructor does not use it.
-    node_ids : sequence of int
-        The drives, base to flange.
-    watch : DriveWatch
-        Takes every frame that is not a TPDO of these drives.
-    coupling : WristCoupling or None
-        What the motors do to the joints, where a wrist is coupled.
-    trimmed : bool
-        Whether the cell's exchange is the trimmed one.
-    profiles : sequence of ServoProfile
-        What each drive is told, and how; CiA 402's where it is left out.
-    cycle_time_s : float
-        How long a set-point acts [s]; of matter to drives that follow positions.
-    bitrate : int
-        Of the bus [bit/s]. In real time `collect` sleeps until all answers should have come,
-        instead of waking up for each; when that is, is learnt from their time stamps. 0 to look at
-        once.
+    Args:
+        link: The bus; the constructor does not use it.
+        node_ids: The drives, base to flange.
+        watch: Takes every frame that is not a TPDO of these drives.
+        coupling: What the motors do to the joints, where a wrist is coupled.
+        trimmed: Whether the cell's exchange is the trimmed one.
+        profiles: What each drive is told, and how; CiA 402's where it is left out.
+        cycle_time_s: How long a set-point acts [s]; of matter to drives that follow positions.
+        bitrate: Of the bus [bit/s]. In real time `collect` sleeps until all answers should have
+            come, instead of waking up for each; when that is, is learnt from their time stamps. 0
+            to look at once.
 
-    Attributes
-    ----------
-    answers : Answers
-        What `collect` took last; counts, torque and status word are 6064h, 6077h and 6041h. An
-        answer too many is a late one where its drive did not answer in one of the `LATE_CYCLES`
-        cycles before, otherwise a second one. What comes after `collect` has returned belongs to
-        the cycle before, whose first answer was used; the next `WATCHED_CYCLES` cycles wait for
-        both.
-    duplicate_frames : int
-        How many second answers came; they are not used.
-    contradictions : ndarray of int64, shape (n,)
-        In how many cycles an identifier's answers differed: then neither is used.
-    left_enabled : bool
-        Whether an answer has shown another state than Operation Enabled; set here, cleared by the
-        owner.
-    sync_time_s : float
-        Time of the last SYNC [s].
+    Attributes:
+        answers: What `collect` took last; counts, torque and status word are 6064h, 6077h and
+            6041h. An answer too many is a late one where its drive did not answer in one of the
+            `LATE_CYCLES` cycles before, otherwise a second one. What comes after `collect` has
+            returned belongs to the cycle before, whose first answer was used; the next
+            `WATCHED_CYCLES` cycles wait for both.
+        duplicate_frames: How many second answers came; they are not used.
+        contradictions: Shape (n,). In how many cycles an identifier's answers differed: then
+            neither is used.
+        left_enabled: Whether an answer has shown another state than Operation Enabled; set here,
+            cleared by the owner.
+        sync_time_s: Time of the last SYNC [s].
     """
 
     def __init__(
@@ -331,12 +317,10 @@ class CyclicExchange:
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
         """Send set-points [rad/s or m/s, joint side] with Enable Operation; all of them or none.
 
-        Raises
-        ------
-        ValueError, OverflowError, struct.error
-            A velocity is not finite or does not fit 60FFh: nothing was sent.
-        TransportError
-            The bus does not take a frame.
+        Raises:
+            ValueError, OverflowError, struct.error: A velocity is not finite or does not fit 60FFh:
+                nothing was sent.
+            TransportError: The bus does not take a frame.
         """
         if self._coupling is not None:
             velocity = self._coupling.to_motors(velocity)
@@ -351,10 +335,8 @@ class CyclicExchange:
     def send_words(self, words: Sequence[int]) -> None:
         """Send controlwords at rest, one an axis; every axis's is tried.
 
-        Raises
-        ------
-        TransportError
-            The bus did not take one of the frames.
+        Raises:
+            TransportError: The bus did not take one of the frames.
         """
         if self._positions is not None:
             self._rest = self._positions.hold(

@@ -29,16 +29,12 @@ _MOST_SUBINDICES = 64
 class RestoredSetting:
     """One object of a drive that did not hold what was saved.
 
-    Attributes
-    ----------
-    node_id, address : int, tuple of int
-        Which object of which drive.
-    saved : bytes or None
-        What it held when it was saved; None: that is not known.
-    before, after : bytes or str
-        What it held before and holds after it was written back; in words why that is not known.
-    refusal : str
-        Why the drive did not take it; empty where it did, or was not asked.
+    Attributes:
+        node_id, address: Which object of which drive.
+        saved: What it held when it was saved; None: that is not known.
+        before, after: What it held before and holds after it was written back; in words why that is
+            not known.
+        refusal: Why the drive did not take it; empty where it did, or was not asked.
     """
 
     node_id: int
@@ -62,10 +58,8 @@ class RestoredSetting:
 def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Address, bytes | str]]:
     """Yield what a drive has of some objects, with the sub-indices in use, as read or why not.
 
-    Raises
-    ------
-    DeviceTimeoutError, TransportError
-        The drive does not answer, or the bus is gone.
+    Raises:
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
     """
     for index in indices:
         value = _read(port, (index, 0))
@@ -82,10 +76,8 @@ def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Addres
 def read_drive(port: SdoPort, eds: ElectronicDataSheet | None) -> SavedDrive:
     """Return every setting of a drive: by its data sheet, or those that the profiles know.
 
-    Raises
-    ------
-    DeviceTimeoutError, TransportError
-        The drive does not answer, or the bus is gone.
+    Raises:
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
     """
     found: Iterable[tuple[Address, bytes | str | None]]
     if eds is None:
@@ -105,12 +97,9 @@ def read_drive(port: SdoPort, eds: ElectronicDataSheet | None) -> SavedDrive:
 def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
     """Refuse to write to a drive that is another one, or that may move its motor.
 
-    Raises
-    ------
-    PreflightError
-        Its 1018h differs from the saved one, or it is powered.
-    DeviceTimeoutError, TransportError
-        The drive does not answer, or the bus is gone.
+    Raises:
+        PreflightError: Its 1018h differs from the saved one, or it is powered.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
     """
     differences = saved.identity.differences(port.identity())
     if differences:
@@ -134,26 +123,18 @@ def restore_drive(
 ) -> tuple[RestoredSetting, ...]:
     """Write back what differs from what was saved, and read it back.
 
-    Parameters
-    ----------
-    port : SdoPort
-        The drive, which is the one that was saved (`refuse_other_drive`).
-    saved : SavedDrive
-        What it is to hold.
-    dry_run : bool
-        Whether to say only what differs.
+    Args:
+        port: The drive, which is the one that was saved (`refuse_other_drive`).
+        saved: What it is to hold.
+        dry_run: Whether to say only what differs.
 
-    Returns
-    -------
-    tuple of RestoredSetting
+    Returns:
         What differed, or is not known. Entries of a PDO's mapping beyond the number of its objects
         are written back too, but a drive need not take them: they say nothing. What the drive does
         not have was not written either: it is left out.
 
-    Raises
-    ------
-    DeviceTimeoutError, TransportError
-        The drive does not answer, or the bus is gone.
+    Raises:
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
     """
     values = {a: value for a, value in saved.values.items() if is_setting(a[0])}
     before = {address: _held(port, address) for address in values}
@@ -189,12 +170,9 @@ def restore_drive(
 def store_settings(port: SdoPort) -> None:
     """Let a drive keep what it holds beyond its power: 1010h, all parameters (CiA 301, 7.5.2.13).
 
-    Raises
-    ------
-    PreflightError
-        It refuses.
-    DeviceTimeoutError, TransportError
-        The drive does not answer, or the bus is gone.
+    Raises:
+        PreflightError: It refuses.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
     """
     try:
         port.write(*STORE, STORE_WORD)

@@ -40,25 +40,17 @@ class DriveWatch:
     boot-ups are noted (a drive that has just been reset boots up), and another master is refused;
     after it, everything counts, and another master is an event that ends the motion.
 
-    Parameters
-    ----------
-    joint_names, node_ids : sequence of str, sequence of int
-        The axes, base to flange.
-    safety : DriveSafety
-        The cell's time limits and the node id of this computer.
-    guarded : collection of int, optional
-        The drives that are asked for their state, and send no heartbeat by themselves.
+    Args:
+        joint_names, node_ids: The axes, base to flange.
+        safety: The cell's time limits and the node id of this computer.
+        guarded: The drives that are asked for their state, and send no heartbeat by themselves.
 
-    Attributes
-    ----------
-    boot_ups
-        How many boot-up messages each axis has sent since `forget` or `expect_no_boot_up`.
-    heartbeats
-        One `HeartbeatConsumer` an axis.
-    unexpected_frames
-        How many frames came with an identifier that nobody in the cell has.
-    dropped_events
-        How many events were not kept because more than `MOST_EVENTS` were waiting.
+    Attributes:
+        boot_ups: How many boot-up messages each axis has sent since `forget` or
+            `expect_no_boot_up`.
+        heartbeats: One `HeartbeatConsumer` an axis.
+        unexpected_frames: How many frames came with an identifier that nobody in the cell has.
+        dropped_events: How many events were not kept because more than `MOST_EVENTS` were waiting.
     """
 
     def __init__(
@@ -126,10 +118,8 @@ class DriveWatch:
     def handle(self, frame: Frame, now_s: float) -> None:
         """Take a frame that is not a TPDO of this cell.
 
-        Raises
-        ------
-        LockedError
-            Another master was heard before `arm`.
+        Raises:
+            LockedError: Another master was heard before `arm`.
         """
         cob_id, data = frame
         axis = self._heartbeat.get(cob_id)
@@ -166,12 +156,9 @@ class DriveWatch:
     def check(self, now_s: float, telling_s: float) -> None:
         """Find the drives that will have been silent for too long when it can be told.
 
-        Parameters
-        ----------
-        now_s : float
-            Until when every frame has been taken [s].
-        telling_s : float
-            How long it takes to tell the other drives [s].
+        Args:
+            now_s: Until when every frame has been taken [s].
+            telling_s: How long it takes to tell the other drives [s].
         """
         if not self._armed:
             return
@@ -265,14 +252,11 @@ def other_senders(
 ) -> tuple[str, ...]:
     """Return a sentence for each identifier that two devices send, and one for unknown ones.
 
-    Parameters
-    ----------
-    axes : sequence of DriveAxis
-        The drives.
-    watch : DriveWatch
-        Where frames with unknown identifiers are counted.
-    second_answers, contradictions : ndarray of int64, shape (axes,)
-        In how many cycles each drive's identifier answered twice, and with other data.
+    Args:
+        axes: The drives.
+        watch: Where frames with unknown identifiers are counted.
+        second_answers, contradictions: Shape (axes,). In how many cycles each drive's identifier
+            answered twice, and with other data.
     """
     notes = [
         f"{axis.joint}: node {axis.node_id} answered twice in {cycles} cycle{'s' * (cycles != 1)},"

@@ -60,13 +60,10 @@ def eds_findings(
 ) -> tuple[EdsFinding, ...]:
     """Return what a drive's data sheet lacks: objects, their size, access and mapping.
 
-    Parameters
-    ----------
-    eds : ElectronicDataSheet
-        The EDS that the axis names.
-    cell, axis : CellConfig, DriveAxis
-        The cell, and the axis of it. What the drive may lack by `allow_drive_without_watchdog` is
-        a finding, but no red one.
+    Args:
+        eds: The EDS that the axis names.
+        cell, axis: The cell, and the axis of it. What the drive may lack by
+            `allow_drive_without_watchdog` is a finding, but no red one.
     """
     findings: list[EdsFinding] = []
     if eds.node_id is not None and eds.node_id != axis.node_id:

@@ -51,18 +51,12 @@ _ACTUAL_WORDS = ("actual", "present", "feedback")
 class EdsFit:
     """A profile for a data sheet, with what the cell file adds to it.
 
-    Attributes
-    ----------
-    base : str or None
-        The bundled profile; None for a drive that does all that CiA 402 says.
-    added : ServoProfile
-        What is added: `added.model_fields_set`.
-    findings : tuple of EdsFinding
-        What is still red.
-    mode : Mode
-        The mode that the drive would be used in.
-    torque : str
-        The object that would tell its torque.
+    Attributes:
+        base: The bundled profile; None for a drive that does all that CiA 402 says.
+        added: What is added: `added.model_fields_set`.
+        findings: What is still red.
+        mode: The mode that the drive would be used in.
+        torque: The object that would tell its torque.
     """
 
     base: str | None
@@ -130,14 +124,10 @@ def fit_eds(
 ) -> EdsFit:
     """Return the profile that fits a drive's data sheet: the maker's, with the fewest keys.
 
-    Parameters
-    ----------
-    eds : ElectronicDataSheet
-        The data sheet.
-    cell, axis : CellConfig, DriveAxis
-        What is asked of the drive.
-    profiles : dict of str to ServoProfile
-        The bundled profiles; those of other makers than the EDS's are not tried.
+    Args:
+        eds: The data sheet.
+        cell, axis: What is asked of the drive.
+        profiles: The bundled profiles; those of other makers than the EDS's are not tried.
     """
     makers = {
         name: profile

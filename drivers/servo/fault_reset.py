@@ -25,16 +25,11 @@ LOOK_S = 0.02
 class FaultReset:
     """What a drive was, and what it is after it was told to reset its fault.
 
-    Attributes
-    ----------
-    joint, node_id : str, int
-        Which drive.
-    before, after : PowerState
-        Its power state; the same where it was not in fault and nothing was sent.
-    error : str
-        What it said of its fault; empty where there was none.
-    refusal : str
-        Why the command could not be written; empty where it could.
+    Attributes:
+        joint, node_id: Which drive.
+        before, after: Its power state; the same where it was not in fault and nothing was sent.
+        error: What it said of its fault; empty where there was none.
+        refusal: Why the command could not be written; empty where it could.
     """
 
     joint: str
@@ -60,21 +55,14 @@ def reset_fault(
 ) -> FaultReset:
     """Reset a drive's fault, if it has one.
 
-    Parameters
-    ----------
-    link : CanLink
-        The bus.
-    axis : DriveAxis
-        The drive.
-    others : callable
-        Takes the frames that are not this drive's SDO answers, with their time [s].
+    Args:
+        link: The bus.
+        axis: The drive.
+        others: Takes the frames that are not this drive's SDO answers, with their time [s].
 
-    Raises
-    ------
-    DeviceTimeoutError
-        The drive does not answer.
-    TransportError
-        The bus is gone.
+    Raises:
+        DeviceTimeoutError: The drive does not answer.
+        TransportError: The bus is gone.
     """
     port = SdoPort(link, axis.node_id, others)
     joint, node = axis.joint, axis.node_id

@@ -43,11 +43,9 @@ _CORRECT = "correct `referenced` in the axis's servo by the drive's manual"
 class PositionCounter:
     """A counter that goes from its highest value to its lowest, and back.
 
-    Attributes
-    ----------
-    lowest, highest : int
-        The values between which 6064h and 607Ah count: those of 607Bh (CiA 402-2, position range
-        limit), or of 32 bits.
+    Attributes:
+        lowest, highest: The values between which 6064h and 607Ah count: those of 607Bh (CiA 402-2,
+            position range limit), or of 32 bits.
     """
 
     lowest: int = _INT32[0]
@@ -110,19 +108,13 @@ def reference_setting(
 ) -> DriveSetting:
     """Return the line that says whether a drive is referenced.
 
-    Parameters
-    ----------
-    port : SdoPort
-        The drive.
-    axis : DriveAxis
-        Its axis in the cell file.
-    referenced : ReferencedBits or None
-        The bits of its profile that say it; None if it has none.
+    Args:
+        port: The drive.
+        axis: Its axis in the cell file.
+        referenced: The bits of its profile that say it; None if it has none.
 
-    Raises
-    ------
-    DeviceTimeoutError, TransportError
-        The drive does not answer, or the bus is gone.
+    Raises:
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
     """
     if referenced is None:
         stated = "position_zero_counts" in axis.model_fields_set
@@ -161,12 +153,9 @@ def reference_setting(
 class PositionTargets:
     """What the axes are told in a cycle, those by position and those by velocity together.
 
-    Parameters
-    ----------
-    by_position : sequence of bool
-        Which axes follow positions.
-    cycle_time_s : float
-        How long a set-point acts [s].
+    Args:
+        by_position: Which axes follow positions.
+        cycle_time_s: How long a set-point acts [s].
     """
 
     def __init__(self, by_position: Sequence[bool], cycle_time_s: float) -> None:
@@ -182,12 +171,10 @@ class PositionTargets:
     ) -> list[int]:
         """Return the set-points at rest: of an axis without power where it stands.
 
-        Parameters
-        ----------
-        counts, enabled : ndarray, shape (axes,)
-            6064h of the last answers, and whether the drive is in Operation Enabled.
-        counters : sequence of PositionCounter
-            How the drives count, one an axis.
+        Args:
+            counts, enabled: Shape (axes,). 6064h of the last answers, and whether the drive is in
+                Operation Enabled.
+            counters: How the drives count, one an axis.
         """
         for axis, (at, powered) in enumerate(zip(counts.tolist(), enabled.tolist(), strict=True)):
             if not powered:

@@ -58,22 +58,15 @@ class AxisAnswer(NamedTuple):
 class PowerSequence:
     """Which controlwords come next, and whether the drives do in time what they say.
 
-    Parameters
-    ----------
-    axes : sequence of DriveAxis
-        The drives, base to flange.
-    cell, robot : CellConfig, RobotDescription
-        Cycle time, decelerations of a quick stop, largest velocities.
-    clock : Clock
-        The clock of the bus.
-    exchange : CyclicExchange
-        Where their answers are, and where words go that no cycle follows.
-    watch : DriveWatch
-        What the drives say by themselves.
-    run_cycle : callable
-        Runs the next cycle: SYNC, answers, then the controlwords that it is given, with velocity 0.
-    stopped : callable
-        Whether a stop was ordered: then no drive is led on to power.
+    Args:
+        axes: The drives, base to flange.
+        cell, robot: Cycle time, decelerations of a quick stop, largest velocities.
+        clock: The clock of the bus.
+        exchange: Where their answers are, and where words go that no cycle follows.
+        watch: What the drives say by themselves.
+        run_cycle: Runs the next cycle: SYNC, answers, then the controlwords that it is given, with
+            velocity 0.
+        stopped: Whether a stop was ordered: then no drive is led on to power.
     """
 
     def __init__(
@@ -105,14 +98,10 @@ class PowerSequence:
     def wait_until_operational(self) -> None:
         """Wait until every drive answers SYNC and says that it is operational.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            A drive does not, in `START_TIMEOUT_S`.
-        DeviceFaultError
-            A drive reports a fault meanwhile.
-        SafetyStop
-            A stop was ordered.
+        Raises:
+            DeviceTimeoutError: A drive does not, in `START_TIMEOUT_S`.
+            DeviceFaultError: A drive reports a fault meanwhile.
+            SafetyStop: A stop was ordered.
         """
         until_s = self._clock.now_s() + START_TIMEOUT_S
         waiting = [axis.joint for axis in self._axes]
@@ -127,15 +116,11 @@ class PowerSequence:
     def enable(self) -> None:
         """Lead every drive to Operation Enabled, one checked step a cycle.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            A drive does not get there in its `enable_timeout_s`, or does not say that it follows
-            its command (6041h bit 12).
-        DeviceFaultError
-            A drive is in fault or reports one, or has left Operation Enabled.
-        SafetyStop
-            A stop was ordered.
+        Raises:
+            DeviceTimeoutError: A drive does not get there in its `enable_timeout_s`, or does not
+                say that it follows its command (6041h bit 12).
+            DeviceFaultError: A drive is in fault or reports one, or has left Operation Enabled.
+            SafetyStop: A stop was ordered.
         """
         until_s = self._clock.now_s() + self._enable_s
         words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)

@@ -99,10 +99,8 @@ class Requirement:
     def encoded(self, value: int) -> bytes:
         """Return a value as it is written.
 
-        Raises
-        ------
-        ConfigError
-            It does not fit.
+        Raises:
+            ConfigError: It does not fit.
         """
         try:
             return value.to_bytes(self.size, "little", signed=self.signed)
@@ -257,10 +255,8 @@ def safety_requirements(
     A drive knows its motor alone: with a coupled wrist its following error and its deceleration are
     the motor's, over its gear ratio. `acceleration` is the joint's largest [rad/s² or m/s²].
 
-    Raises
-    ------
-    ConfigError
-        The torque limit cannot be said in the numbers of its object.
+    Raises:
+        ConfigError: The torque limit cannot be said in the numbers of its object.
     """
     safety, mode = cell.drive_safety, profile.mode
     return (

@@ -19,18 +19,13 @@ MISSING = (SdoCode.NO_OBJECT, SdoCode.NO_SUBINDEX)
 class SdoPort:
     """Blocking SDO with one node; every other frame of the bus goes to `others`.
 
-    Parameters
-    ----------
-    link : CanLink
-        The bus.
-    node_id : int
-        The drive.
-    others : callable
-        Called with each frame that is not an answer of this node's SDO server, and its time [s].
-    timeout_s : float
-        How long to wait for each answer. Nothing is asked twice.
-    write_log : WriteLog, optional
-        Where what is written is kept first, with what was there.
+    Args:
+        link: The bus.
+        node_id: The drive.
+        others: Called with each frame that is not an answer of this node's SDO server, and its time
+            [s].
+        timeout_s: How long to wait for each answer. Nothing is asked twice.
+        write_log: Where what is written is kept first, with what was there.
     """
 
     def __init__(
@@ -51,24 +46,18 @@ class SdoPort:
     def read(self, index: int, subindex: int) -> bytes:
         """Return an object's bytes.
 
-        Raises
-        ------
-        SdoAbort
-            The drive refuses.
-        DeviceTimeoutError
-            The drive does not answer.
-        TransportError
-            The bus is gone.
+        Raises:
+            SdoAbort: The drive refuses.
+            DeviceTimeoutError: The drive does not answer.
+            TransportError: The bus is gone.
         """
         return self._run(self._client.upload(index, subindex, self._link.clock.now_s()))
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object; raises as `read` does.
 
-        Raises
-        ------
-        RecordingError
-            The write log cannot be written; the object was not.
+        Raises:
+            RecordingError: The write log cannot be written; the object was not.
         """
         if self._write_log is not None:
             try:

@@ -22,16 +22,11 @@ from drivers.settings.write_log import WriteLog
 class DriveService:
     """Questions and orders by SDO that switch no power on.
 
-    Parameters
-    ----------
-    link, cell : CanLink, CellConfig
-        The open bus and its cell. The constructor does not use the bus.
-    axes : sequence of DriveAxis
-        The drives, in the order of the robot's joints.
-    watch : DriveWatch
-        Takes what else comes from the drives meanwhile.
-    write_log : WriteLog, optional
-        Where what is written is kept, with what was there.
+    Args:
+        link, cell: The open bus and its cell. The constructor does not use the bus.
+        axes: The drives, in the order of the robot's joints.
+        watch: Takes what else comes from the drives meanwhile.
+        write_log: Where what is written is kept, with what was there.
     """
 
     def __init__(
@@ -51,10 +46,8 @@ class DriveService:
     def claim_bus(self) -> None:
         """Make sure that no other master is on the bus, before anything is asked or told.
 
-        Raises
-        ------
-        LockedError
-            Another master is active.
+        Raises:
+            LockedError: Another master is active.
         """
         listen_for_masters(self._link, self._cell, self._watch)
 
@@ -85,14 +78,10 @@ class DriveService:
     def reset_faults(self) -> tuple[FaultReset, ...]:
         """Reset the drives that are in fault, as a person has asked; no power, no motion.
 
-        Raises
-        ------
-        LockedError
-            Another master is active on the bus.
-        DeviceTimeoutError
-            A drive does not answer.
-        TransportError
-            The bus is gone.
+        Raises:
+            LockedError: Another master is active on the bus.
+            DeviceTimeoutError: A drive does not answer.
+            TransportError: The bus is gone.
         """
         self.claim_bus()
         return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
@@ -100,10 +89,8 @@ class DriveService:
     def power_states(self) -> tuple[PowerState, ...]:
         """Ask every drive for its state.
 
-        Raises
-        ------
-        DeviceTimeoutError, TransportError
-            A drive does not answer, or the bus is gone.
+        Raises:
+            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is gone.
         """
         return tuple(state_of(port.read_int(0x6041, 0)) for port in self.ports())
 
@@ -112,10 +99,8 @@ class DriveService:
 
         Those that are asked for their state are silent when nobody asks.
 
-        Raises
-        ------
-        DeviceTimeoutError, TransportError
-            A drive does not answer, or the bus is gone.
+        Raises:
+            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is gone.
         """
         for port, consumer in zip(self.ports(), self._watch.heartbeats, strict=True):
             if not consumer.guarded:

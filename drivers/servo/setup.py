@@ -73,18 +73,12 @@ class DriveSetup:
     A refused or ignored write shows as a red setting and the rest is still done, so that one run
     names everything that is wrong. Only a drive that stops answering, or a lost bus, raises.
 
-    Parameters
-    ----------
-    link : CanLink
-        The bus.
-    axis, joint, cell : DriveAxis, Joint, CellConfig
-        The drive, the joint that it moves and the cell's limits.
-    reach : tuple of float
-        The lowest and highest position of the drive's motor over its gear ratio [rad or m].
-    others : callable
-        Takes the frames that are not this drive's SDO answers, with their time [s].
-    write_log : WriteLog, optional
-        Where what is written is kept, with what was there.
+    Args:
+        link: The bus.
+        axis, joint, cell: The drive, the joint that it moves and the cell's limits.
+        reach: The lowest and highest position of the drive's motor over its gear ratio [rad or m].
+        others: Takes the frames that are not this drive's SDO answers, with their time [s].
+        write_log: Where what is written is kept, with what was there.
     """
 
     def __init__(
@@ -114,12 +108,9 @@ class DriveSetup:
 
         Nothing is written to one that is another than the cell file or its data sheet says.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            The drive stopped answering.
-        TransportError
-            The bus is gone.
+        Raises:
+            DeviceTimeoutError: The drive stopped answering.
+            TransportError: The bus is gone.
         """
         self._identify()
         if not self._is_expected():

@@ -46,12 +46,9 @@ class _Delay(NamedTuple):
 class StopRamp:
     """An axis on its ramp, from the largest velocity that it is let have.
 
-    Attributes
-    ----------
-    velocity : float
-        The joint's limit with the margin at which the motion is stopped [rad/s or m/s].
-    deceleration : float
-        As the drive holds it [rad/s² or m/s²]; 0 where it holds none.
+    Attributes:
+        velocity: The joint's limit with the margin at which the motion is stopped [rad/s or m/s].
+        deceleration: As the drive holds it [rad/s² or m/s²]; 0 where it holds none.
     """
 
     velocity: float
@@ -108,18 +105,14 @@ def stop_settings(
 ) -> Iterator[DriveSetting]:
     """Judge what one drive holds by where its axis comes to rest.
 
-    Parameters
-    ----------
-    cell, axis, joint, motor, units : CellConfig, DriveAxis, Joint, MotorRatings, AxisUnits
-        The limits, the drive, its joint, its motor, and the drive's numbers in the joint's units.
-        With a coupled wrist everything is the motor's, over its gear ratio.
-    held : Held
-        What was read back, by index and subindex; an object that could not be read is left out, and
-        red already.
+    Args:
+        cell, axis, joint, motor, units: The limits, the drive, its joint, its motor, and the
+            drive's numbers in the joint's units. With a coupled wrist everything is the motor's,
+            over its gear ratio.
+        held: What was read back, by index and subindex; an object that could not be read is left
+            out, and red already.
 
-    Yields
-    ------
-    DriveSetting
+    Yields:
         The ordered stop, the farthest way to rest after a fault, and the torque for it.
     """
     ramp = _ramp(cell, axis, joint, units, held)

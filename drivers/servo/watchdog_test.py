@@ -26,18 +26,14 @@ HEARTBEAT_LOST = 0x8130
 class WatchTrial:
     """What one drive did.
 
-    Attributes
-    ----------
-    joint, node_id : str, int
-        Which drive.
-    noticed_s : float
-        How long this computer took to notice that the drive fell silent [s]; NaN: it did not.
-    acted_s : float
-        How long the drive took to act after this computer's last heartbeat [s]; NaN: it did not.
-    how : str
-        What it did, in words.
-    powered : bool
-        Whether it was switched on, so that what was seen was its quick stop.
+    Attributes:
+        joint, node_id: Which drive.
+        noticed_s: How long this computer took to notice that the drive fell silent [s]; NaN: it did
+            not.
+        acted_s: How long the drive took to act after this computer's last heartbeat [s]; NaN: it
+            did not.
+        how: What it did, in words.
+        powered: Whether it was switched on, so that what was seen was its quick stop.
     """
 
     joint: str
@@ -56,10 +52,9 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
     is seen: nobody may be in the cell. Otherwise it is their emergency message. A fault that a
     drive is in by this trial is reset.
 
-    Raises
-    ------
-    LockedError, PreflightError, DeviceTimeoutError, DeviceFaultError, TransportError
-        As of `bring_up`, `start` and `enable`.
+    Raises:
+        LockedError, PreflightError, DeviceTimeoutError, DeviceFaultError, TransportError: As of
+            `bring_up`, `start` and `enable`.
     """
     noticed = _silent_drives(axes, clock, cell)
     axes.bring_up()
@@ -82,12 +77,10 @@ def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
 
     The drives are configured before and after; nothing is done where all have told how they react.
 
-    Raises
-    ------
-    PreflightError
-        A drive went on, or was too late.
-    LockedError, DeviceTimeoutError, DeviceFaultError, TransportError
-        As of `bring_up`, `start` and `enable`.
+    Raises:
+        PreflightError: A drive went on, or was too late.
+        LockedError, DeviceTimeoutError, DeviceFaultError, TransportError: As of `bring_up`, `start`
+            and `enable`.
     """
     if not axes.left_to_trial:
         return

@@ -105,20 +105,16 @@ class DriveBackup(ConfigModel):
     def read(cls, path: Path) -> DriveBackup:
         """Read the file.
 
-        Raises
-        ------
-        ConfigError
-            It cannot be read, or is none.
+        Raises:
+            ConfigError: It cannot be read, or is none.
         """
         return read_json_file(path, cls, _BACKUP_BYTES, "a backup of `rid-daq drives backup`")
 
     def write(self, path: Path) -> None:
         """Write the file.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be written.
+        Raises:
+            RecordingError: It cannot be written.
         """
         write_whole(path, self.model_dump_json(indent=1).encode() + b"\n")
 

@@ -63,13 +63,10 @@ _LINE: TypeAdapter[DriveLine | ChangeLine] = TypeAdapter(
 class WriteLog:
     """Appends to a write log; the file is made with its first line.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its folder is made too.
-    durable : bool
-        Whether each line is on the disk before its write; simulated drives do not outlive a
-        computer without power, and need not wait for it.
+    Args:
+        path: The file; its folder is made too.
+        durable: Whether each line is on the disk before its write; simulated drives do not outlive
+            a computer without power, and need not wait for it.
     """
 
     def __init__(self, path: Path, *, durable: bool = True) -> None:
@@ -84,10 +81,8 @@ class WriteLog:
     def add_drive(self, node_id: int, identity: DriveIdentity) -> None:
         """Say which drive a node is.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be written.
+        Raises:
+            RecordingError: It cannot be written.
         """
         self._append(DriveLine(node_id=node_id, identity=identity))
         self._nodes.add(node_id)
@@ -97,10 +92,8 @@ class WriteLog:
     ) -> None:
         """Say what is about to change; `old` in words is why it is not known.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be written; then nothing may be written to the drive either.
+        Raises:
+            RecordingError: It cannot be written; then nothing may be written to the drive either.
         """
         known = isinstance(old, bytes)
         self._append(
@@ -151,10 +144,8 @@ def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
 
     A last line that is not whole is left out: its write did not reach the drive.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or is none; the message has the line.
+    Raises:
+        ConfigError: The file cannot be read, or is none; the message has the line.
     """
     with system_errors(ConfigError, f"{path}: cannot be read", code="RID-FILE-READ"):
         data = read_file(path, _LOG_BYTES, follow_link=False)

@@ -62,14 +62,11 @@ class Clearances:
     the surroundings with its tool point alone. Bodies whose surrounding capsules are far apart are
     not looked at any closer.
 
-    Attributes
-    ----------
-    chain : Chain
-        The robot's geometry.
-    pairs : tuple of (solid, solid)
-        What must stay apart; the second of each is a body of the robot.
-    margin_m : float
-        The least distance.
+    Attributes:
+        chain: The robot's geometry.
+        pairs: Tuple of (solid, solid). What must stay apart; the second of each is a body of the
+            robot.
+        margin_m: The least distance.
     """
 
     chain: Chain
@@ -139,10 +136,8 @@ class Clearances:
     def clear_pose(self, first: FloatArray, others: FloatArray, robot: str) -> FloatArray:
         """Return a pose (n,) that is clear: the first, or one of the others (poses, n).
 
-        Raises
-        ------
-        ConfigError
-            None is; `robot` is named in the message.
+        Raises:
+            ConfigError: None is; `robot` is named in the message.
         """
         for pose in (first, *others):
             if self.is_clear(pose[np.newaxis]):
@@ -156,17 +151,12 @@ class Clearances:
     def shortfall(self, q: FloatArray) -> tuple[float, FloatArray]:
         """Return by how much bodies are too close, and how that changes with the joints.
 
-        Parameters
-        ----------
-        q : (samples, n) array
-            Joint positions [rad or m].
+        Args:
+            q: Shape (samples, n). Joint positions [rad or m].
 
-        Returns
-        -------
-        squares : float
-            Sum over samples and pairs of the squares of what the distances lack [m^2].
-        gradient : (samples, n) array
-            Its derivatives by the joint positions.
+        Returns:
+            `squares`. Sum over samples and pairs of the squares of what the distances lack [m^2].
+            `gradient`, shape (samples, n). Its derivatives by the joint positions.
         """
         gradient = np.zeros_like(q)
         links = link_transforms(self.chain, q)

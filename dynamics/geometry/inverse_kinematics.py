@@ -22,27 +22,18 @@ def follow(
 ) -> FloatArray:
     """Return joint positions along a path of the tool point, from one point to the next.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    points_m : (samples, 3) array
-        Wanted tool points in the base frame; neighbours are close.
-    near : (n,) array
-        A pose near the first: it chooses among the arm's ways to reach it.
-    rotation : (3, 3) array, optional
-        Orientation of the last link's frame to hold; free, if not given. An arm of three joints has
-        none to choose.
+    Args:
+        chain: The arm.
+        points_m: Shape (samples, 3). Wanted tool points in the base frame; neighbours are close.
+        near: Shape (n,). A pose near the first: it chooses among the arm's ways to reach it.
+        rotation: Shape (3, 3). Orientation of the last link's frame to hold; free, if not given. An
+            arm of three joints has none to choose.
 
-    Returns
-    -------
-    (samples, n) array
-        Joint positions [rad or m].
+    Returns:
+        Shape (samples, n). Joint positions [rad or m].
 
-    Raises
-    ------
-    ConfigError
-        A point cannot be reached from the one before, or only through a singular pose.
+    Raises:
+        ConfigError: A point cannot be reached from the one before, or only through a singular pose.
     """
     found = np.empty((len(points_m), chain.n))
     pose = np.array(near, dtype=float)
@@ -58,23 +49,15 @@ def reach(
 ) -> FloatArray:
     """Return the joint positions near a pose that put the tool point where it is wanted.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    point : (3,) array
-        Wanted tool point in the base frame [m].
-    near : (n,) array
-        A pose near it.
-    rotation : (3, 3) array or None
-        Orientation of the last link's frame to hold; None leaves it free.
-    what : str
-        What a message calls the point.
+    Args:
+        chain: The arm.
+        point: Shape (3,). Wanted tool point in the base frame [m].
+        near: Shape (n,). A pose near it.
+        rotation: Shape (3, 3). Orientation of the last link's frame to hold; None leaves it free.
+        what: What a message calls the point.
 
-    Raises
-    ------
-    ConfigError
-        It cannot be reached from there, or only through a singular pose.
+    Raises:
+        ConfigError: It cannot be reached from there, or only through a singular pose.
     """
     pose = near
     place = ", ".join(f"{1e3 * x:.0f}" for x in point)
@@ -110,10 +93,9 @@ def _tool_words(chain: Chain, pose: FloatArray) -> str:
 class PathSlopes(NamedTuple):
     """Joint positions along a path of the tool point, and how they change with its length.
 
-    Attributes
-    ----------
-    position, slope, bend : (samples, n) array
-        rad or m, and its first two derivatives by the length [1/m, 1/m^2].
+    Attributes:
+        position, slope, bend: Shape (samples, n). rad or m, and its first two derivatives by the
+            length [1/m, 1/m^2].
     """
 
     position: FloatArray
@@ -131,21 +113,15 @@ def refine(
 ) -> PathSlopes:
     """Return joint positions along a path from good guesses, all rows at once, and their slopes.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    points_m, direction, curvature : (samples, 3) array
-        The path in the base frame: points, unit tangents, and their change by the length [1/m].
-    near : (samples, n) array
-        Poses near those wanted.
-    rotation : (3, 3) array, optional
-        Orientation of the last link's frame to hold.
+    Args:
+        chain: The arm.
+        points_m, direction, curvature: Shape (samples, 3). The path in the base frame: points, unit
+            tangents, and their change by the length [1/m].
+        near: Shape (samples, n). Poses near those wanted.
+        rotation: Shape (3, 3). Orientation of the last link's frame to hold.
 
-    Raises
-    ------
-    ConfigError
-        The guesses were not near enough.
+    Raises:
+        ConfigError: The guesses were not near enough.
     """
     position = np.array(near, dtype=float)
     for _ in range(ITERATIONS):

@@ -23,17 +23,13 @@ class Chain:
     Frame 0 is the base. These are the frames that link parameters and rotor axes are written in,
     whichever convention the robot file uses.
 
-    Attributes
-    ----------
-    rows : (n, 5) array
-        alpha [rad], beta [rad], theta [rad], a [m], d [m] of Rot_x(alpha) Trans_x(a) Rot_y(beta)
-        Rot_z(theta) Trans_z(d), from frame i-1 to i (theory: section 1).
-    prismatic : (n,) bool array
-        True where the joint position adds to d, False where it adds to theta.
-    gravity_m_s2 : (3,) array
-        Acceleration of free fall in the base frame.
-    tool_m : (3,) array
-        Tool point in the frame of the last link.
+    Attributes:
+        rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of Rot_x(alpha)
+            Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), from frame i-1 to i (theory: section 1).
+        prismatic: Shape (n,). True where the joint position adds to d, False where it adds to
+            theta.
+        gravity_m_s2: Shape (3,). Acceleration of free fall in the base frame.
+        tool_m: Shape (3,). Tool point in the frame of the last link.
     """
 
     rows: FloatArray
@@ -90,22 +86,16 @@ class Chain:
 def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     """Return the homogeneous transforms from every link frame to the base frame.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    q : (samples, n) array
-        Joint positions [rad or m].
+    Args:
+        chain: The arm.
+        q: Shape (samples, n). Joint positions [rad or m].
 
-    Returns
-    -------
-    (samples, n, 4, 4) array
-        `T[s, i] @ (x, y, z, 1)` is in the base frame what (x, y, z) is in frame i+1.
+    Returns:
+        Shape (samples, n, 4, 4). `T[s, i] @ (x, y, z, 1)` is in the base frame what (x, y, z) is in
+        frame i+1.
 
-    Raises
-    ------
-    EstimationError
-        Where q does not have the shape (samples, n).
+    Raises:
+        EstimationError: If q does not have the shape (samples, n).
     """
     position = np.asarray(q, dtype=np.float64)
     if position.ndim != 2 or position.shape[1] != chain.n:
@@ -140,23 +130,16 @@ def forward(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 def jacobian(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     """Return the geometric Jacobian of the tool point.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    q : (samples, n) array
-        Joint positions [rad or m].
+    Args:
+        chain: The arm.
+        q: Shape (samples, n). Joint positions [rad or m].
 
-    Returns
-    -------
-    (samples, 6, n) array
-        Linear velocity of the tool point, then angular velocity, in the base frame, per unit of
-        each joint's speed.
+    Returns:
+        Shape (samples, 6, n). Linear velocity of the tool point, then angular velocity, in the base
+        frame, per unit of each joint's speed.
 
-    Raises
-    ------
-    EstimationError
-        Where q does not have the shape (samples, n).
+    Raises:
+        EstimationError: If q does not have the shape (samples, n).
     """
     transforms = link_transforms(chain, q)
     last = transforms[:, -1]
@@ -174,21 +157,14 @@ def point_jacobian(
 ) -> FloatArray:
     """Return how points that are fixed to links move with the joints.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    transforms : (samples, n, 4, 4) array
-        Where its links are, by `link_transforms`.
-    links : (samples,) int array
-        The link that carries each point, 0 for the base.
-    points_m : (samples, 3) array
-        The points, in the base frame.
+    Args:
+        chain: The arm.
+        transforms: Shape (samples, n, 4, 4). Where its links are, by `link_transforms`.
+        links: Shape (samples,). The link that carries each point, 0 for the base.
+        points_m: Shape (samples, 3). The points, in the base frame.
 
-    Returns
-    -------
-    (samples, 3, n) array
-        Velocity in the base frame per unit of each joint's speed.
+    Returns:
+        Shape (samples, 3, n). Velocity in the base frame per unit of each joint's speed.
     """
     axes, origins = transforms[:, :, :3, 2], transforms[:, :, :3, 3]
     turning = np.cross(axes, points_m[:, np.newaxis] - origins)

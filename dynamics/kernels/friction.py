@@ -17,19 +17,14 @@ def friction_function(
 ) -> float:
     """Return a friction term of size one.
 
-    Parameters
-    ----------
-    function : int
-        Which: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5 cubic, 6 cube root,
-        7 Stribeck.
-    u : float
-        The actuator's speed.
-    scale : float
-        Stribeck's speed.
-    smoothing : float
-        sign(v) is tanh(v / smoothing); 0 for a hard one.
-    direction : float
-        The way that a joint with presliding remembers, in place of sign(v); `BY_SPEED` for others.
+    Args:
+        function: Which: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5 cubic, 6 cube
+            root, 7 Stribeck.
+        u: The actuator's speed.
+        scale: Stribeck's speed.
+        smoothing: sign(v) is tanh(v / smoothing); 0 for a hard one.
+        direction: The way that a joint with presliding remembers, in place of sign(v); `BY_SPEED`
+            for others.
     """
     sign = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else 0.0)
     smooth = math.tanh(u / smoothing) if smoothing > 0.0 else sign

@@ -79,21 +79,17 @@ def pull_back(
 ) -> None:
     """Find how sums of weights * columns of links and rotors change with the motion.
 
-    Parameters
-    ----------
-    chain, rotors : ChainArrays, RotorArrays
-        As for `fill_rotors`.
-    moved : two (3, samples, n) arrays
-        Positions, velocities, accelerations of the joints and of the actuators.
-    first_link : int
-        The first link (from 0) that has weights; n leaves the links out.
-    weights : two arrays, (sums, samples, n, 10 (n - first_link)) and (sums, samples, n, rotors)
-        Weights on the columns of `fill_rigid_body` and of `fill_rotors`, in the rows of the joints.
-    found : two (sums, 3, samples, n) arrays
-        Derivatives of each sum by what the joints and, where there are rotors, the actuators did;
-        written. Zero on entry.
-    first, last : int
-        The samples to do.
+    Args:
+        chain, rotors: As for `fill_rotors`.
+        moved: Two (3, samples, n) arrays. Positions, velocities, accelerations of the joints and of
+            the actuators.
+        first_link: The first link (from 0) that has weights; n leaves the links out.
+        weights: Two arrays, (sums, samples, n, 10 (n - first_link)) and (sums, samples, n, rotors).
+            Weights on the columns of `fill_rigid_body` and of `fill_rotors`, in the rows of the
+            joints.
+        found: Two (sums, 3, samples, n) arrays. Derivatives of each sum by what the joints and,
+            where there are rotors, the actuators did; written. Zero on entry.
+        first, last: The samples to do.
     """
     motion, actuator = moved
     link_weights, rotor_weights = weights

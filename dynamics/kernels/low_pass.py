@@ -22,14 +22,12 @@ COLUMNS: Final = 32
 def filter_both_ways(sections: FloatArray, start: FloatArray, values: FloatArray) -> None:
     """Filter columns forwards, then backwards, in place.
 
-    Parameters
-    ----------
-    sections : (k, 6) array
-        b0, b1, b2, 1, a1, a2 of each section, in the order in which they follow one another.
-    start : (k, 2) array
-        State of each section after a one that lasted for ever (transposed direct form II).
-    values : (samples, columns) array
-        Time first, C-ordered; overwritten.
+    Args:
+        sections: Shape (k, 6). b0, b1, b2, 1, a1, a2 of each section, in the order in which they
+            follow one another.
+        start: Shape (k, 2). State of each section after a one that lasted for ever (transposed
+            direct form II).
+        values: Shape (samples, columns). Time first, C-ordered; overwritten.
     """
     samples, columns = values.shape
     first = np.empty((len(sections), COLUMNS))

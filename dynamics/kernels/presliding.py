@@ -43,20 +43,15 @@ def follow(
 ) -> None:
     """Drive a joint's state along a path.
 
-    Parameters
-    ----------
-    path : (samples,) array
-        Positions, in the order of time.
-    distance : float
-        Presliding distance d: what a joint at rest is moved until all of it slides.
-    share : float
-        Share of its friction that gives way over that distance; the rest holds at once.
-    state : (STATE,) array
-        Where it begins; left as it is at the end, so that the next samples go on from there.
-    out : (samples, FOUND) array
-        Written: the direction, its derivatives by the distance and by the share, and 1 from where
-        on the direction does not depend on the state that the path began with (twice the longest
-        distance was gone through), otherwise 0.
+    Args:
+        path: Shape (samples,). Positions, in the order of time.
+        distance: Presliding distance d: what a joint at rest is moved until all of it slides.
+        share: Share of its friction that gives way over that distance; the rest holds at once.
+        state: Shape (STATE,). Where it begins; left as it is at the end, so that the next samples
+            go on from there.
+        out: Shape (samples, FOUND). Written: the direction, its derivatives by the distance and by
+            the share, and 1 from where on the direction does not depend on the state that the path
+            began with (twice the longest distance was gone through), otherwise 0.
     """
     widest = 0.5 * ELEMENTS * distance
     longest = distance if share == 1.0 else max(distance, AT_ONCE)

@@ -49,21 +49,16 @@ def fill_rigid_body(
 ) -> None:
     """Fill the columns of the ten parameters of every link from `first_link` (from 0) on.
 
-    Parameters
-    ----------
-    chain : tuple of arrays
-        `Chain.arrays`.
-    motion : (3, samples, n) array
-        Joint positions, velocities, accelerations.
-    of_base : bool
-        Whether the rows of `out` are the six components of the base wrench or the n joints.
-    first_link : int
-        The first link that has columns.
-    out : (samples, 6 or n, 10 (n - first_link)) array
-        All of it is written, known zeros too; the columns must be neighbours in memory.
-        Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
-    first, last : int
-        The samples to fill.
+    Args:
+        chain: `Chain.arrays`.
+        motion: Shape (3, samples, n). Joint positions, velocities, accelerations.
+        of_base: Whether the rows of `out` are the six components of the base wrench or the n
+            joints.
+        first_link: The first link that has columns.
+        out: Shape (samples, 6 or n, 10 (n - first_link)). All of it is written, known zeros too;
+            the columns must be neighbours in memory. Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy,
+            Iyz, Izz.
+        first, last: The samples to fill.
     """
     rows, fixed_rotations, prismatic, gravity = chain
     joints, columns = motion.shape[2], out.shape[2]
@@ -114,21 +109,16 @@ def fill_rotors(
 ) -> None:
     """Fill the column of every rotor's polar inertia (theory: section 3).
 
-    Parameters
-    ----------
-    chain : tuple of arrays
-        `Chain.arrays`.
-    rotors : tuple of arrays
-        joint, link, axis and ratio as in `Rotors`; then (n, n) C^-T: the joint torques (columns)
-        that are one unit of torque on one actuator.
-    motion, actuator : (3, samples, n) arrays
-        Positions, velocities, accelerations of the joints and of the actuators.
-    of_base : bool
-        Whether the rows of `out` are the six components of the base wrench or the n joints.
-    out : (samples, 6 or n, rotors) array
-        Zero on entry.
-    first, last : int
-        The samples to fill.
+    Args:
+        chain: `Chain.arrays`.
+        rotors: joint, link, axis and ratio as in `Rotors`; then (n, n) C^-T: the joint torques
+            (columns) that are one unit of torque on one actuator.
+        motion, actuator: Shape (3, samples, n). Positions, velocities, accelerations of the joints
+            and of the actuators.
+        of_base: Whether the rows of `out` are the six components of the base wrench or the n
+            joints.
+        out: Shape (samples, 6 or n, rotors). Zero on entry.
+        first, last: The samples to fill.
     """
     rows, fixed_rotations, prismatic, _ = chain
     rotor_joint, rotor_link, rotor_axis, rotor_ratio, own_torque = rotors

@@ -19,14 +19,10 @@ from dynamics.kernels.simd import kernel
 def pull_taut(time_s: FloatArray, low: FloatArray, high: FloatArray, path: FloatArray) -> None:
     """Find the shortest path through bounds, from the middle of the first to that of the last.
 
-    Parameters
-    ----------
-    time_s : (samples,) array
-        Strictly ascending.
-    low, high : (samples,) arrays
-        The bounds, low at most high.
-    path : (samples,) array
-        Written.
+    Args:
+        time_s: Shape (samples,). Strictly ascending.
+        low, high: Shape (samples,). The bounds, low at most high.
+        path: Shape (samples,). Written.
     """
     last = len(time_s) - 1
     bounds = np.empty((2, last + 1))  # the upper ones turned over, so that both sides are concave

@@ -14,16 +14,12 @@ RISE, BY_TIME_CONSTANT = 0, 1
 def warm_up(time_s: FloatArray, heat: FloatArray, time_constant_s: float, out: FloatArray) -> None:
     """Let heat T x' = heat - x warm a body that begins cold, x = 0.
 
-    Parameters
-    ----------
-    time_s : (samples,) array
-        Rising [s].
-    heat : (samples,) array
-        What flows in from each sample until the next, in units of the rise that it ends at.
-    time_constant_s : float
-        T [s].
-    out : (samples, 2) array
-        Written: the rise, and its derivative by the time constant.
+    Args:
+        time_s: Shape (samples,). Rising [s].
+        heat: Shape (samples,). What flows in from each sample until the next, in units of the rise
+            that it ends at.
+        time_constant_s: T [s].
+        out: Shape (samples, 2). Written: the rise, and its derivative by the time constant.
     """
     rise = 0.0
     slope = 0.0

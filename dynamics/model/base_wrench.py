@@ -17,19 +17,14 @@ def base_wrench(
 ) -> FloatArray:
     """Return the wrench that the base exerts on the robot, (samples, 6) [N, N m].
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
-    parameters : (parameters,) array
-        Values of `model.parameter_names`.
+    Args:
+        model: The robot.
+        q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
+            per s^2].
+        parameters: Shape (parameters,). Values of `model.parameter_names`.
 
-    Raises
-    ------
-    EstimationError
-        Where a shape does not fit the model.
+    Raises:
+        EstimationError: If a shape does not fit the model.
     """
     theta = checked_parameters(model, parameters)
     return np.asarray(base_wrench_regressor(model, q, v, a) @ theta)
@@ -48,12 +43,9 @@ def base_wrench_gradient(
     By central differences: exact in v, in which the wrench is quadratic, and in a, in which it is
     linear; in q to some 1e-8 of it.
 
-    Parameters
-    ----------
-    model, q, v, a, parameters : RobotModel, ndarray, ndarray, ndarray, ndarray
-        As for `base_wrench`.
-    weights : (samples, 6) array
-        The weights.
+    Args:
+        model, q, v, a, parameters: As for `base_wrench`.
+        weights: Shape (samples, 6). The weights.
     """
     motion = np.array([q, v, a])
     _, samples, n = motion.shape

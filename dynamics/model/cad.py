@@ -19,27 +19,19 @@ SMALLEST_ARM_M: Final = 0.01
 def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
     """Return what the drawings say of a model's standard parameters.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The model.
-    robot : RobotDescription
-        Its robot, with `cad`.
+    Args:
+        robot: Its robot, with `cad`.
 
-    Returns
-    -------
-    values : (parameters,) array
-        The links' inertial parameters about their frames' origins; zero for all others.
-    sigmas : (parameters,) array
-        Their standard deviations: the stated share of the link's mass, of its first moment and of
-        the size of its inertia, or all of the inertia that a body of the mass may have where the
-        drawings tell none; infinite where the drawings say nothing (friction, rotors, spring, links
-        that are a guess).
+    Returns:
+        `values`, shape (parameters,). The links' inertial parameters about their frames' origins;
+            zero for all others.
+        `sigmas`, shape (parameters,). Their standard deviations: the stated share of the link's
+            mass, of its first moment and of the size of its inertia, or all of the inertia that a
+            body of the mass may have where the drawings tell none; infinite where the drawings say
+            nothing (friction, rotors, spring, links that are a guess).
 
-    Raises
-    ------
-    ConfigError
-        Where the robot has no `cad`.
+    Raises:
+        ConfigError: If the robot has no `cad`.
     """
     if robot.cad is None:
         raise ConfigError(
@@ -61,10 +53,8 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
 def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
     """Return `cad_parameters` of a robot whose drawings tell something.
 
-    Raises
-    ------
-    ConfigError
-        The robot has no `cad`, or guesses only.
+    Raises:
+        ConfigError: The robot has no `cad`, or guesses only.
     """
     values, sigmas = cad_parameters(model, robot)
     if not np.isfinite(sigmas).any():

@@ -28,26 +28,19 @@ def torque_derivatives(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the derivatives of the actuators' torques by q, v and a.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot. The jumps of a hard sign(v) and of gear losses are left out.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
-    parameters : (parameters,) array
-        Values of `model.parameter_names`.
-    conditions : Conditions, optional
-        Temperature and payload; the load is computed here.
+    Args:
+        model: The robot. The jumps of a hard sign(v) and of gear losses are left out.
+        q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
+            per s^2].
+        parameters: Shape (parameters,). Values of `model.parameter_names`.
+        conditions: Temperature and payload; the load is computed here.
 
-    Returns
-    -------
-    by_q, by_v, by_a : (samples, n, n) arrays
-        Element (s, i, j) is the derivative of torque i by coordinate j of the joints.
+    Returns:
+        `by_q, by_v, by_a`, shape (samples, n, n). Element (s, i, j) is the derivative of torque i
+        by coordinate j of the joints.
 
-    Raises
-    ------
-    EstimationError
-        Where a shape does not fit the model, or a condition is missing.
+    Raises:
+        EstimationError: If a shape does not fit the model, or a condition is missing.
     """
     theta = checked_parameters(model, parameters)
     if model.transmission.losses:
@@ -74,19 +67,13 @@ def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) 
 
     Its rows are joint torques (not actuator torques), before any loss in the gears.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot, without its payload.
-    q : (samples, n) array
-        Joint positions [rad or m].
-    parameters : (parameters,) array
-        Values of `model.parameter_names`.
+    Args:
+        model: The robot, without its payload.
+        q: Shape (samples, n). Joint positions [rad or m].
+        parameters: Shape (parameters,). Values of `model.parameter_names`.
 
-    Raises
-    ------
-    EstimationError
-        Where a shape does not fit the model.
+    Raises:
+        EstimationError: If a shape does not fit the model.
     """
     theta = checked_parameters(model, parameters)
     inertial = replace(
@@ -115,26 +102,18 @@ def regressor_gradient(
 
     Any scalar J of the regressor has the gradient that this gives with weights = dJ / dPhi.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot. The jumps of a hard sign(v) and of gear losses are left out.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
-    weights : (samples, n, parameters) array
-        The weights.
-    conditions : Conditions, optional
-        As for `regressor`.
+    Args:
+        model: The robot. The jumps of a hard sign(v) and of gear losses are left out.
+        q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
+            per s^2].
+        weights: Shape (samples, n, parameters). The weights.
+        conditions: As for `regressor`.
 
-    Returns
-    -------
-    by_q, by_v, by_a : (samples, n) arrays
-        The gradient.
+    Returns:
+        `by_q, by_v, by_a`, shape (samples, n). The gradient.
 
-    Raises
-    ------
-    EstimationError
-        Where a shape does not fit the model, or a condition is missing.
+    Raises:
+        EstimationError: If a shape does not fit the model, or a condition is missing.
     """
     motion = model.motion(q, v, a, conditions)
     expected = (*motion.joint.shape[1:], len(model.parameter_names))

@@ -32,18 +32,13 @@ def with_memory(
 ) -> Conditions:
     """Return the conditions of a motion with what the robot's friction remembers of it.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    q : ndarray, shape (samples, n)
-        Joint positions in the order of time [rad or m].
-    conditions : Conditions, optional
-        The motion's other conditions.
-    segment : ndarray of int64, shape (samples,), optional
-        Number of the segment that a row belongs to; nothing is remembered over a gap.
-    periodic : bool
-        The motion is one period of many.
+    Args:
+        model: The robot.
+        q: Shape (samples, n). Joint positions in the order of time [rad or m].
+        conditions: The motion's other conditions.
+        segment: Shape (samples,). Number of the segment that a row belongs to; nothing is
+            remembered over a gap.
+        periodic: The motion is one period of many.
     """
     conditions, own = conditions or Conditions(), presliding(model)
     if not own:

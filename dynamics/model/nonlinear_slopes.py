@@ -22,21 +22,15 @@ def nonlinear_slopes(
 ) -> FloatArray:
     """Return the derivative of the torque by `model.nonlinear_names`, (samples, n, any).
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
-    parameters : (parameters,) array
-        Values of `model.parameter_names`.
-    conditions : Conditions, optional
-        Its `load_nm` is needed where gears lose something.
+    Args:
+        model: The robot.
+        q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
+            per s^2].
+        parameters: Shape (parameters,). Values of `model.parameter_names`.
+        conditions: Its `load_nm` is needed where gears lose something.
 
-    Raises
-    ------
-    EstimationError
-        Where a shape does not fit the model, or the load is missing.
+    Raises:
+        EstimationError: If a shape does not fit the model, or the load is missing.
     """
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)

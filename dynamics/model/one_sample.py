@@ -56,17 +56,13 @@ _ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH, DIRECTION = 0, 1
 class SampleTorque:
     """A robot's model with its parameters, ready to be evaluated sample by sample.
 
-    Attributes
-    ----------
-    joints : int
-        How many joints.
-    arrays : ModelArrays
-        What `sample_torque` takes.
-    presliding : ndarray, shape (2, n)
-        Presliding distance of each actuator [rad or m], 0 where friction remembers nothing, and
-        the share of its friction that gives way so. A sample alone does not say where a joint came
-        from: it slides by sign(v) here, and by what it remembers in
-        `dynamics.model.remembered_sample`.
+    Attributes:
+        joints: How many joints.
+        arrays: What `sample_torque` takes.
+        presliding: Shape (2, n). Presliding distance of each actuator [rad or m], 0 where friction
+            remembers nothing, and the share of its friction that gives way so. A sample alone does
+            not say where a joint came from: it slides by sign(v) here, and by what it remembers in
+            `dynamics.model.remembered_sample`.
     """
 
     joints: int
@@ -79,20 +75,16 @@ class SampleTorque:
     ) -> SampleTorque:
         """Take a model and its parameters, without payload.
 
-        Parameters
-        ----------
-        model : RobotModel
-            The robot.
-        parameters : (parameters,) array
-            Values of `model.parameter_names`, in their order and units.
-        least_smoothing_rad_s : float
-            sign(v) of friction is smoothed at least so much: rounding at rest is no motion.
+        Args:
+            model: The robot.
+            parameters: Shape (parameters,). Values of `model.parameter_names`, in their order and
+                units.
+            least_smoothing_rad_s: sign(v) of friction is smoothed at least so much: rounding at
+                rest is no motion.
 
-        Raises
-        ------
-        EstimationError
-            The parameters are not the model's, friction depends on the drives' temperature, or the
-            model has a term that is not known here.
+        Raises:
+            EstimationError: The parameters are not the model's, friction depends on the drives'
+                temperature, or the model has a term that is not known here.
         """
         theta = checked_parameters(model, parameters)
         n = model.chain.n
@@ -155,10 +147,9 @@ class SampleTorque:
     def __call__(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the actuators' torques, link side, shape (n,) [N m or N].
 
-        Parameters
-        ----------
-        q, v, a : ndarray, shape (n,)
-            Joint positions, velocities, accelerations [rad or m, per s, per s^2].
+        Args:
+            q, v, a: Shape (n,). Joint positions, velocities, accelerations [rad or m, per s, per
+                s^2].
         """
         torque = np.empty(self.joints)
         sample_torque(self.arrays, q, v, a, torque)
@@ -195,14 +186,10 @@ def sample_torque(
 ) -> None:
     """Compute the actuators' torques of one sample.
 
-    Parameters
-    ----------
-    model : tuple of arrays
-        `SampleTorque.arrays`; the last is written to.
-    q, v, a : (n,) arrays
-        Joint positions, velocities, accelerations.
-    torque : (n,) array
-        Written.
+    Args:
+        model: `SampleTorque.arrays`; the last is written to.
+        q, v, a: Shape (n,). Joint positions, velocities, accelerations.
+        torque: Shape (n,). Written.
     """
     rows, fixed, prismatic, bodies, terms, coupling, memory = model
     n = len(q)

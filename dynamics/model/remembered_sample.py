@@ -30,17 +30,12 @@ def unknown(joints: int) -> FloatArray:
 def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: FloatArray) -> None:
     """Go on to a pose.
 
-    Parameters
-    ----------
-    q : (n,) array
-        Positions of the actuators, link side [rad or m].
-    presliding : (2, n) array
-        `SampleTorque.presliding`.
-    state : (n, STATE) array
-        What joints remember; written.
-    found : (n, FOUND) array
-        Written: what each has in place of sign(v), -1 to 1, and what else `follow` tells;
-        `BY_SPEED` for joints that remember nothing.
+    Args:
+        q: Shape (n,). Positions of the actuators, link side [rad or m].
+        presliding: Shape (2, n). `SampleTorque.presliding`.
+        state: Shape (n, STATE). What joints remember; written.
+        found: Shape (n, FOUND). Written: what each has in place of sign(v), -1 to 1, and what else
+            `follow` tells; `BY_SPEED` for joints that remember nothing.
     """
     for j in range(len(q)):
         if presliding[0, j] > 0.0:
@@ -60,12 +55,9 @@ def remembered_torque(
 ) -> None:
     """Compute the actuators' torques of one sample.
 
-    Parameters
-    ----------
-    model, q, v, a, torque
-        As for `sample_torque`.
-    found : (n, FOUND) array
-        As `go_to` writes it.
+    Args:
+        model, q, v, a, torque: As for `sample_torque`.
+        found: Shape (n, FOUND). As `go_to` writes it.
     """
     n = len(q)
     told = model[6][n + one_sample.DIRECTION]

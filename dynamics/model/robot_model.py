@@ -34,20 +34,13 @@ BLOCK_SAMPLES: Final = 512
 class RobotModel:
     """Inverse dynamics tau = Phi(q, v, a) theta of one robot.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange; the joints of every array's last or second axis.
-    chain : Chain
-        The geometry.
-    terms : tuple of Term
-        The rigid bodies first, so that the first 10 n parameters are always the links'.
-    transmission : Transmission
-        What the gears take of the torque that they transmit.
-    coupling : WristCoupling or None
-        C of q = C alpha, where the actuators move several joints (5.18).
-    speed_limits : tuple of float
-        The joints' speed limits [rad/s or m/s]; empty where none are known.
+    Attributes:
+        joint_names: Base to flange; the joints of every array's last or second axis.
+        chain: The geometry.
+        terms: The rigid bodies first, so that the first 10 n parameters are always the links'.
+        transmission: What the gears take of the torque that they transmit.
+        coupling: C of q = C alpha, where the actuators move several joints (5.18).
+        speed_limits: The joints' speed limits [rad/s or m/s]; empty where none are known.
     """
 
     joint_names: tuple[str, ...]
@@ -82,12 +75,9 @@ class RobotModel:
 
         `rotors` stands for plain armatures too, `payload` adds an unknown body on the last link.
 
-        Raises
-        ------
-        ConfigError
-            Where the description's spring is invalid.
-        EstimationError
-            Where `sign_smoothing_rad_s` is negative.
+        Raises:
+            ConfigError: If the description's spring is invalid.
+            EstimationError: If `sign_smoothing_rad_s` is negative.
         """
         chain = Chain.from_description(robot)
         terms: list[Term] = [RigidBodies(chain)]
@@ -164,10 +154,8 @@ class RobotModel:
     def with_nonlinear(self, values: npt.ArrayLike) -> RobotModel:
         """Return the same model with other values of `nonlinear_names`.
 
-        Raises
-        ------
-        EstimationError
-            Where there are not as many values as names.
+        Raises:
+            EstimationError: If there are not as many values as names.
         """
         rest = np.asarray(values, dtype=np.float64)
         if rest.shape != (len(self._nonlinear),):
@@ -213,25 +201,19 @@ def regressor(
 ) -> FloatArray:
     """Return Phi with tau = Phi theta, the actuators' torques at the link side.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
-    conditions : Conditions, optional
-        Temperature, load and payload, where the model depends on them.
+    Args:
+        model: The robot.
+        q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
+            per s^2].
+        conditions: Temperature, load and payload, where the model depends on them.
 
-    Returns
-    -------
-    (samples, n, parameters) array
-        N m (N for a prismatic joint) per unit of each of `model.parameter_names`. Without coupling
-        an actuator's torque is its joint's.
+    Returns:
+        Shape (samples, n, parameters). N m (N for a prismatic joint) per unit of each of
+        `model.parameter_names`. Without coupling an actuator's torque is its joint's.
 
-    Raises
-    ------
-    EstimationError
-        Where q, v and a do not all have the shape (samples, n), or a condition is missing.
+    Raises:
+        EstimationError: If q, v and a do not all have the shape (samples, n), or a condition is
+            missing.
     """
     motion = model.motion(q, v, a, conditions)
     out = np.empty((*motion.joint.shape[1:], len(model.parameter_names)))
@@ -250,24 +232,16 @@ def regressor_blocks(
 ) -> Iterator[tuple[slice, FloatArray]]:
     """Yield the regressor piece by piece, so that its memory does not grow with the recording.
 
-    Parameters
-    ----------
-    model, q, v, a, conditions : RobotModel, ndarray, ndarray, ndarray, Conditions or None
-        As for `regressor`.
-    block : int
-        Samples a piece; the default stays in a core's cache.
+    Args:
+        model, q, v, a, conditions: As for `regressor`.
+        block: Samples a piece; the default stays in a core's cache.
 
-    Yields
-    ------
-    samples : slice
-        The samples of the piece.
-    phi : (samples, n, parameters) array
-        Their regressor. The next piece overwrites it.
+    Yields:
+        `samples`. The samples of the piece.
+        `phi`, shape (samples, n, parameters). Their regressor. The next piece overwrites it.
 
-    Raises
-    ------
-    EstimationError
-        As for `regressor`.
+    Raises:
+        EstimationError: As for `regressor`.
     """
     motion = model.motion(q, v, a, conditions)
     _, samples, n = motion.joint.shape
@@ -302,21 +276,16 @@ def base_wrench_regressor(
     At rest its force is the weight, pointing up; a force plate under the base feels the opposite
     (theory: section 7, one more backward Newton-Euler step).
 
-    Parameters
-    ----------
-    model, q, v, a, conditions : RobotModel, ndarray, ndarray, ndarray, Conditions or None
-        As for `regressor`.
+    Args:
+        model, q, v, a, conditions: As for `regressor`.
 
-    Returns
-    -------
-    (samples, 6, parameters) array
-        Fx, Fy, Fz [N], then Mx, My, Mz [N m] about the base frame's origin, in its axes. The base
-        feels neither friction nor spring (their columns are zero) nor the rotors' motor side.
+    Returns:
+        Shape (samples, 6, parameters). Fx, Fy, Fz [N], then Mx, My, Mz [N m] about the base frame's
+        origin, in its axes. The base feels neither friction nor spring (their columns are zero) nor
+        the rotors' motor side.
 
-    Raises
-    ------
-    EstimationError
-        Where q, v and a do not all have the shape (samples, n).
+    Raises:
+        EstimationError: If q, v and a do not all have the shape (samples, n).
     """
     motion = model.motion(q, v, a, conditions)
     out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)))
@@ -335,21 +304,16 @@ def torque(
 ) -> FloatArray:
     """Return the actuators' torques at the link side, (samples, n) [N m or N].
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    q, v, a : (samples, n) arrays
-        Joint positions, velocities, accelerations [rad or m, per s, per s^2].
-    parameters : (parameters,) array
-        Values of `model.parameter_names`, in their order and units.
-    conditions : Conditions, optional
-        Temperature and payload; the load is computed here.
+    Args:
+        model: The robot.
+        q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
+            per s^2].
+        parameters: Shape (parameters,). Values of `model.parameter_names`, in their order and
+            units.
+        conditions: Temperature and payload; the load is computed here.
 
-    Raises
-    ------
-    EstimationError
-        Where a shape does not fit the model, or a condition is missing.
+    Raises:
+        EstimationError: If a shape does not fit the model, or a condition is missing.
     """
     theta = checked_parameters(model, parameters)
     if model.transmission.losses:
@@ -387,10 +351,8 @@ def load_torque(
 def checked_parameters(model: RobotModel, parameters: npt.ArrayLike) -> FloatArray:
     """Return the parameters as an array.
 
-    Raises
-    ------
-    EstimationError
-        Where there is not one value for each of the model's parameters.
+    Raises:
+        EstimationError: If there is not one value for each of the model's parameters.
     """
     theta, expected = np.asarray(parameters, dtype=np.float64), len(model.parameter_names)
     if theta.shape != (expected,):

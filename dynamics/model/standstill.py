@@ -31,14 +31,10 @@ def standstill(model: RobotModel, speed_rad_s: float) -> FloatArray:
 def moving(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
     """Return where actuators move fast enough for their friction to be known, (samples, n).
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    v : (samples, n) array
-        The joints' velocities [rad/s or m/s].
-    standstill_rad_s : float
-        Below this speed a joint stands; see `standstill`.
+    Args:
+        model: The robot.
+        v: Shape (samples, n). The joints' velocities [rad/s or m/s].
+        standstill_rad_s: Below this speed a joint stands; see `standstill`.
     """
     return np.asarray(np.abs(model.actuator_speed(v)) >= standstill(model, standstill_rad_s))
 
@@ -48,10 +44,8 @@ def moving_on(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> Bool
 
     A slow recording may show no row of a quick reversal, at which friction jumps all the same.
 
-    Parameters
-    ----------
-    model, v, standstill_rad_s
-        As for `moving`; consecutive rows.
+    Args:
+        model, v, standstill_rad_s: As for `moving`; consecutive rows.
     """
     moves = moving(model, v, standstill_rad_s)
     speed = model.actuator_speed(v)

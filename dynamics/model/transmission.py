@@ -86,10 +86,8 @@ class Transmission:
     def factors(self, motion: Motion) -> FloatArray | None:
         """Return what the torque behind each gear is multiplied by, (samples, n); None for 1.
 
-        Raises
-        ------
-        EstimationError
-            Where the gears lose something and the motion's load is not known.
+        Raises:
+            EstimationError: If the gears lose something and the motion's load is not known.
         """
         if not self.losses:
             return None

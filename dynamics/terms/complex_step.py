@@ -20,11 +20,8 @@ def slopes(columns: Callable[[Values], Values], x: FloatArray) -> FloatArray:
     The complex step (Squire and Trapp 1998): f(x + i h) = f(x) + i h f'(x) + O(h^2), so for a
     tiny h the imaginary part over h is the derivative, with no difference taken.
 
-    Parameters
-    ----------
-    columns : function
-        The functions, each applied element by element.
-    x : array
-        Where.
+    Args:
+        columns: The functions, each applied element by element.
+        x: Where.
     """
     return np.asarray(columns(x + 1j * STEP).imag / STEP)

@@ -14,18 +14,16 @@ from dynamics.terms.memory import Memory
 class Conditions:
     """The circumstances of a motion.
 
-    Attributes
-    ----------
-    temperature_k : (samples, n) or (n,) array, or None
-        Temperature of each joint's drive [K]; needed by temperature-dependent friction.
-    load_nm : (samples, n) array, or None
-        Signed torque that each gear transmits, link side [N m or N]; needed by transmission
-        efficiency and load-dependent friction. `load_torque` computes it from parameters.
-    payload : bool
-        Whether the unknown payload is attached.
-    memory : Memory or None
-        Which way joints slide by the path that they came along; needed by friction with presliding,
-        which slides by sign(v) without it. `dynamics.model.memory` follows a motion.
+    Attributes:
+        temperature_k: Shape (samples, n) or (n,). Temperature of each joint's drive [K]; needed by
+            temperature-dependent friction.
+        load_nm: Shape (samples, n). Signed torque that each gear transmits, link side [N m or N];
+            needed by transmission efficiency and load-dependent friction. `load_torque` computes it
+            from parameters.
+        payload: Whether the unknown payload is attached.
+        memory: Which way joints slide by the path that they came along; needed by friction with
+            presliding, which slides by sign(v) without it. `dynamics.model.memory` follows a
+            motion.
     """
 
     temperature_k: FloatArray | None = None

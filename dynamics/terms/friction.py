@@ -212,10 +212,8 @@ class Friction:
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill `out`, (samples, n, coefficients).
 
-        Raises
-        ------
-        EstimationError
-            Where friction depends on temperature and the motion's is not known.
+        Raises:
+            EstimationError: If friction depends on temperature and the motion's is not known.
         """
         for c, column in enumerate(self.columns):
             speed = motion.actuator[1, :, column.joint]

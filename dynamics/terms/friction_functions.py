@@ -23,23 +23,16 @@ Sign = Literal["braking", "curve", "free"]
 class FunctionTraits:
     """Properties of one friction function.
 
-    Attributes
-    ----------
-    symbol : str
-        Of its coefficient; a parameter is called SYMBOL_JOINT.
-    units : tuple of str
-        Of its coefficient, on a revolute and on a prismatic joint.
-    sign : str
-        Constraint of a physically consistent coefficient: `braking` is not negative, a joint with a
-        `curve` brakes at every speed, `free` has no constraint.
-    by_direction : bool
-        Whether it depends on the direction of motion, which presliding friction remembers.
-    smooth : bool
-        Whether it may stay in a model that is differentiated at speed zero.
-    kernel : int or None
-        Number in `dynamics.kernels.friction`; None if it depends on a temperature.
-    words : str or None
-        Name for what a format of straight friction leaves out; None if that format holds it.
+    Attributes:
+        symbol: Of its coefficient; a parameter is called SYMBOL_JOINT.
+        units: Of its coefficient, on a revolute and on a prismatic joint.
+        sign: Constraint of a physically consistent coefficient: `braking` is not negative, a joint
+            with a `curve` brakes at every speed, `free` has no constraint.
+        by_direction: Whether it depends on the direction of motion, which presliding friction
+            remembers.
+        smooth: Whether it may stay in a model that is differentiated at speed zero.
+        kernel: Number in `dynamics.kernels.friction`; None if it depends on a temperature.
+        words: Name for what a format of straight friction leaves out; None if that format holds it.
     """
 
     symbol: str
@@ -80,10 +73,8 @@ FRICTION_FUNCTIONS: Final[dict[FrictionFunction, FunctionTraits]] = {
 def traits(function: FrictionFunction) -> FunctionTraits:
     """Return the properties of a friction function.
 
-    Raises
-    ------
-    EstimationError
-        The function has no row.
+    Raises:
+        EstimationError: The function has no row.
     """
     found = FRICTION_FUNCTIONS.get(function)
     if found is None:

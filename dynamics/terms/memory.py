@@ -30,14 +30,11 @@ from dynamics.terms.term_parameter import NonlinearParameter
 class Presliding:
     """How a joint (from 0) gives way before it slides.
 
-    Attributes
-    ----------
-    joint : int
-        Which joint.
-    distance : NonlinearParameter
-        What it is moved until all of it slides [rad or m].
-    share : NonlinearParameter or None
-        Share of its friction that gives way so, while the rest holds at once; None for all of it.
+    Attributes:
+        joint: Which joint.
+        distance: What it is moved until all of it slides [rad or m].
+        share: Share of its friction that gives way so, while the rest holds at once; None for all
+            of it.
     """
 
     joint: int
@@ -54,18 +51,15 @@ class Presliding:
 class Memory:
     """What the joints with presliding remember.
 
-    Attributes
-    ----------
-    joints : tuple of int
-        Joints (from 0) with presliding, one a column.
-    direction : ndarray, shape (samples, columns)
-        In place of sign(v), from -1 to 1.
-    by_distance : ndarray, shape (samples, columns)
-        Its derivative by the presliding distance [1/rad or 1/m].
-    by_share : ndarray, shape (samples, columns)
-        Its derivative by the share of the friction that gives way.
-    known : ndarray of bool, shape (samples, columns)
-        Whether it depends on the motion alone, and no more on how the joint stood before.
+    Attributes:
+        joints: Joints (from 0) with presliding, one a column.
+        direction: Shape (samples, columns). In place of sign(v), from -1 to 1.
+        by_distance: Shape (samples, columns). Its derivative by the presliding distance [1/rad or
+            1/m].
+        by_share: Shape (samples, columns). Its derivative by the share of the friction that gives
+            way.
+        known: Shape (samples, columns). Whether it depends on the motion alone, and no more on how
+            the joint stood before.
     """
 
     joints: tuple[int, ...]
@@ -85,16 +79,13 @@ class Memory:
     ) -> Memory:
         """Follow a path.
 
-        Parameters
-        ----------
-        presliding : sequence of Presliding
-            How the joints give way.
-        path : ndarray, shape (samples, n)
-            Positions of the actuators, link side, in the order of time [rad or m].
-        segment : ndarray of int64, shape (samples,), optional
-            Number of the segment that a row belongs to; nothing is remembered over a gap.
-        periodic : bool
-            The path is one period of a motion that repeats: it is gone through twice.
+        Args:
+            presliding: How the joints give way.
+            path: Shape (samples, n). Positions of the actuators, link side, in the order of time
+                [rad or m].
+            segment: Shape (samples,). Number of the segment that a row belongs to; nothing is
+                remembered over a gap.
+            periodic: The path is one period of a motion that repeats: it is gone through twice.
         """
         out = np.zeros((len(path), len(presliding), FOUND))
         starts = [0, len(path)]
@@ -118,12 +109,10 @@ class Memory:
     def known_through(self, segment: IntArray, rows: int) -> BoolArray:
         """Return where a low-passed direction is known, (samples, columns).
 
-        Parameters
-        ----------
-        segment : ndarray of int64, shape (samples,)
-            Number of the segment that a row belongs to; each was low-passed on its own.
-        rows : int
-            How many rows the low-pass carries what is not known into what follows.
+        Args:
+            segment: Shape (samples,). Number of the segment that a row belongs to; each was
+                low-passed on its own.
+            rows: How many rows the low-pass carries what is not known into what follows.
         """
         starts = np.concatenate([[0], np.flatnonzero(np.diff(segment)) + 1])
         number = np.arange(len(segment))
@@ -137,10 +126,8 @@ class Memory:
     def slopes(self, own: Presliding) -> tuple[tuple[NonlinearParameter, FloatArray], ...]:
         """Return a joint's nonlinear parameters, each with the direction's derivative, (samples,).
 
-        Parameters
-        ----------
-        own : Presliding
-            How one of `joints` gives way.
+        Args:
+            own: How one of `joints` gives way.
         """
         column = self.joints.index(own.joint)
         by_distance = (own.distance, self.by_distance[:, column])

@@ -17,17 +17,12 @@ from dynamics.terms.conditions import Conditions
 class Motion:
     """A motion in joint and in actuator coordinates, and its circumstances.
 
-    Attributes
-    ----------
-    joint : (3, samples, n) array
-        q, v, a of the joints [rad or m, per s, per s^2].
-    actuator : (3, samples, n) array
-        The same of the actuators, link side: alpha with q = C alpha (5.18). The very array of the
-        joints where the robot has no coupling.
-    coupling : WristCoupling or None
-        C and its inverse; None where each actuator moves its own joint only.
-    conditions : Conditions
-        Temperature, load, payload.
+    Attributes:
+        joint: Shape (3, samples, n). q, v, a of the joints [rad or m, per s, per s^2].
+        actuator: Shape (3, samples, n). The same of the actuators, link side: alpha with q = C
+            alpha (5.18). The very array of the joints where the robot has no coupling.
+        coupling: C and its inverse; None where each actuator moves its own joint only.
+        conditions: Temperature, load, payload.
     """
 
     joint: FloatArray
@@ -47,10 +42,8 @@ class Motion:
     ) -> Motion:
         """Stack q, v, a, each (samples, n), into fresh arrays.
 
-        Raises
-        ------
-        EstimationError
-            Where the shapes do not fit one another or the robot.
+        Raises:
+            EstimationError: If the shapes do not fit one another or the robot.
         """
         shapes = [np.shape(x) for x in (q, v, a)]
         expected = (*shapes[0][:1], joints)

@@ -68,23 +68,15 @@ def fill_links(
 ) -> None:
     """Fill the columns of the links from `first_link` (from 0) on, in the joints' rows.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm.
-    motion : Motion
-        The motion.
-    first_link : int
-        The first link with columns.
-    of_base : bool
-        Whether the rows are the six components of the base wrench or the n joints.
-    out : (samples, 6 or n, 10 (n - first_link)) array
-        Written whole, known zeros too. Its columns must be neighbours in memory.
+    Args:
+        chain: The arm.
+        first_link: The first link with columns.
+        of_base: Whether the rows are the six components of the base wrench or the n joints.
+        out: Shape (samples, 6 or n, 10 (n - first_link)). Written whole, known zeros too. Its
+            columns must be neighbours in memory.
 
-    Raises
-    ------
-    EstimationError
-        Where `out` is not such an array: the kernel would write beside it.
+    Raises:
+        EstimationError: If `out` is not such an array: the kernel would write beside it.
     """
     _, samples, n = motion.joint.shape
     expected = (samples, 6 if of_base else n, PARAMETERS_PER_LINK * (n - first_link))
@@ -106,17 +98,13 @@ def links_gradient(
 ) -> FloatArray:
     """Return how sums of weights * columns change with the motion of the joints.
 
-    Parameters
-    ----------
-    chain, motion, first_link : Chain, Motion, int
-        As for `fill_links`.
-    weights : (sums, samples, n, 10 (n - first_link)) array
-        Weights on the columns, in the rows of the actuators.
+    Args:
+        chain, motion, first_link: As for `fill_links`.
+        weights: Shape (sums, samples, n, 10 (n - first_link)). Weights on the columns, in the rows
+            of the actuators.
 
-    Returns
-    -------
-    (sums, 3, samples, n) array
-        Derivatives of each sum by q, v and a.
+    Returns:
+        Shape (sums, 3, samples, n). Derivatives of each sum by q, v and a.
     """
     out = np.zeros((len(weights), *motion.joint.shape))
     no_rotors: RotorArrays = (*_NO_ROTORS, np.eye(chain.n))

@@ -25,18 +25,12 @@ class Rotors:
     I_M (mu^2 q.. + mu e.w') on its joint's actuator. The base feels the first only. Where a wrist
     couples the axes, q of the rotor's own motion is its actuator's coordinate.
 
-    Attributes
-    ----------
-    chain : Chain
-        The arm.
-    joint : (rotors,) int array
-        The joint that a rotor drives, from 0.
-    link : (rotors,) int array
-        The link that carries it; 0 is the base.
-    axis : (rotors, 3) array
-        Unit vector of its spin in the frame of that link.
-    ratio : (rotors,) array
-        mu, rotor speed relative to its link over joint speed [1, or rad/m].
+    Attributes:
+        chain: The arm.
+        joint: Shape (rotors,). The joint that a rotor drives, from 0.
+        link: Shape (rotors,). The link that carries it; 0 is the base.
+        axis: Shape (rotors, 3). Unit vector of its spin in the frame of that link.
+        ratio: Shape (rotors,). mu, rotor speed relative to its link over joint speed [1, or rad/m].
     """
 
     chain: Chain

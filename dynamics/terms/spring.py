@@ -36,10 +36,9 @@ class Spring:
     def from_description(cls, robot: RobotDescription) -> Spring:
         """Take the robot's spring.
 
-        Raises
-        ------
-        ConfigError
-            Where the robot has none, or its geometry has no length at q = 0, or its joint slides.
+        Raises:
+            ConfigError: If the robot has none, or its geometry has no length at q = 0, or its joint
+                slides.
         """
         spring = robot.spring
         if spring is None:

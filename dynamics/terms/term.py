@@ -49,12 +49,8 @@ class Term(Protocol):
     def fill_torque(self, motion: Motion, out: FloatArray) -> None:
         """Fill in the actuators' torque, link side, per unit parameter.
 
-        Parameters
-        ----------
-        motion : Motion
-            The motion.
-        out : ndarray, shape (samples, n, parameters)
-            Zero on entry, a column a parameter.
+        Args:
+            out: Shape (samples, n, parameters). Zero on entry, a column a parameter.
         """
 
     @abstractmethod
@@ -65,17 +61,11 @@ class Term(Protocol):
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
         """Return how sums of weights * torque columns change with the motion.
 
-        Parameters
-        ----------
-        motion : Motion
-            The motion.
-        weights : ndarray, shape (sums, samples, n, parameters)
-            The weights of each sum.
+        Args:
+            weights: Shape (sums, samples, n, parameters). The weights of each sum.
 
-        Returns
-        -------
-        ndarray, shape (sums, 3, samples, n)
-            Derivatives by q, v and a of the joints.
+        Returns:
+            Shape (sums, 3, samples, n). Derivatives by q, v and a of the joints.
         """
 
 

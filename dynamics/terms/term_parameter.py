@@ -9,14 +9,9 @@ from dataclasses import dataclass
 class NonlinearParameter:
     """One parameter that the torque is not linear in.
 
-    Attributes
-    ----------
-    name, unit : str
-        What it is called, and its unit.
-    value : float
-        Its value.
-    low, high : float
-        The range that it must stay in.
+    Attributes:
+        name, unit: What it is called, and its unit.
+        low, high: The range that it must stay in.
     """
 
     name: str

@@ -29,16 +29,12 @@ _GOAL = re.compile(r"\s*([A-Za-z]\w*)\s*<\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?
 class Goal:
     """A standard deviation not to be exceeded.
 
-    Attributes
-    ----------
-    name : str
-        A base parameter's name, or `torque`: the predicted torque's RMS over the motion.
-    limit : float
-        Largest standard deviation, in the parameter's unit (N m for torque), or a share of it.
-    relative : bool
-        Whether `limit` is a share of the value.
-    text : str
-        As it was asked for.
+    Attributes:
+        name: A base parameter's name, or `torque`: the predicted torque's RMS over the motion.
+        limit: Largest standard deviation, in the parameter's unit (N m for torque), or a share of
+            it.
+        relative: Whether `limit` is a share of the value.
+        text: As it was asked for.
     """
 
     name: str
@@ -51,16 +47,9 @@ class Goal:
 class GoalState:
     """How far a goal is reached.
 
-    Attributes
-    ----------
-    goal : Goal
-        The goal.
-    sigma, limit : float
-        Standard deviation reached and allowed, in the unit.
-    noise : float or None
-        The part of `sigma` that falls with more periods; None where it is not known.
-    unit : str
-        The unit.
+    Attributes:
+        sigma, limit: Standard deviation reached and allowed, in the unit.
+        noise: The part of `sigma` that falls with more periods; None where it is not known.
     """
 
     goal: Goal
@@ -94,17 +83,12 @@ class GoalState:
 def parse_goals(texts: Sequence[str], model: RobotModel, base: BaseParameters) -> tuple[Goal, ...]:
     """Read goals such as `sx3<0.01kgm`, `fv_axis1<5%` or `torque<1.5Nm`.
 
-    Parameters
-    ----------
-    texts : sequence of str
-        One a goal; the unit may be left out, and is the parameter's own.
-    model, base : RobotModel, BaseParameters
-        The model, and what of it can be identified.
+    Args:
+        texts: One a goal; the unit may be left out, and is the parameter's own.
+        model, base: The model, and what of it can be identified.
 
-    Raises
-    ------
-    ConfigError
-        A goal cannot be read, or names what cannot be identified.
+    Raises:
+        ConfigError: A goal cannot be read, or names what cannot be identified.
     """
     return tuple(_parse(text, model, base) for text in texts)
 
@@ -114,14 +98,9 @@ def goal_states(
 ) -> tuple[GoalState, ...]:
     """Hold an estimate against goals.
 
-    Parameters
-    ----------
-    goals : sequence of Goal
-        The goals.
-    estimate : Estimate
-        The estimate so far.
-    motion : tuple of (samples, n) arrays
-        q, v, a on which a torque goal is judged.
+    Args:
+        estimate: The estimate so far.
+        motion: Tuple of (samples, n) arrays. q, v, a on which a torque goal is judged.
     """
     return tuple(_state(goal, estimate, motion) for goal in goals)
 

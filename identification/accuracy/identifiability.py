@@ -29,16 +29,11 @@ NOISELESS_SHARE: Final = 5e-4
 class WeakParameter:
     """A base parameter that cannot be told from zero.
 
-    Attributes
-    ----------
-    expression, unit : str
-        The parameter.
-    value, sigma : float
-        Its estimate and cluster-robust standard deviation.
-    motion : str
-        The motion that would show it best, in words; empty where none of those tried does.
-    gain : float
-        How many times smaller the standard deviation would be with that motion added.
+    Attributes:
+        expression, unit: The parameter.
+        value, sigma: Its estimate and cluster-robust standard deviation.
+        motion: The motion that would show it best, in words; empty where none of those tried does.
+        gain: How many times smaller the standard deviation would be with that motion added.
     """
 
     expression: str
@@ -67,12 +62,8 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     For each, motions of one joint or two at their limits are tried: their information is added to
     the estimate's own, as that of one more run of the same length and colour of residuals.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    most : int
-        How many are returned.
+    Args:
+        most: How many are returned.
     """
     sigma = estimate.sigma
     weak = [
@@ -129,13 +120,7 @@ _OF_TERMS: Final = {
 
 
 def few_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say of intervals that rest on few stretches of the recording that they are rough.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    """
+    """Say of intervals that rest on few stretches of the recording that they are rough."""
     clusters = estimate.clusters
     if clusters is None or clusters >= FEW_CLUSTERS:
         return ()
@@ -153,11 +138,6 @@ def noiseless_findings(estimate: Estimate) -> tuple[str, ...]:
 
     What the steps of an encoder leave is not independent from second to second, so that intervals
     of rigid-body parameters are too narrow.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
     """
     if estimate.method != "smoothed" or estimate.torque_nm is None:
         return ()
@@ -180,13 +160,7 @@ def noiseless_findings(estimate: Estimate) -> tuple[str, ...]:
 
 
 def still_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say what is left out of joints that no run moved.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    """
+    """Say what is left out of joints that no run moved."""
     return tuple(
         f"{each.words} stood still: its own friction and inertia are not shown and left out"
         f" ({', '.join(_of_joint(estimate, each.joint)) or 'none in the model'}), and the other"
@@ -204,13 +178,7 @@ def _of_joint(estimate: Estimate, joint: str) -> list[str]:
 
 
 def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Say of nonlinear parameters that the data do not show that they are no estimates.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    """
+    """Say of nonlinear parameters that the data do not show that they are no estimates."""
     model = estimate.model
     found = []
     for name, unit, value, (low, high) in zip(

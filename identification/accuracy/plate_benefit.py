@@ -29,17 +29,12 @@ RANK: float = 1e-10
 class ImprovedParameter:
     """One combination of parameters, and how well each model knows it.
 
-    Attributes
-    ----------
-    expression, unit : str
-        The combination.
-    value : float
-        Its estimate by the combined model.
-    sigma_internal, sigma_external : float or None
-        Standard deviation by the measured noise, with the joints' or the plate's outputs alone;
-        None where they do not show it.
-    sigma_combined : float
-        The same with both.
+    Attributes:
+        expression, unit: The combination.
+        value: Its estimate by the combined model.
+        sigma_internal, sigma_external: Standard deviation by the measured noise, with the joints'
+            or the plate's outputs alone; None where they do not show it.
+        sigma_combined: The same with both.
     """
 
     expression: str
@@ -59,14 +54,11 @@ class ImprovedParameter:
 class Improvement:
     """How much a force plate improved an estimate.
 
-    Attributes
-    ----------
-    parameters : tuple of ImprovedParameter
-        The internal model's base parameters, then those that only the plate shows.
-    shared : tuple of str
-        The parameters that both show.
-    determinant_ratio : float
-        Determinant of the covariance of the shared ones, internal over combined model.
+    Attributes:
+        parameters: The internal model's base parameters, then those that only the plate shows.
+        shared: The parameters that both show.
+        determinant_ratio: Determinant of the covariance of the shared ones, internal over combined
+            model.
     """
 
     parameters: tuple[ImprovedParameter, ...]
@@ -88,15 +80,12 @@ class Improvement:
 def improvement(fitted: FittedPeriods) -> Improvement:
     """Compare what is known with the plate, without it, and by the plate alone.
 
-    Parameters
-    ----------
-    fitted : FittedPeriods
-        A fit of the combined model.
+    Args:
+        fitted: A fit of the combined model.
 
-    Raises
-    ------
-    EstimationError
-        It is of another model, or the motion does not show the internal model's parameters.
+    Raises:
+        EstimationError: It is of another model, or the motion does not show the internal model's
+            parameters.
     """
     if fitted.options.kind != "combined":
         raise EstimationError(
@@ -165,10 +154,8 @@ def _covariance(
 
     A functional that the outputs do not show has infinite variance (and no covariances).
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show an unknown at all.
+    Raises:
+        EstimationError: The motion does not show an unknown at all.
     """
     factor = np.zeros((0, basis.shape[1]))
     for part in outputs:

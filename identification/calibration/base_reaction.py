@@ -24,18 +24,14 @@ BLOCK_ROWS = 4096
 class BaseLoad:
     """The largest reaction of a motion, component by component.
 
-    Attributes
-    ----------
-    peak : ndarray, shape (6,)
-        Largest magnitude of the wrench that the base exerts on the robot [N, N m].
-    sigma : ndarray, shape (6,)
-        Standard deviation of the prediction there.
-    at_s : ndarray, shape (6,)
-        When it is reached [s].
-    limit : ndarray, shape (6,)
-        What the floor may see.
-    weight_known : bool
-        Whether the robot's standing weight is in it; a plate cannot tell it from its offset.
+    Attributes:
+        peak: Shape (6,). Largest magnitude of the wrench that the base exerts on the robot [N, N
+            m].
+        sigma: Shape (6,). Standard deviation of the prediction there.
+        at_s: Shape (6,). When it is reached [s].
+        limit: Shape (6,). What the floor may see.
+        weight_known: Whether the robot's standing weight is in it; a plate cannot tell it from its
+            offset.
     """
 
     peak: FloatArray
@@ -87,23 +83,16 @@ def base_load(
 ) -> BaseLoad:
     """Predict the largest reaction of a motion, and hold it against limits.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the external or the combined model.
-    time_s : ndarray, shape (samples,)
-        Times [s].
-    q, v, a : ndarray, shape (samples, n)
-        The motion [rad or m, per s, per s^2].
-    limits : PlateLimits
-        What the floor may see.
-    mass_kg : float, optional
-        Mass of everything that the base carries; by the robot's drawings where it is not given.
+    Args:
+        estimate: Of the external or the combined model.
+        time_s: Shape (samples,). Times [s].
+        q, v, a: Shape (samples, n). The motion [rad or m, per s, per s^2].
+        limits: What the floor may see.
+        mass_kg: Mass of everything that the base carries; by the robot's drawings where it is not
+            given.
 
-    Raises
-    ------
-    EstimationError
-        The estimate is of the internal model.
+    Raises:
+        EstimationError: The estimate is of the internal model.
     """
     values, covariance, known = with_known_mass(estimate, mass_kg)
     wrench, sigma = np.empty((len(q), 6)), np.empty((len(q), 6))
@@ -132,19 +121,13 @@ def with_known_mass(
     What adds a constant wrench whatever the motion, a plate cannot tell from its offset: the mass
     of everything. It is `mass_kg`, else by the robot's drawings, else zero.
 
-    Returns
-    -------
-    values : ndarray, shape (b,)
-        Base parameters.
-    covariance : ndarray, shape (b, b)
-        The cluster-robust covariance of the others.
-    known : bool
-        Whether the mass is known from either.
+    Returns:
+        `values`, shape (b,). Base parameters.
+        `covariance`, shape (b, b). The cluster-robust covariance of the others.
+        `known`. Whether the mass is known from either.
 
-    Raises
-    ------
-    EstimationError
-        The estimate is of the internal model.
+    Raises:
+        EstimationError: The estimate is of the internal model.
     """
     if estimate.options.kind == "internal":
         raise EstimationError(
@@ -179,10 +162,8 @@ def weight_parameters(estimate: Estimate) -> IntArray:
 def weight_words(estimate: Estimate) -> tuple[str, ...]:
     """Return the parameters that only the standing weight shows, in words.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Of any model; without a force plate there are none.
+    Args:
+        estimate: Of any model; without a force plate there are none.
     """
     if estimate.options.kind == "internal":
         return ()

@@ -46,14 +46,11 @@ COMMON_FACTORS: Final = {
 class DriveGains:
     """True torque over measured torque of each joint.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        The joints.
-    values, sigma : ndarray, shape (n,)
-        Gains and their cluster-robust standard deviations; 1 where the torque constant is right.
-    covariance : ndarray, shape (n, n)
-        Of the gains, which share the error of the load.
+    Attributes:
+        joint_names: The joints.
+        values, sigma: Shape (n,). Gains and their cluster-robust standard deviations; 1 where the
+            torque constant is right.
+        covariance: Shape (n, n). Of the gains, which share the error of the load.
     """
 
     joint_names: tuple[str, ...]
@@ -80,15 +77,11 @@ class DriveGains:
     def require_plausible(self, mass_kg: float) -> None:
         """Refuse gains that no drive has, and name the likely mistake.
 
-        Parameters
-        ----------
-        mass_kg : float
-            The mass of the load as it was given.
+        Args:
+            mass_kg: The mass of the load as it was given.
 
-        Raises
-        ------
-        EstimationError
-            A gain is not within `PLAUSIBLE_GAINS`.
+        Raises:
+            EstimationError: A gain is not within `PLAUSIBLE_GAINS`.
         """
         low, high = PLAUSIBLE_GAINS
         bad = [j for j, gain in enumerate(self.values) if not low <= gain <= high]
@@ -132,19 +125,14 @@ def drive_gains(
 ) -> DriveGains:
     """Estimate the gains of all drives from runs with and without a weighed load.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        From the same runs; its model has a payload, of which only the mass is known.
-    runs : tuple of TimeRun
-        The recordings, some with the load.
-    mass_kg, mass_sigma_kg : float
-        Its mass, and the scales' standard deviation.
+    Args:
+        estimate: From the same runs; its model has a payload, of which only the mass is known.
+        runs: The recordings, some with the load.
+        mass_kg, mass_sigma_kg: Its mass, and the scales' standard deviation.
 
-    Raises
-    ------
-    EstimationError
-        The model has no payload or loses torque in its gears, or the motion does not tell a gain.
+    Raises:
+        EstimationError: The model has no payload or loses torque in its gears, or the motion does
+            not tell a gain.
     """
     base, model = estimate.base, estimate.model
     if MASS not in base.names:

@@ -28,14 +28,10 @@ SMALLEST_SHARE: Final = 0.01
 class PlateEquations:
     """Products of the base wrench's columns and the channels, without their constant parts.
 
-    Attributes
-    ----------
-    columns : ndarray, shape (6, b, b)
-        For each component Phi^T Phi of its columns.
-    crossed : ndarray, shape (6, b, 8)
-        Phi^T y of the channels' readings y.
-    channels : ndarray, shape (8, 8)
-        y^T y [N^2].
+    Attributes:
+        columns: Shape (6, b, b). For each component Phi^T Phi of its columns.
+        crossed: Shape (6, b, 8). Phi^T y of the channels' readings y.
+        channels: Shape (8, 8). y^T y [N^2].
     """
 
     columns: FloatArray
@@ -51,14 +47,10 @@ class PlateEquations:
     ) -> PlateEquations | None:
         """Condense the runs' equations; None if a channel was left out.
 
-        Parameters
-        ----------
-        averages : sequence of PeriodAverage
-            The runs' mean periods.
-        equations : sequence of BinEquations
-            Their equations, of the external or the combined model.
-        delays_s : sequence of float
-            By how much the plate's signals were late in each run [s].
+        Args:
+            averages: The runs' mean periods.
+            equations: Their equations, of the external or the combined model.
+            delays_s: By how much the plate's signals were late in each run [s].
         """
         columns, channels = [], []
         for each, average, delay_s in zip(equations, averages, delays_s, strict=True):

@@ -36,20 +36,13 @@ GROUPS: Final = ((0, 1), (2, 3), (0, 1, 2, 3), (4, 5, 6, 7))
 class PlateHypothesis:
     """A mistake in a plate's description.
 
-    Attributes
-    ----------
-    kind : PlateKind
-        What is wrong.
-    key : str
-        The key of the cell file's `plate` that states it.
-    stated, right : tuple of float
-        As `PlateMistake` has them.
-    words : str
-        What is wrong, in words.
-    matrix : ndarray, shape (6, 8)
-        The wrench matrix without the mistake.
-    free : int
-        How many numbers were fitted for it.
+    Attributes:
+        kind: What is wrong.
+        key: The key of the cell file's `plate` that states it.
+        stated, right: As `PlateMistake` has them.
+        words: What is wrong, in words.
+        matrix: Shape (6, 8). The wrench matrix without the mistake.
+        free: How many numbers were fitted for it.
     """
 
     kind: PlateKind
@@ -64,12 +57,9 @@ class PlateHypothesis:
 def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
     """Yield the mistakes, those that are solved for with their best value.
 
-    Parameters
-    ----------
-    equations : PlateEquations
-        The wrench.
-    plate : PlateConfig
-        The plate as its cell file describes it.
+    Args:
+        equations: The wrench.
+        plate: The plate as its cell file describes it.
     """
     matrix = wrench_matrix(plate)
     yield from _sizes(equations, plate, matrix)

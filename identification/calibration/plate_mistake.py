@@ -23,20 +23,14 @@ class PlateKind(StrEnum):
 class PlateMistake(ConfigModel):
     """What is probably wrong in the plate's description.
 
-    Attributes
-    ----------
-    kind : PlateKind
-        What is wrong.
-    key : str
-        The key of the cell file's `plate` that states it.
-    stated, right : tuple of float
-        Its value, and the value that explains the plate; of sensitivities the factors, of an order
-        the channels' numbers.
-    times_better : float
-        By which factor the residual falls where it falls most; 1 if the arm's weight tells the
-        mistake and no residual does.
-    sentence : str
-        The finding in words.
+    Attributes:
+        kind: What is wrong.
+        key: The key of the cell file's `plate` that states it.
+        stated, right: Its value, and the value that explains the plate; of sensitivities the
+            factors, of an order the channels' numbers.
+        times_better: By which factor the residual falls where it falls most; 1 if the arm's weight
+            tells the mistake and no residual does.
+        sentence: The finding in words.
     """
 
     kind: PlateKind

@@ -48,22 +48,13 @@ def find_plate_mistake(
 ) -> PlateMistake | None:
     """Return the mistake in a plate's description that explains its wrench far better, if any.
 
-    Parameters
-    ----------
-    averages : sequence of PeriodAverage
-        The runs' mean periods.
-    equations : sequence of BinEquations
-        Their equations, of the external or the combined model.
-    delays_s : sequence of float
-        By how much the plate's signals were late in each run [s].
-    plate : PlateConfig
-        The plate as its cell file describes it.
-    robot : RobotDescription
-        The robot, for its drawings.
-    model : RobotModel
-        Its model.
-    base : BaseParameters
-        The parameters of the equations.
+    Args:
+        averages: The runs' mean periods.
+        equations: Their equations, of the external or the combined model.
+        delays_s: By how much the plate's signals were late in each run [s].
+        plate: The plate as its cell file describes it.
+        robot: The robot, for its drawings.
+        base: The parameters of the equations.
     """
     found = PlateEquations.of(averages, equations, delays_s)
     if found is None:
@@ -80,16 +71,11 @@ def best_mistake(
 ) -> PlateMistake | None:
     """Return the mistake in a plate's description that explains condensed equations far better.
 
-    Parameters
-    ----------
-    equations : PlateEquations
-        The wrench.
-    plate : PlateConfig
-        The plate as its cell file describes it.
-    drawn : ndarray, shape (b,)
-        The parameters by the robot's drawings.
-    plausible : tuple of float
-        Smallest and largest weight of a real arm over the drawn one.
+    Args:
+        equations: The wrench.
+        plate: The plate as its cell file describes it.
+        drawn: Shape (b,). The parameters by the robot's drawings.
+        plausible: Smallest and largest weight of a real arm over the drawn one.
     """
     matrix = wrench_matrix(plate)
     before = equations.shares(matrix)

@@ -32,16 +32,11 @@ WORTH_TELLING: Final = 0.02
 class TorqueScale:
     """How the torques of one axis compare with the force plate.
 
-    Attributes
-    ----------
-    joint : str
-        The axis.
-    ratio : float
-        Torque as measured over torque as the plate has it.
-    sigma : float
-        Standard deviation of the ratio, cluster-robust.
-    p_value : float
-        Probability of such a deviation from 1 on any axis where all agree (Holm).
+    Attributes:
+        joint: The axis.
+        ratio: Torque as measured over torque as the plate has it.
+        sigma: Standard deviation of the ratio, cluster-robust.
+        p_value: Probability of such a deviation from 1 on any axis where all agree (Holm).
     """
 
     joint: str
@@ -59,12 +54,9 @@ class TorqueScale:
 class TorqueConsistency:
     """The consistency test of all axes.
 
-    Attributes
-    ----------
-    axes : tuple of TorqueScale
-        One an axis.
-    p_value : float
-        Probability of deviations like these where torque constants and plate agree.
+    Attributes:
+        axes: One an axis.
+        p_value: Probability of deviations like these where torque constants and plate agree.
     """
 
     axes: tuple[TorqueScale, ...]
@@ -109,15 +101,11 @@ class TorqueConsistency:
 def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
     """Test whether the torques of each axis agree with the force plate.
 
-    Parameters
-    ----------
-    fitted : FittedPeriods
-        A fit of the combined model.
+    Args:
+        fitted: A fit of the combined model.
 
-    Raises
-    ------
-    EstimationError
-        It is of another model, or the motion does not tell the factors.
+    Raises:
+        EstimationError: It is of another model, or the motion does not tell the factors.
     """
     if fitted.options.kind != "combined":
         raise EstimationError(

@@ -41,14 +41,10 @@ UNMOVED_SIGMAS: Final = 0.01  # the solver's own accuracy
 class ConsistentEstimate:
     """Standard parameters of a physically consistent robot.
 
-    Attributes
-    ----------
-    estimate : Estimate
-        The estimate that they come from.
-    standard_values : ndarray, shape (p,)
-        Values of `estimate.model.parameter_names`.
-    base_values : ndarray, shape (b,)
-        Their base parameters.
+    Attributes:
+        estimate: The estimate that they come from.
+        standard_values: Shape (p,). Values of `estimate.model.parameter_names`.
+        base_values: Shape (b,). Their base parameters.
     """
 
     estimate: Estimate
@@ -102,10 +98,8 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
     viscous terms has no negative coefficient; any other brakes at every speed from 2 % to 100 % of
     the joint's limit. Stiffness and preload of a spring are not negative.
 
-    Raises
-    ------
-    EstimationError
-        The solver found none, or a term's constraints are not known.
+    Raises:
+        EstimationError: The solver found none, or a term's constraints are not known.
     """
     standard = programme(estimate).solve(whiten(estimate, estimate.values))
     return ConsistentEstimate(estimate, standard, estimate.base.from_standard(standard))
@@ -114,10 +108,9 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
 def check_consistency(estimate: Estimate) -> ConsistencyTest:
     """Test whether an estimate can be that of a physically consistent robot.
 
-    Raises
-    ------
-    EstimationError
-        The solver found no consistent robot, or a term's constraints are not known.
+    Raises:
+        EstimationError: The solver found no consistent robot, or a term's constraints are not
+            known.
     """
     sigma, factor = jackknife_metric(estimate)
     base = estimate.base

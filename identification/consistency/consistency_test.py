@@ -45,15 +45,11 @@ ROUNDING_SHARE: Final = 1e-7
 class Violation:
     """A parameter that no real robot has below zero, and that was identified there.
 
-    Attributes
-    ----------
-    name, expression : str
-        Its name, and the combination of standard parameters that it is.
-    sigmas : float
-        Its distance below zero [standard deviations].
-    p_value : float
-        Probability of a value as low or lower if the true one is zero, corrected for the number of
-        parameters that were tested.
+    Attributes:
+        name, expression: Its name, and the combination of standard parameters that it is.
+        sigmas: Its distance below zero [standard deviations].
+        p_value: Probability of a value as low or lower if the true one is zero, corrected for the
+            number of parameters that were tested.
     """
 
     name: str
@@ -66,19 +62,14 @@ class Violation:
 class ConsistencyTest:
     """Result of the test.
 
-    Attributes
-    ----------
-    p_value : float
-        Of both statistics together.
-    single_p_value : float
-        Of the largest single violation.
-    distance_p_value, distance : float or None
-        Of the squared distance from the nearest consistent robot, and that distance in
-        decorrelated standard deviations; None if the single violation refutes already.
-    tested : int
-        Number of parameters that cannot be negative.
-    violations : tuple of Violation
-        Those of them that were identified below zero, the largest first.
+    Attributes:
+        p_value: Of both statistics together.
+        single_p_value: Of the largest single violation.
+        distance_p_value, distance: Of the squared distance from the nearest consistent robot, and
+            that distance in decorrelated standard deviations; None if the single violation refutes
+            already.
+        tested: Number of parameters that cannot be negative.
+        violations: Those of them that were identified below zero, the largest first.
     """
 
     p_value: float
@@ -137,16 +128,11 @@ class ConsistencyTest:
 class JudgedParameters:
     """Estimated parameters with their uncertainty.
 
-    Attributes
-    ----------
-    names, expressions : tuple of str
-        Names, and the combinations of standard parameters.
-    values, sigma : ndarray, shape (b,)
-        Values and standard deviations.
-    factor : ndarray, shape (b, b)
-        Lower Cholesky factor of their correlations.
-    clusters : int or None
-        Parts of the data that the standard deviations rest on; None if they are known.
+    Attributes:
+        names, expressions: Names, and the combinations of standard parameters.
+        values, sigma: Shape (b,). Values and standard deviations.
+        factor: Shape (b, b). Lower Cholesky factor of their correlations.
+        clusters: Parts of the data that the standard deviations rest on; None if they are known.
     """
 
     names: tuple[str, ...]
@@ -160,18 +146,13 @@ class JudgedParameters:
 def judge_consistency(parameters: JudgedParameters, cone: ConsistencyProgramme) -> ConsistencyTest:
     """Test whether estimated parameters can be those of a real robot.
 
-    Parameters
-    ----------
-    parameters : JudgedParameters
-        The estimate.
-    cone : ConsistencyProgramme
-        The consistent robots, without floors and with a weak pull; its targets are the parameters
-        in decorrelated standard deviations.
+    Args:
+        parameters: The estimate.
+        cone: The consistent robots, without floors and with a weak pull; its targets are the
+            parameters in decorrelated standard deviations.
 
-    Raises
-    ------
-    EstimationError
-        The solver found no nearest robot.
+    Raises:
+        EstimationError: The solver found no nearest robot.
     """
     violations, tested = _violations(parameters, cone)
     single = min((each.p_value for each in violations), default=1.0)

@@ -38,10 +38,9 @@ def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
 
     Offsets of friction, its change with temperature and the Fourier form of a spring are free.
 
-    Raises
-    ------
-    EstimationError
-        The model has a term or a friction function whose constraints are not known.
+    Raises:
+        EstimationError: The model has a term or a friction function whose constraints are not
+            known.
     """
     names, identity = model.parameter_names, np.eye(len(model.parameter_names))
     rows: list[FloatArray] = []

@@ -17,17 +17,12 @@ def jackknife_metric(estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     second of it. Its sigmas are taken, and correlations half its own, half those of white
     residuals, which have full rank (shrinkage towards a target, Ledoit and Wolf 2004).
 
-    Returns
-    -------
-    sigma : ndarray, shape (b,)
-        Standard deviations.
-    factor : ndarray, shape (b, b)
-        Lower triangular.
+    Returns:
+        `sigma`, shape (b,). Standard deviations.
+        `factor`, shape (b, b). Lower triangular.
 
-    Raises
-    ------
-    EstimationError
-        The covariances are not positive.
+    Raises:
+        EstimationError: The covariances are not positive.
     """
     try:
         correlation = sum(

@@ -22,17 +22,9 @@ def nominal_parameters(model: RobotModel, robot: RobotDescription) -> tuple[Floa
     Links are as the drawings say. Without drawings each is a nominal cylinder, give or take all of
     it. All other parameters are zero, give or take what makes torques as large as the links do.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The model.
-    robot : RobotDescription
-        Its robot.
-
-    Returns
-    -------
-    values, sigmas : ndarray, shape (p,)
-        Values and standard deviations, all sigmas finite and positive.
+    Returns:
+        `values, sigmas`, shape (p,). Values and standard deviations, all sigmas finite and
+        positive.
     """
     chain = model.chain
     drawn = robot.cad or nominal_links(chain.rows, chain.tool_m)

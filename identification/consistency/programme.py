@@ -35,22 +35,16 @@ class ConsistencyProgramme:
     A robot is consistent if the pseudo-inertia of every body is at least its floor, and
     G theta >= 0.
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (b, p)
-        A, of full row rank: A theta are the base parameters in standard deviations, decorrelated.
-    weight : float
-        Of the distance from `centre`.
-    centre, scale : ndarray, shape (p,)
-        Nominal parameters, and their uncertainty.
-    bodies : tuple of slice
-        The ten parameters of each body.
-    nominal : ndarray, shape (bodies, 4, 4)
-        Pseudo-inertias of the bodies' size, positive definite.
-    floors : ndarray, shape (bodies, 4, 4)
-        Smallest pseudo-inertias; zero allows every body of positive mass.
-    not_negative : ndarray, shape (k, p)
-        G.
+    Attributes:
+        matrix: Shape (b, p). A, of full row rank: A theta are the base parameters in standard
+            deviations, decorrelated.
+        weight: Of the distance from `centre`.
+        centre, scale: Shape (p,). Nominal parameters, and their uncertainty.
+        bodies: The ten parameters of each body.
+        nominal: Shape (bodies, 4, 4). Pseudo-inertias of the bodies' size, positive definite.
+        floors: Shape (bodies, 4, 4). Smallest pseudo-inertias; zero allows every body of positive
+            mass.
+        not_negative: Shape (k, p). G.
     """
 
     matrix: FloatArray
@@ -124,15 +118,11 @@ class ConsistencyProgramme:
     def solve(self, target: FloatArray) -> FloatArray:
         """Return the standard parameters theta, shape (p,).
 
-        Parameters
-        ----------
-        target : ndarray, shape (b,)
-            Base parameters in standard deviations, decorrelated.
+        Args:
+            target: Shape (b,). Base parameters in standard deviations, decorrelated.
 
-        Raises
-        ------
-        EstimationError
-            The solver found no solution.
+        Raises:
+            EstimationError: The solver found no solution.
         """
         b, k = len(self.matrix), len(self.not_negative)
         directions = self._directions

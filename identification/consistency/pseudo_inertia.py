@@ -36,14 +36,12 @@ def pseudo_inertia(body: FloatArray) -> FloatArray:
 
     The body can be made of positive mass exactly where this matrix is positive definite.
 
-    Parameters
-    ----------
-    body : ndarray, shape (..., 10)
-        Mass, first moment and inertia about the frame's origin, as in `RigidBodies`.
+    Args:
+        body: Shape (..., 10). Mass, first moment and inertia about the frame's origin, as in
+            `RigidBodies`.
 
-    Returns
-    -------
-    ndarray, shape (..., 4, 4)
-        Second moments of the mass about the origin [kg m^2], first moments [kg m], mass [kg].
+    Returns:
+        Shape (..., 4, 4). Second moments of the mass about the origin [kg m^2], first moments [kg
+        m], mass [kg].
     """
     return np.asarray(np.tensordot(body, BASIS, axes=1))

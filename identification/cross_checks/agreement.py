@@ -60,18 +60,13 @@ A work or a simulation needs the torque that acted, and the recorded torque is n
 class CrossCheck:
     """What one other method finds.
 
-    Attributes
-    ----------
-    method : Method
-        The method.
-    values, sigma : ndarray, shape (b,)
-        Its base parameters and their standard deviations; empty where it cannot be used.
-    difference : ndarray, shape (b,)
-        Its values less the estimate's, over both standard deviations together.
-    worst : str
-        The parameter that differs most, in words.
-    trouble : str
-        Why the method cannot be used here; empty where it can.
+    Attributes:
+        values, sigma: Shape (b,). Its base parameters and their standard deviations; empty where it
+            cannot be used.
+        difference: Shape (b,). Its values less the estimate's, over both standard deviations
+            together.
+        worst: The parameter that differs most, in words.
+        trouble: Why the method cannot be used here; empty where it can.
     """
 
     method: Method
@@ -114,12 +109,9 @@ class CrossCheck:
 def cross_checks(estimate: Estimate, runs: tuple[TimeRun, ...]) -> Iterator[CrossCheck]:
     """Estimate by each of the other methods, one after the other.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate to check.
-    runs : tuple of TimeRun
-        The recordings that it comes from.
+    Args:
+        estimate: The estimate to check.
+        runs: The recordings that it comes from.
     """
     for method in Method:
         yield check(method, estimate, runs)

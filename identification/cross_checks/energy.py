@@ -30,25 +30,18 @@ def estimate_by_energy(
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate the base parameters of a model from works and energies.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The model, and the size of each joint's residuals, which weights the intervals.
-    runs : tuple of TimeRun
-        The recordings; their accelerations are not used.
+    Args:
+        estimate: The model, and the size of each joint's residuals, which weights the intervals.
+        runs: The recordings; their accelerations are not used.
 
-    Returns
-    -------
-    values : ndarray, shape (b,)
-        Base parameters.
-    covariance : ndarray, shape (b, b)
-        From residuals of whatever colour; see `identification.regression.intervals`.
+    Returns:
+        `values`, shape (b,). Base parameters.
+        `covariance`, shape (b, b). From residuals of whatever colour; see
+            `identification.regression.intervals`.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show the parameters this way, or the gears lose a share of their load,
-        which the theorem does not know.
+    Raises:
+        EstimationError: The motion does not show the parameters this way, or the gears lose a share
+            of their load, which the theorem does not know.
     """
     if estimate.model.transmission.losses:
         raise EstimationError(

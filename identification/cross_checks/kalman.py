@@ -38,24 +38,18 @@ def estimate_by_kalman_filter(
     recordings twice, the second time with a tenth of its own: the start tells it little. From
     further away it need not find back: light wrists with friction make a simulation stiff.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The model, and the size of each joint's residuals, which is the torques' noise.
-    runs : tuple of TimeRun
-        The recordings; of their motion the positions are used.
+    Args:
+        estimate: The model, and the size of each joint's residuals, which is the torques' noise.
+        runs: The recordings; of their motion the positions are used.
 
-    Returns
-    -------
-    values : ndarray, shape (b,)
-        Base parameters.
-    covariance : ndarray, shape (b, b)
-        The filter's own, which takes noise for white, times what colour makes of the estimate's.
+    Returns:
+        `values`, shape (b,). Base parameters.
+        `covariance`, shape (b, b). The filter's own, which takes noise for white, times what colour
+            makes of the estimate's.
 
-    Raises
-    ------
-    EstimationError
-        The gears lose a share of their load, or the simulated robot runs away from the measured.
+    Raises:
+        EstimationError: The gears lose a share of their load, or the simulated robot runs away from
+            the measured.
     """
     if estimate.model.transmission.losses:
         raise EstimationError(

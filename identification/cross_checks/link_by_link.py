@@ -30,25 +30,18 @@ def estimate_link_by_link(
     Each joint's equations are solved for the directions of parameter space that no joint behind it
     has seen; those that it does not see either wait for the next.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The model.
-    runs : tuple of TimeRun
-        The recordings.
+    Args:
+        estimate: The model.
+        runs: The recordings.
 
-    Returns
-    -------
-    values : ndarray, shape (b,)
-        Base parameters.
-    covariance : ndarray, shape (b, b)
-        From residuals of whatever colour (`identification.regression.intervals`), with what the
-        errors of outer joints do to inner ones.
+    Returns:
+        `values`, shape (b,). Base parameters.
+        `covariance`, shape (b, b). From residuals of whatever colour
+            (`identification.regression.intervals`), with what the errors of outer joints do to
+            inner ones.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show the parameters.
+    Raises:
+        EstimationError: The motion does not show the parameters.
     """
     b, n = len(estimate.base), estimate.model.chain.n
     triangles = [Triangle.empty(b) for _ in range(n)]

@@ -12,19 +12,14 @@ from config.arrays import FloatArray
 def fourier_basis(period_s: float, harmonics: int, points_per_harmonic: int) -> FloatArray:
     """Return offset, sines and cosines over one period, with their derivatives (2.30).
 
-    Parameters
-    ----------
-    period_s : float
-        The period [s].
-    harmonics : int
-        The highest harmonic, N.
-    points_per_harmonic : int
-        How many points there are to each of the N harmonics.
+    Args:
+        period_s: The period [s].
+        harmonics: The highest harmonic, N.
+        points_per_harmonic: How many points there are to each of the N harmonics.
 
-    Returns
-    -------
-    (3, points_per_harmonic N, 2 N + 1) array
-        What q, its rate [1/s] and the rate of that [1/s^2] are made of.
+    Returns:
+        Shape (3, points_per_harmonic N, 2 N + 1). What q, its rate [1/s] and the rate of that
+        [1/s^2] are made of.
     """
     points = points_per_harmonic * harmonics
     omega = 2.0 * math.pi / period_s * np.arange(1, harmonics + 1)

@@ -44,30 +44,24 @@ Shifts = tuple[FloatArray, ...]
 class ExcitationProblem:
     """One design task.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot with its limits and bodies. Gears count as lossless, at reference temperature.
-    period_s : float
-        The period [s].
-    harmonics : int
-        The highest harmonic of every joint, N.
-    criterion : Criterion
-        What is made small.
-    limit_fraction : float
-        Share of the position, velocity, acceleration and torque limits that is planned with.
-    expected_noise_nm : (n,) array
-        Standard deviation of a torque sample; the rows' weights.
-    parameters : (parameters,) array, or None
-        A-priori standard parameters of `model` for the torque limits; None leaves torque out.
-    given : (b, b) array, or None
-        Information about the base parameters that earlier runs hold already, per sample.
-    workspace : Workspace
-        Where the robot may be.
-    base_limits : (6,) array, or None
-        Largest forces [N] and moments [N m] that the base may exert on the robot.
-    torque_share : float
-        Share of the torque limits that `parameters` may use up: what they leave out takes the rest.
+    Attributes:
+        robot: The robot with its limits and bodies. Gears count as lossless, at reference
+            temperature.
+        period_s: The period [s].
+        harmonics: The highest harmonic of every joint, N.
+        criterion: What is made small.
+        limit_fraction: Share of the position, velocity, acceleration and torque limits that is
+            planned with.
+        expected_noise_nm: Shape (n,). Standard deviation of a torque sample; the rows' weights.
+        parameters: Shape (parameters,). A-priori standard parameters of `model` for the torque
+            limits; None leaves torque out.
+        given: Shape (b, b). Information about the base parameters that earlier runs hold already,
+            per sample.
+        workspace: Where the robot may be.
+        base_limits: Shape (6,). Largest forces [N] and moments [N m] that the base may exert on the
+            robot.
+        torque_share: Share of the torque limits that `parameters` may use up: what they leave out
+            takes the rest.
     """
 
     robot: RobotDescription
@@ -245,10 +239,8 @@ class ExcitationProblem:
     def start(self, seed: int) -> FloatArray:
         """Draw variables to start from: a pose to rest in, moved about a little.
 
-        Raises
-        ------
-        ConfigError
-            No such pose is found, `RestingPoses.draw`.
+        Raises:
+            ConfigError: No such pose is found, `RestingPoses.draw`.
         """
         random = np.random.default_rng(seed)
         x = START_AMPLITUDE * random.normal(size=self._scales.shape)
@@ -269,14 +261,10 @@ class ExcitationProblem:
     def value(self, x: FloatArray, penalty: float, shifts: Shifts) -> tuple[float, FloatArray]:
         """Return criterion plus penalties for broken limits, and the gradient.
 
-        Parameters
-        ----------
-        x : (size,) array
-            The variables.
-        penalty : float
-            What the mean squared violations, in shares of the limits, are multiplied by.
-        shifts : tuple of arrays
-            By how much each limit is moved inwards at each point, in shares: `next_shifts`.
+        Args:
+            x: Shape (size,). The variables.
+            penalty: What the mean squared violations, in shares of the limits, are multiplied by.
+            shifts: By how much each limit is moved inwards at each point, in shares: `next_shifts`.
         """
         q, v, a = self.motion(x, self._coarse)
         phi = regressor(self._smooth_model, q, v, a)

@@ -25,18 +25,13 @@ MOST_SAID: Final = 4
 class RestingPoses:
     """What a robot at rest must keep.
 
-    Attributes
-    ----------
-    model : RobotModel
-        The robot's model.
-    parameters : (parameters,) array
-        A-priori values; zeros where nothing is known, and then nothing weighs.
-    torque_limits : (n,) array
-        What the motors may be asked to hold [N m or N].
-    clearances : Clearances
-        What must stay apart.
-    low, high : (n,) array
-        Where poses are drawn from [rad or m].
+    Attributes:
+        model: The robot's model.
+        parameters: Shape (parameters,). A-priori values; zeros where nothing is known, and then
+            nothing weighs.
+        torque_limits: Shape (n,). What the motors may be asked to hold [N m or N].
+        clearances: What must stay apart.
+        low, high: Shape (n,). Where poses are drawn from [rad or m].
     """
 
     model: RobotModel
@@ -51,10 +46,9 @@ class RestingPoses:
 
         Where none of `DRAWS` random poses is one, the nearest to it are led to where it is.
 
-        Raises
-        ------
-        ConfigError
-            None is found; the message says what stands in the way, with numbers. `robot` is named.
+        Raises:
+            ConfigError: None is found; the message says what stands in the way, with numbers.
+                `robot` is named.
         """
         drawn: list[FloatArray] = []
         for _ in range(DRAWS):

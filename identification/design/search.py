@@ -32,16 +32,10 @@ SCHEDULER_TIMEOUT_S = 10.0
 class Candidate:
     """One refined motion.
 
-    Attributes
-    ----------
-    seed : int
-        What its start was drawn from.
-    motion : FourierMotion
-        The motion.
-    check : MotionCheck
-        What a check said of it.
-    amplitude : float
-        Which share of the refined amplitudes is left, so that it breaks no limit.
+    Attributes:
+        seed: What its start was drawn from.
+        check: What a check said of it.
+        amplitude: Which share of the refined amplitudes is left, so that it breaks no limit.
     """
 
     seed: int
@@ -64,18 +58,12 @@ def refine(
     none; and where it breaks one at half its size still, about the pose that it started from, in
     which the robot may rest.
 
-    Parameters
-    ----------
-    problem : ExcitationProblem
-        What is asked of the motion.
-    seed : int
-        Where the start is drawn from; the same seed gives the same motion.
-    sample_period_s : float
-        The cell's cycle time [s].
-    iterations : int
-        Most iterations of the first minimisation; the later ones have a share of it.
-    periods : int
-        Periods of the motion file.
+    Args:
+        problem: What is asked of the motion.
+        seed: Where the start is drawn from; the same seed gives the same motion.
+        sample_period_s: The cell's cycle time [s].
+        iterations: Most iterations of the first minimisation; the later ones have a share of it.
+        periods: Periods of the motion file.
     """
     planned = problem.with_clearance(PLANNED_MARGIN_M)
     x = start = planned.start(seed)
@@ -124,21 +112,15 @@ def candidates(
 ) -> Generator[Candidate]:
     """Refine many starts side by side, and yield each as it is ready.
 
-    Parameters
-    ----------
-    problem, sample_period_s, iterations, periods
-        As for `refine`.
-    seeds : sequence of int
-        One start each. All of them give the same set of candidates wherever they are computed.
-    jobs : int
-        Processes; -1 for one a core.
-    scheduler : str, optional
-        Address of a Dask scheduler; its workers need this program installed.
+    Args:
+        problem, sample_period_s, iterations, periods: As for `refine`.
+        seeds: One start each. All of them give the same set of candidates wherever they are
+            computed.
+        jobs: Processes; -1 for one a core.
+        scheduler: Address of a Dask scheduler; its workers need this program installed.
 
-    Raises
-    ------
-    ConfigError
-        The scheduler cannot be reached, or Dask is not installed.
+    Raises:
+        ConfigError: The scheduler cannot be reached, or Dask is not installed.
     """
     work = joblib.delayed(refine)
     tasks = (

@@ -35,19 +35,13 @@ ROUNDING: Final = 1e-6
 def chosen_criterion(robot: RobotDescription, name: str, wanted: Sequence[str]) -> Criterion:
     """Return the criterion of a command's words.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    name : str
-        "condition" or "d-optimal", where nothing is wanted in particular.
-    wanted : sequence of str
-        Base parameters by name, or `torque` for what the model predicts all over the limits.
+    Args:
+        name: "condition" or "d-optimal", where nothing is wanted in particular.
+        wanted: Base parameters by name, or `torque` for what the model predicts all over the
+            limits.
 
-    Raises
-    ------
-    ConfigError
-        A name is none of the base parameters.
+    Raises:
+        ConfigError: A name is none of the base parameters.
     """
     if not wanted:
         return Condition() if name == "condition" else DOptimal()
@@ -84,11 +78,9 @@ def excitation_problem(
     friction of `model` that the robot file does not name may take is kept free. The noise to expect
     is what `model` or an earlier estimate left over, else a share of the torque limits.
 
-    Raises
-    ------
-    ConfigError
-        A model is of another robot or has friction that leaves nothing of a torque limit, or the
-        period does not suit the cell.
+    Raises:
+        ConfigError: A model is of another robot or has friction that leaves nothing of a torque
+            limit, or the period does not suit the cell.
     """
     samples = samples_of_period(period_s, cell.cycle_time_s)
     if 2 * harmonics >= samples:

@@ -31,19 +31,13 @@ DECIMALS = 6
 class TwoHarmonicOptions(Ranged):
     """What is drawn, and how often.
 
-    Attributes
-    ----------
-    period_s : float
-        The period [s], a whole number of the cell's cycles.
-    highest_harmonic : int
-        The highest harmonic of the period that may be used, at least 2.
-    limit_fraction : float
-        Share of the position, velocity and acceleration limits that the motion may use.
-    tries, seed : int
-        How many draws are compared, and the seed they come from.
-    periods : int
-        Periods of the motion that count.
-
+    Attributes:
+        period_s: The period [s], a whole number of the cell's cycles.
+        highest_harmonic: The highest harmonic of the period that may be used, at least 2.
+        limit_fraction: Share of the position, velocity and acceleration limits that the motion may
+            use.
+        tries, seed: How many draws are compared, and the seed they come from.
+        periods: Periods of the motion that count.
     """
 
     period_s: PeriodS
@@ -63,21 +57,14 @@ def design_two_harmonic(
 ) -> FourierMotion:
     """Design a periodic excitation and verify it, ramps included.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot with its limits.
-    options : TwoHarmonicOptions
-        What is drawn.
-    sample_period_s : float
-        The cell's cycle time [s].
-    workspace : Workspace, optional
-        What is around the robot; its own bodies are in its description.
+    Args:
+        robot: The robot with its limits.
+        options: What is drawn.
+        sample_period_s: The cell's cycle time [s].
+        workspace: What is around the robot; its own bodies are in its description.
 
-    Raises
-    ------
-    ConfigError
-        The period is no whole number of cycles, or no draw passes the verification.
+    Raises:
+        ConfigError: The period is no whole number of cycles, or no draw passes the verification.
     """
     model = RobotModel.from_description(robot)
     base = base_parameters(model)

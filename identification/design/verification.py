@@ -27,18 +27,13 @@ ACTIVE_DISTANCE_M = 0.01
 class LimitUse:
     """How much of one limit a motion uses.
 
-    Attributes
-    ----------
-    what : str
-        The quantity, such as "torque of joint2".
-    used, limit : float
-        Largest magnitude (of a position: from the middle of the range), or least distance.
-    unit : str
-        Of both.
-    held : bool
-        Whether the motion stays within it.
-    active : bool
-        Whether it is what kept the motion from being larger.
+    Attributes:
+        what: The quantity, such as "torque of joint2".
+        used, limit: Largest magnitude (of a position: from the middle of the range), or least
+            distance.
+        unit: Of both.
+        held: Whether the motion stays within it.
+        active: Whether it is what kept the motion from being larger.
     """
 
     what: str
@@ -53,18 +48,13 @@ class LimitUse:
 class MotionCheck:
     """What came of checking a motion.
 
-    Attributes
-    ----------
-    objective : float
-        The criterion, the smaller the better.
-    condition_number : float
-        Of the model with its hard sign (2.25, 2.26), columns scaled, rows over the expected noise.
-    log_det : float
-        Log determinant of the information about the base parameters, per parameter.
-    uses : tuple of LimitUse
-        Positions, speeds, accelerations, torques, base wrench and distances, ramps included.
-    broken : tuple of str
-        What the motion breaks, in words; empty where it may be driven.
+    Attributes:
+        objective: The criterion, the smaller the better.
+        condition_number: Of the model with its hard sign (2.25, 2.26), columns scaled, rows over
+            the expected noise.
+        log_det: Log determinant of the information about the base parameters, per parameter.
+        uses: Positions, speeds, accelerations, torques, base wrench and distances, ramps included.
+        broken: What the motion breaks, in words; empty where it may be driven.
     """
 
     objective: float
@@ -88,19 +78,12 @@ def check_motion(
     Position, speed and acceleration are checked between the cell's samples too, torque and
     distances on a grid of its own over the period and at the samples of the ramps.
 
-    Parameters
-    ----------
-    problem : ExcitationProblem
-        The design task.
-    motion : FourierMotion
-        The motion.
-    sample_period_s : float
-        The cell's cycle time [s].
+    Args:
+        problem: The design task.
+        sample_period_s: The cell's cycle time [s].
 
-    Raises
-    ------
-    ConfigError
-        The motion is not one of the robot's joints.
+    Raises:
+        ConfigError: The motion is not one of the robot's joints.
     """
     points = DENSE_POINTS_PER_HARMONIC * max(len(joint.sine) for joint in motion.joints)
     grid = motion.trajectory(problem.robot, motion.period_s / points)

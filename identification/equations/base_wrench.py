@@ -28,18 +28,13 @@ OFFSET_SIGMA = 1e4
 class BaseWrenchEquations:
     """Equations rhs = matrix beta + noise of the r combinations of the base wrench that are known.
 
-    Attributes
-    ----------
-    period_s : float
-        The period [s].
-    matrix : ndarray, shape (r, 2 H + 1, any)
-        Columns as in `BinEquations`.
-    rhs : ndarray, shape (r, 2 H + 1)
-        Measured, with the plate's low-pass divided out [N, N m].
-    covariance : ndarray, shape (H + 1, r, r)
-        Of the rows of each bin.
-    components : ndarray, shape (r, 6)
-        What the rows are of Fx, Fy, Fz, Mx, My, Mz; the unit matrix where every channel is used.
+    Attributes:
+        period_s: The period [s].
+        matrix: Shape (r, 2 H + 1, any). Columns as in `BinEquations`.
+        rhs: Shape (r, 2 H + 1). Measured, with the plate's low-pass divided out [N, N m].
+        covariance: Shape (H + 1, r, r). Of the rows of each bin.
+        components: Shape (r, 6). What the rows are of Fx, Fy, Fz, Mx, My, Mz; the unit matrix where
+            every channel is used.
     """
 
     period_s: float
@@ -62,12 +57,11 @@ class BaseWrenchEquations:
     ) -> BaseWrenchEquations:
         """Return the equations with the wrench that the positions' noise makes counted as noise.
 
-        Parameters
-        ----------
-        position_sigma : ndarray, shape (n, H + 1)
-            Standard deviation of the mean position's bins [rad or m].
-        inertia_squares : ndarray, shape (n, 6, 6)
-            Mean of g g^T, g the base wrench per unit acceleration of a joint.
+        Args:
+            position_sigma: Shape (n, H + 1). Standard deviation of the mean position's bins [rad or
+                m].
+            inertia_squares: Shape (n, 6, 6). Mean of g g^T, g the base wrench per unit acceleration
+                of a joint.
         """
         squares = self.components @ inertia_squares @ self.components.T
         noise = np.einsum("jk,jrs->krs", (position_sigma * self._omega**2) ** 2, squares)
@@ -87,21 +81,14 @@ def base_wrench_equations(
 ) -> BaseWrenchEquations:
     """Set up the equations of a plate's mean period.
 
-    Parameters
-    ----------
-    reaction : ReactionAverage
-        The measurement.
-    periods : int
-        Periods averaged.
-    sample_period_s : float
-        Time between its samples [s].
-    matrix : ndarray, shape (6, 2 H + 1, any)
-        Columns of all six components.
+    Args:
+        reaction: The measurement.
+        periods: Periods averaged.
+        sample_period_s: Time between its samples [s].
+        matrix: Shape (6, 2 H + 1, any). Columns of all six components.
 
-    Raises
-    ------
-    EstimationError
-        The channels that are left show no component of the wrench.
+    Raises:
+        EstimationError: The channels that are left show no component of the wrench.
     """
     harmonics = matrix.shape[1] // 2
     period_s = len(reaction.channels_n) * sample_period_s
@@ -146,14 +133,10 @@ def both_parts(per_bin: FloatArray) -> FloatArray:
 def in_time(rows: FloatArray, period_s: float, delay_s: float | FloatArray) -> FloatArray:
     """Return rows (outputs, 2 H + 1) of signals that were late, as if they had not been.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (outputs, 2 H + 1)
-        Rows of one period.
-    period_s : float
-        The period [s].
-    delay_s : float or ndarray, shape (outputs, 1)
-        By how much they were late [s].
+    Args:
+        rows: Shape (outputs, 2 H + 1). Rows of one period.
+        period_s: The period [s].
+        delay_s: Float or ndarray, shape (outputs, 1). By how much they were late [s].
     """
     turn = np.exp(1j * _omega(rows.shape[1] // 2, period_s) * delay_s)
     return np.asarray(real_rows((_bins(rows) * turn).T).T)

@@ -49,26 +49,19 @@ class BinEquations:
     The 2 H + 1 rows of a joint are the real parts of bins 0 to H and the imaginary parts of bins 1
     to H; all but the first times sqrt(2), so that the sum of squares is the mean square over time.
 
-    Attributes
-    ----------
-    harmonics : int
-        The highest bin, H.
-    period_s : float
-        The period [s].
-    matrix : ndarray, shape (n, 2 H + 1, b or b + s)
-        Base regressor of each joint on the bins, and slopes where they were asked for.
-    rhs : ndarray, shape (n, 2 H + 1)
-        Torque with the anti-alias filter divided out [N m or N].
-    free : tuple of ndarray, n of shape (2 H + 1, any)
-        Columns of each joint's torque that stay free: passages of standstill.
-    left_out_fraction : ndarray, shape (n,)
-        Share of the period that those passages take.
-    torque_sigma : ndarray, shape (n, 2 H + 1)
-        Standard deviation of each row by the torque noise between periods [N m or N].
-    position_sigma : ndarray, shape (n, H + 1)
-        The same of the mean position's bins [rad or m].
-    reaction : BaseWrenchEquations or None
-        The equations of a force plate, where there was one.
+    Attributes:
+        harmonics: The highest bin, H.
+        period_s: The period [s].
+        matrix: Shape (n, 2 H + 1, b or b + s). Base regressor of each joint on the bins, and slopes
+            where they were asked for.
+        rhs: Shape (n, 2 H + 1). Torque with the anti-alias filter divided out [N m or N].
+        free: Tuple of ndarray, n of shape (2 H + 1, any). Columns of each joint's torque that stay
+            free: passages of standstill.
+        left_out_fraction: Shape (n,). Share of the period that those passages take.
+        torque_sigma: Shape (n, 2 H + 1). Standard deviation of each row by the torque noise between
+            periods [N m or N].
+        position_sigma: Shape (n, H + 1). The same of the mean position's bins [rad or m].
+        reaction: The equations of a force plate, where there was one.
     """
 
     harmonics: int
@@ -109,27 +102,19 @@ def bin_equations(
 ) -> BinEquations:
     """Set up the equations of one mean period.
 
-    Parameters
-    ----------
-    model, base : RobotModel, BaseParameters
-        The model and what of it can be identified.
-    average : PeriodAverage
-        The measurement.
-    band_hz : float
-        Highest frequency used; less where the sampling or the anti-alias filter ends before.
-    standstill_rad_s : float
-        Below this speed a joint's friction is left free; 0 trusts sign(v) everywhere.
-    payload : bool
-        Whether the run carried the unknown payload.
-    standard : ndarray, shape (p,), optional
-        Where to linearise the nonlinear parameters; see `torque_columns`.
-    plate : bool
-        Whether the equations of the force plate are wanted too.
+    Args:
+        model, base: The model and what of it can be identified.
+        average: The measurement.
+        band_hz: Highest frequency used; less where the sampling or the anti-alias filter ends
+            before.
+        standstill_rad_s: Below this speed a joint's friction is left free; 0 trusts sign(v)
+            everywhere.
+        payload: Whether the run carried the unknown payload.
+        standard: Shape (p,). Where to linearise the nonlinear parameters; see `torque_columns`.
+        plate: Whether the equations of the force plate are wanted too.
 
-    Raises
-    ------
-    EstimationError
-        The joints are not the model's, or the band holds no bin.
+    Raises:
+        EstimationError: The joints are not the model's, or the band holds no bin.
     """
     if average.joint_names != model.joint_names:
         raise EstimationError(
@@ -210,16 +195,11 @@ def with_free_reversals(
     Where friction has memory that is until nothing of the last reversal is left, so that it does
     not matter how exactly friction turns round; elsewhere nothing changes.
 
-    Parameters
-    ----------
-    equations : BinEquations
-        The equations of a mean period.
-    model : RobotModel
-        Their model.
-    average : PeriodAverage
-        The measurement.
-    standstill_rad_s : float
-        Below this speed a joint does not slide.
+    Args:
+        equations: The equations of a mean period.
+        model: Their model.
+        average: The measurement.
+        standstill_rad_s: Below this speed a joint does not slide.
     """
     q, v, _ = _motion(average, equations.harmonics)
     conditions = with_memory(model, q, periodic=True)
@@ -261,10 +241,8 @@ def harmonics_below(
 ) -> int:
     """Return the highest bin that the band, the sampling and the filter allow.
 
-    Raises
-    ------
-    EstimationError
-        The band holds no bin.
+    Raises:
+        EstimationError: The band holds no bin.
     """
     limit_hz = min(band_hz, NYQUIST_FRACTION * 0.5 / sample_period_s)
     if torque_filter is not None:

@@ -41,14 +41,11 @@ def columns_of(terms: Sequence[Column]) -> Terms:
 class Fit:
     """Solution of one choice of terms.
 
-    Attributes
-    ----------
-    places : dict
-        Place of each joint's column among the values.
-    values, sigma : ndarray, shape (c,)
-        Parameters and standard deviations.
-    errors : ndarray, shape (blocks, n)
-        Mean squared error of each block in a fit of all others; NaN without rows.
+    Attributes:
+        places: Place of each joint's column among the values.
+        values, sigma: Shape (c,). Parameters and standard deviations.
+        errors: Shape (blocks, n). Mean squared error of each block in a fit of all others; NaN
+            without rows.
     """
 
     places: dict[tuple[int, Column], int]
@@ -70,16 +67,12 @@ class Fit:
 class Grams:
     """Gram matrices of the joints' equations, block by block.
 
-    Attributes
-    ----------
-    gram : ndarray, shape (n, blocks, w, w)
-        Of [columns without friction, `ALL_COLUMNS`, torque] of each joint over its scale.
-    rows : ndarray, shape (blocks, n)
-        Rows of each.
-    rigid : ndarray of int64, shape (p,)
-        The columns without friction that the data identify.
-    scale_nm : ndarray, shape (n,)
-        What the rows of each joint were divided by.
+    Attributes:
+        gram: Shape (n, blocks, w, w). Of [columns without friction, `ALL_COLUMNS`, torque] of each
+            joint over its scale.
+        rows: Shape (blocks, n). Rows of each.
+        rigid: Shape (p,). The columns without friction that the data identify.
+        scale_nm: Shape (n,). What the rows of each joint were divided by.
     """
 
     gram: FloatArray
@@ -198,10 +191,8 @@ class Grams:
     def fit(self, chosen: Sequence[Terms]) -> Fit:
         """Return the solution of some terms.
 
-        Raises
-        ------
-        np.linalg.LinAlgError
-            The data do not identify them.
+        Raises:
+            np.linalg.LinAlgError: The data do not identify them.
         """
         total, places = self._assembled(chosen, self.rigid)
         size = np.sqrt(np.maximum(np.diagonal(total.sum(axis=0))[:-1], 1e-300))

@@ -25,10 +25,8 @@ CYCLES: Final = 2.0
 def longest_delay_s(sample_period_s: float) -> float:
     """Return the longest delay that a bus and a logger explain [s].
 
-    Parameters
-    ----------
-    sample_period_s : float
-        Time between rows of the recording [s].
+    Args:
+        sample_period_s: Time between rows of the recording [s].
     """
     return CYCLES * (SLOWEST_BUS_CYCLE_S + sample_period_s)
 
@@ -38,19 +36,13 @@ def without_implausible(
 ) -> tuple[TorqueChannel, FloatArray]:
     """Return a channel without the delays that no bus explains, and these delays.
 
-    Parameters
-    ----------
-    channel : TorqueChannel
-        As estimated.
-    sample_period_s : float
-        Time between rows of the recording [s].
+    Args:
+        channel: As estimated.
+        sample_period_s: Time between rows of the recording [s].
 
-    Returns
-    -------
-    channel : TorqueChannel
-        With a delay of 0 for the joints whose delay is implausible.
-    refused_s : ndarray, shape (n,)
-        The delays that were taken out; 0 for the other joints [s].
+    Returns:
+        `channel`. With a delay of 0 for the joints whose delay is implausible.
+        `refused_s`, shape (n,). The delays that were taken out; 0 for the other joints [s].
     """
     refused = np.abs(channel.delay_s) > longest_delay_s(sample_period_s)
     kept = replace(
@@ -66,12 +58,9 @@ def refused_delay_findings(
 ) -> tuple[str, ...]:
     """Return a sentence for each delay that no bus explains.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        The joints.
-    refused_s : sequence of float
-        Their delays that were taken out, 0 for none; empty if there is none at all [s].
+    Args:
+        joint_names: The joints.
+        refused_s: Their delays that were taken out, 0 for none; empty if there is none at all [s].
     """
     return tuple(
         f"The torque of {name} seems to be {1e3 * abs(delay_s):.3g} ms"

@@ -49,12 +49,9 @@ Rigid = Literal["rigid"]
 class Reach(NamedTuple):
     """How long before and after standstill a torque depends on friction that is not known.
 
-    Attributes
-    ----------
-    before_s, after_s : float
-        Beyond the low-pass [s].
-    passed_s : float
-        Standstill no longer than this does not count there [s].
+    Attributes:
+        before_s, after_s: Beyond the low-pass [s].
+        passed_s: Standstill no longer than this does not count there [s].
     """
 
     before_s: float
@@ -66,25 +63,17 @@ class Reach(NamedTuple):
 class Piece:
     """One segment of a recording without a gap.
 
-    Attributes
-    ----------
-    rigid : ndarray, shape (rows, n, p)
-        Columns of the model without friction, not filtered.
-    speed, load_nm : ndarray, shape (rows, n)
-        Speed of the actuators, and the torque that their gears transmit.
-    step_s : float
-        Time between rows [s].
-    torque : ndarray, shape (bins, n)
-        Spectrum of the low-passed torque.
-    low_pass : ndarray, shape (bins,)
-        Gain of the low-pass.
-    length : int
-        Rows of the padded segment; its period is `length` times `step_s`.
-    slow : ndarray of bool, shape (rows, n)
-        True if the actuator is too slow for its friction to be known, or turns round before the
-        next row or after the last one.
-    held : ndarray of int64, shape (rows, n), or None
-        Row at which each torque was new, if the source renews it seldom.
+    Attributes:
+        rigid: Shape (rows, n, p). Columns of the model without friction, not filtered.
+        speed, load_nm: Shape (rows, n). Speed of the actuators, and the torque that their gears
+            transmit.
+        step_s: Time between rows [s].
+        torque: Shape (bins, n). Spectrum of the low-passed torque.
+        low_pass: Shape (bins,). Gain of the low-pass.
+        length: Rows of the padded segment; its period is `length` times `step_s`.
+        slow: Shape (rows, n). True if the actuator is too slow for its friction to be known, or
+            turns round before the next row or after the last one.
+        held: Shape (rows, n). Row at which each torque was new, if the source renews it seldom.
     """
 
     rigid: FloatArray
@@ -138,14 +127,11 @@ class Piece:
 class JointRows:
     """Rows of one joint's equations.
 
-    Attributes
-    ----------
-    columns : ndarray, shape (rows, p + columns)
-        The columns without friction, then the friction columns asked for.
-    torque_nm : ndarray, shape (rows,)
-        Torque [N m or N].
-    block : ndarray of int64, shape (rows,)
-        Block of time that a row belongs to, counted over all recordings.
+    Attributes:
+        columns: Shape (rows, p + columns). The columns without friction, then the friction columns
+            asked for.
+        torque_nm: Shape (rows,). Torque [N m or N].
+        block: Shape (rows,). Block of time that a row belongs to, counted over all recordings.
     """
 
     columns: FloatArray
@@ -157,18 +143,12 @@ class JointRows:
 class CandidateEquations:
     """Equations of all recordings.
 
-    Attributes
-    ----------
-    model : RobotModel
-        The robot without friction, with gears that lose nothing.
-    base : BaseParameters
-        Its parameters that can be identified.
-    pieces : tuple of Piece
-        The recordings, segment by segment.
-    starts_s : tuple of float
-        Start of each piece on a common time axis, for the blocks [s].
-    cutoff_hz : float
-        -3 dB frequency of the low-pass.
+    Attributes:
+        model: The robot without friction, with gears that lose nothing.
+        base: Its parameters that can be identified.
+        pieces: The recordings, segment by segment.
+        starts_s: Start of each piece on a common time axis, for the blocks [s].
+        cutoff_hz: -3 dB frequency of the low-pass.
     """
 
     model: RobotModel
@@ -187,14 +167,10 @@ class CandidateEquations:
     ) -> CandidateEquations:
         """Compute the columns of some recordings.
 
-        Parameters
-        ----------
-        model, base : RobotModel, BaseParameters
-            The robot without friction, and its parameters that can be identified.
-        signals : sequence of SmoothedSignals
-            Recordings, not low-passed beyond `cutoff_hz` of theirs.
-        standstill_rad_s : float
-            Speed from which on a joint moves [rad/s or m/s].
+        Args:
+            model, base: The robot without friction, and its parameters that can be identified.
+            signals: Recordings, not low-passed beyond `cutoff_hz` of theirs.
+            standstill_rad_s: Speed from which on a joint moves [rad/s or m/s].
         """
         step_s = max(run.sample_period_s for run in signals)
         cutoff_hz = min(CUTOFF_HZ, 0.09 / step_s, *map(_highest_cutoff_hz, signals))
@@ -244,18 +220,13 @@ class CandidateEquations:
     ) -> JointRows:
         """Return the rows of a joint at which its friction is known.
 
-        Parameters
-        ----------
-        joint : int
-            The joint, from 0.
-        columns : sequence of Column
-            Friction columns.
-        responses : sequence of ndarray, shape (bins,)
-            Frequency response of the joint's channel, one a piece.
-        reach : Reach or None
-            Rows that are left out; None keeps all rows at which the joint moves.
-        block_s : float
-            Length of a block [s].
+        Args:
+            joint: The joint, from 0.
+            columns: Friction columns.
+            responses: Sequence of ndarray, shape (bins,). Frequency response of the joint's
+                channel, one a piece.
+            reach: Rows that are left out; None keeps all rows at which the joint moves.
+            block_s: Length of a block [s].
         """
         parts = [
             self._piece_rows(piece, start_s, joint, columns, response, reach, block_s)

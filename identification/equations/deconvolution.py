@@ -27,14 +27,10 @@ HIGHEST_SHARE = 0.44
 def smoothed_recording(recording: Recording, cutoff_hz: float) -> SmoothedSignals:
     """Return a recording as `smooth_nonperiodic` does, an anti-alias filter divided out first.
 
-    Raises
-    ------
-    ConfigError
-        The cut-off does not fit the sampling.
-    DataQualityError
-        No segment is long enough.
-    EstimationError
-        The torques passed a filter and the stamps are not uniform.
+    Raises:
+        ConfigError: The cut-off does not fit the sampling.
+        DataQualityError: No segment is long enough.
+        EstimationError: The torques passed a filter and the stamps are not uniform.
     """
     limit_hz = None
     if recording.torque_filter is not None and recording.sample_period_s is not None:
@@ -49,10 +45,8 @@ def without_torque_filter(recording: Recording) -> Recording:
     High frequencies come out amplified (up to a thousandfold): low-pass what is returned. A
     recording whose torques passed no filter is returned as it is.
 
-    Raises
-    ------
-    EstimationError
-        The stamps are not uniform.
+    Raises:
+        EstimationError: The stamps are not uniform.
     """
     if recording.torque_filter is None:
         return recording

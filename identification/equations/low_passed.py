@@ -33,14 +33,10 @@ MOST_BYTES: Final = 2**27
 class KeptColumns:
     """A recording's columns that no nonlinear parameter changes, block by block.
 
-    Attributes
-    ----------
-    chain : Chain or None
-        Whose they are: a model keeps its chain whatever its nonlinear parameters.
-    names : tuple of str
-        Which they are.
-    blocks : dict
-        By first row and stride: where they are not zero, and what stands there.
+    Attributes:
+        chain: Whose they are: a model keeps its chain whatever its nonlinear parameters.
+        names: Which they are.
+        blocks: By first row and stride: where they are not zero, and what stands there.
     """
 
     chain: Chain | None = None
@@ -63,16 +59,11 @@ class KeptColumns:
 class LowPassedColumns:
     """The columns of one recording.
 
-    Attributes
-    ----------
-    model, base, standard : RobotModel, BaseParameters, ndarray or None
-        As for `torque_columns`.
-    signals : SmoothedSignals
-        The recording.
-    conditions : Conditions
-        Its circumstances, memory included; of the unfiltered rows if there are any.
-    kept : KeptColumns
-        Of this recording under these circumstances, memory aside.
+    Attributes:
+        model, base, standard: As for `torque_columns`.
+        signals: The recording.
+        conditions: Its circumstances, memory included; of the unfiltered rows if there are any.
+        kept: Of this recording under these circumstances, memory aside.
     """
 
     model: RobotModel

@@ -31,10 +31,8 @@ FILTER_REACH: Final = 3.0
 class ParallelFilter:
     """The filter of one recording or mean period.
 
-    Attributes
-    ----------
-    signals : SmoothedSignals
-        The recording, or a part of it.
+    Attributes:
+        signals: The recording, or a part of it.
     """
 
     signals: SmoothedSignals
@@ -82,10 +80,8 @@ class ParallelFilter:
     def window(self, rows: IntArray) -> tuple[slice, IntArray]:
         """Return the source's rows that the filter takes in, and the places of some rows in them.
 
-        Parameters
-        ----------
-        rows : ndarray of int64, shape (wanted,)
-            Ascending rows of the signals, of one segment.
+        Args:
+            rows: Shape (wanted,). Ascending rows of the signals, of one segment.
         """
         source, wanted, reach = self.source, self._places(rows), 0
         if (limit_hz := self.limit_hz) is not None:
@@ -104,14 +100,10 @@ class ParallelFilter:
 
         They pass the torque's channel and are held as the torque is renewed.
 
-        Parameters
-        ----------
-        values : ndarray, shape (source rows, any)
-            Columns of one joint.
-        joint : int
-            Which one, from 0.
-        wide : slice
-            The source's rows of the window.
+        Args:
+            values: Shape (source rows, any). Columns of one joint.
+            joint: Which one, from 0.
+            wide: The source's rows of the window.
         """
         source = self.signals.unfiltered
         if self.signals.channel is not None:
@@ -149,14 +141,10 @@ class ParallelFilter:
     ) -> tuple[BoolArray, BoolArray]:
         """Return which rows of which joints count, and at which they move, each (samples, n).
 
-        Parameters
-        ----------
-        model : RobotModel
-            The robot.
-        whole : Conditions
-            Of the source's rows, with what friction remembers.
-        standstill_rad_s : float
-            Below this speed a joint stands.
+        Args:
+            model: The robot.
+            whole: Of the source's rows, with what friction remembers.
+            standstill_rad_s: Below this speed a joint stands.
         """
         signals, source = self.signals, self.source
         of_rows = moving if signals.unfiltered is None else moving_on

@@ -22,22 +22,17 @@ SMALL_COMPONENT: Final = 0.05
 class PlateFit:
     """The plate's side of an estimate.
 
-    Attributes
-    ----------
-    residual : ndarray, shape (6,)
-        RMS of measured minus predicted base wrench inside the band, without its constant part
-        [N, N m].
-    noise : ndarray, shape (6,)
-        RMS that the measured noise of channels and positions alone would leave there.
-    delay_s, delay_sigma_s : ndarray, shape (runs,)
-        By how much the plate's signals were later than the positions in each run, beyond its
-        low-pass and what its clock told; made up for.
-    left_out : tuple of tuple of str
-        The channels that were left out in each run.
-    drift_n_s : ndarray, shape (runs, c)
-        Linear drift that was removed from each channel [N/s].
-    wrench : ndarray, shape (6,)
-        RMS of the measured base wrench inside the band, without its constant part [N, N m].
+    Attributes:
+        residual: Shape (6,). RMS of measured minus predicted base wrench inside the band, without
+            its constant part [N, N m].
+        noise: Shape (6,). RMS that the measured noise of channels and positions alone would leave
+            there.
+        delay_s, delay_sigma_s: Shape (runs,). By how much the plate's signals were later than the
+            positions in each run, beyond its low-pass and what its clock told; made up for.
+        left_out: The channels that were left out in each run.
+        drift_n_s: Shape (runs, c). Linear drift that was removed from each channel [N/s].
+        wrench: Shape (6,). RMS of the measured base wrench inside the band, without its constant
+            part [N, N m].
     """
 
     residual: FloatArray

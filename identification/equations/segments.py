@@ -116,19 +116,13 @@ def single_periods(
 ) -> dict[int, SmoothedSignals]:
     """Return each period of a recording that misses no row, as `period_signals` does, by number.
 
-    Parameters
-    ----------
-    recording : Recording
-        Of a periodic motion, or a part of one that begins with a period.
-    band_hz : float
-        Up to where it is kept [Hz].
-    start : int, optional
-        Row of the motion at which the recording's first period begins, where that is known.
+    Args:
+        recording: Of a periodic motion, or a part of one that begins with a period.
+        band_hz: Up to where it is kept [Hz].
+        start: Row of the motion at which the recording's first period begins, where that is known.
 
-    Raises
-    ------
-    DataQualityError
-        The recording is not periodic, or misses too much.
+    Raises:
+        DataQualityError: The recording is not periodic, or misses too much.
     """
     values, present = cut_periods(recording, start)
     warmth = recording.temperature_k

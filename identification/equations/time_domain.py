@@ -47,21 +47,15 @@ class TimeRun:
 class TimeBlock:
     """Some rows of the equations rhs = columns (beta, shape step).
 
-    Attributes
-    ----------
-    columns : ndarray, shape (rows, n, any)
-        As `torque_columns` gives them.
-    rhs : ndarray, shape (rows, n)
-        Torque [N m or N].
-    use : ndarray of bool, shape (rows, n)
-        Where the joint moves fast enough for its friction to be known, or remembers it and is not
-        in the middle of a pause.
-    moving : ndarray of bool, shape (rows, n)
-        Where it moves fast enough.
-    event : ndarray of int64, shape (rows,)
-        Which stretch of time a row belongs to, counted over all recordings from 0.
-    time_s : ndarray, shape (rows,)
-        When it was measured [s].
+    Attributes:
+        columns: Shape (rows, n, any). As `torque_columns` gives them.
+        rhs: Shape (rows, n). Torque [N m or N].
+        use: Shape (rows, n). Where the joint moves fast enough for its friction to be known, or
+            remembers it and is not in the middle of a pause.
+        moving: Shape (rows, n). Where it moves fast enough.
+        event: Shape (rows,). Which stretch of time a row belongs to, counted over all recordings
+            from 0.
+        time_s: Shape (rows,). When it was measured [s].
     """
 
     columns: FloatArray
@@ -77,10 +71,8 @@ def time_runs(
 ) -> tuple[TimeRun, ...]:
     """Put recordings and their circumstances together.
 
-    Raises
-    ------
-    EstimationError
-        The joints are not the model's, or `payload` has not a value a recording.
+    Raises:
+        EstimationError: The joints are not the model's, or `payload` has not a value a recording.
     """
     if len(payload) != len(signals):
         raise EstimationError(

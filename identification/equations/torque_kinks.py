@@ -32,12 +32,9 @@ def integrable_torque(
     A joint's torque is corrected where other joints turn round; at its own reversals it jumps, and
     no estimate uses it there.
 
-    Parameters
-    ----------
-    torque_nm : ndarray, shape (samples, n)
-        Sampled torque on uniform rows of one segment [N m or N].
-    position, velocity : ndarray, shape (samples, n)
-        Motion [rad or m, and per second].
+    Args:
+        torque_nm: Shape (samples, n). Sampled torque on uniform rows of one segment [N m or N].
+        position, velocity: Shape (samples, n). Motion [rad or m, and per second].
     """
     time, joint = _reversals(position, velocity)
     row = np.floor(time).astype(np.int64)

@@ -23,16 +23,12 @@ from dynamics.kernels.thermal import BY_TIME_CONSTANT, RISE, warm_up
 class Warming:
     """Time constants of the joints' temperatures, and the friction that heats them.
 
-    Attributes
-    ----------
-    time_constant_s : ndarray, shape (n,)
-        Of each joint [s]; 0 where its friction does not show that it warms up.
-    time_constant_sigma_s : ndarray, shape (n,)
-        Standard deviations; 0 there.
-    coulomb_nm : ndarray, shape (n,)
-        Coulomb friction whose power counts [N m or N].
-    viscous_nm_s : ndarray, shape (n,)
-        Viscous friction whose power counts [N m s/rad or N s/m].
+    Attributes:
+        time_constant_s: Shape (n,). Of each joint [s]; 0 where its friction does not show that it
+            warms up.
+        time_constant_sigma_s: Shape (n,). Standard deviations; 0 there.
+        coulomb_nm: Shape (n,). Coulomb friction whose power counts [N m or N].
+        viscous_nm_s: Shape (n,). Viscous friction whose power counts [N m s/rad or N s/m].
     """
 
     time_constant_s: FloatArray
@@ -62,12 +58,9 @@ class Warming:
     def warmed(self, robot: RobotDescription, signals: SmoothedSignals) -> SmoothedSignals:
         """Return a recording with the temperatures that its motion leads to.
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            Whose reference temperatures are those of the cold joints.
-        signals : SmoothedSignals
-            What was recorded; a temperature that it has is replaced.
+        Args:
+            robot: Whose reference temperatures are those of the cold joints.
+            signals: What was recorded; a temperature that it has is replaced.
         """
         return replace(signals, temperature_k=self._followed(robot, signals, RISE))
 
@@ -80,12 +73,9 @@ class Warming:
     def settled(self, robot: RobotDescription, velocity: FloatArray) -> FloatArray:
         """Return the temperatures that a motion leads to when it is repeated for long, (n,) [K].
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            Whose reference temperatures are those of the cold joints.
-        velocity : ndarray, shape (samples, n)
-            Of the whole motion, uniformly sampled [rad/s or m/s].
+        Args:
+            robot: Whose reference temperatures are those of the cold joints.
+            velocity: Shape (samples, n). Of the whole motion, uniformly sampled [rad/s or m/s].
         """
         cold = np.array([joint.reference_temperature_k for joint in robot.joints])
         return np.asarray(cold + self.joints * self._power_w(robot, velocity).mean(axis=0))

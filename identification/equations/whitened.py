@@ -22,16 +22,11 @@ class WhitenedEquations:
 
     An output is a joint's torque, or one of the uncorrelated combinations of the base wrench.
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (2 H + 1, b)
-        Whitened regressor.
-    rhs : ndarray, shape (2 H + 1,)
-        Whitened torque or wrench.
-    sigma : ndarray, shape (2 H + 1,)
-        Standard deviation that each row was divided by [N m or N].
-    rows : int
-        Equations left after the free torque has taken its own.
+    Attributes:
+        matrix: Shape (2 H + 1, b). Whitened regressor.
+        rhs: Shape (2 H + 1,). Whitened torque or wrench.
+        sigma: Shape (2 H + 1,). Standard deviation that each row was divided by [N m or N].
+        rows: Equations left after the free torque has taken its own.
     """
 
     matrix: FloatArray
@@ -67,15 +62,11 @@ def whiten(
 ) -> tuple[WhitenedEquations, ...]:
     """Return each joint's equations over their noise.
 
-    Parameters
-    ----------
-    equations : BinEquations
-        Equations of a period.
-    inertia : ndarray, shape (n, n)
-        Size of the joint-space inertia [kg m^2], through which the noise of the position's second
-        derivative becomes torque; zero leaves the torque's own noise.
-    uniform : bool
-        Divide all rows by the same number, the noise's RMS (ordinary least squares).
+    Args:
+        equations: Equations of a period.
+        inertia: Shape (n, n). Size of the joint-space inertia [kg m^2], through which the noise of
+            the position's second derivative becomes torque; zero leaves the torque's own noise.
+        uniform: Divide all rows by the same number, the noise's RMS (ordinary least squares).
     """
     omega = 2.0 * np.pi / equations.period_s * np.arange(equations.harmonics + 1)
     variance = inertia**2 @ equations.position_sigma**2 * omega**4
@@ -135,14 +126,10 @@ def residual_covariance(
 ) -> FloatArray:
     """Return the covariance that residuals taken for white show, output by output, shape (b, b).
 
-    Parameters
-    ----------
-    white : iterable of tuple of WhitenedEquations
-        The equations of each period average.
-    values : ndarray, shape (b,)
-        The estimate.
-    covariance : ndarray, shape (b, b)
-        Its covariance by the measured noise, (A^T A)^-1.
+    Args:
+        white: The equations of each period average.
+        values: Shape (b,). The estimate.
+        covariance: Shape (b, b). Its covariance by the measured noise, (A^T A)^-1.
     """
     meat = np.zeros_like(covariance)
     for outputs in zip_longest(*white):  # a plate whose channel was left out has fewer

@@ -40,18 +40,13 @@ def by_temperature(estimate: Estimate) -> BoolArray:
 def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     """Return an estimate without the friction term `temperature`, with the same torques.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        As it was identified.
-    temperature_k : ndarray, shape (n,)
-        Temperature of each joint's drive [K]; one that its friction does not depend on is no
-        matter.
+    Args:
+        estimate: As it was identified.
+        temperature_k: Shape (n,). Temperature of each joint's drive [K]; one that its friction does
+            not depend on is no matter.
 
-    Raises
-    ------
-    EstimationError
-        There is not a temperature for each joint.
+    Raises:
+        EstimationError: There is not a temperature for each joint.
     """
     joints = estimate.robot.joints
     if np.shape(temperature_k) != (len(joints),):

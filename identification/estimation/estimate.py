@@ -35,66 +35,43 @@ class Estimate:
     Three covariances say how far to trust them: by the measured noise, by residuals taken for
     white, and one that holds for coloured residuals, that is for model error.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    options : ModelOptions
-        The terms of its model, with the estimated values of the nonlinear parameters.
-    base : BaseParameters
-        Names, units, words and combinations of the b parameters.
-    values : ndarray, shape (b,)
-        The estimate.
-    covariance_noise : ndarray, shape (b, b), or None
-        From the noise between periods; None where nothing repeated.
-    covariance_residual : ndarray, shape (b, b)
-        From the residuals of each joint, taken for white.
-    covariance_jackknife : ndarray, shape (b, b)
-        From the residuals, whatever their colour (`identification.regression.intervals`).
-    nonlinear_covariance : ndarray, shape (s, s)
-        The cluster-robust covariance of the nonlinear parameters.
-    clusters : int or None
-        Stretches or bins that `covariance_jackknife` rests on; None if it is not counted.
-    condition_number : float
-        Of the weighted regressor, columns scaled to length one (2.25, 2.26).
-    equations : int
-        Equations used.
-    residual_nm : ndarray, shape (n,)
-        RMS of measured minus predicted torque inside the band [N m or N].
-    noise_nm : ndarray, shape (n,), or None
-        RMS that the measured noise alone would leave there.
-    torque_nm : ndarray, shape (n,), or None
-        RMS of the measured torque there; None of the external model.
-    held_out_share : ndarray, shape (n,), or None
-        The residual's share of the torque on parts of the recording that were left out of a plain
-        fit, zero where it is hardly more than on what was fitted; None where nobody looked.
-    left_out_fraction : ndarray, shape (n,)
-        Share of samples under the standstill speed, left out or with free friction.
-    method : "periodic" or "smoothed"
-        On the bins of averaged periods, or in the time domain on low-passed signals.
-    band_hz, standstill_rad_s : float
-        Highest frequency and lowest speed used.
-    weighting : "ml", "ls" or "huber"
-        How rows were weighted.
-    plate : PlateFit or None
-        How the force plate fits, where it was used.
-    channel : TorqueChannel or None
-        By how much the recorded torque was late, and where it was low-passed; None where that was
-        not looked for. It belongs to the recording, not to the robot: `validate` applies it.
-    warming : Warming or None
-        How the joints' temperatures follow from their motion, where none was measured: coefficients
-        by temperature are about these; None where temperatures were measured or do not count.
-    periods : int
-        Averaged periods behind it; 0 for "smoothed".
-    cell_name : str
-        Where it was measured.
-    run_ids : tuple of str
-        The runs behind it.
-    still : tuple of StillJoint
-        Joints that no run moved: it holds only at their positions.
-    position_range : ndarray, shape (n, 2), or None
-        Lowest and highest position of each joint in the runs [rad or m]; None of an
-        estimate that comes from no runs.
+    Attributes:
+        options: The terms of its model, with the estimated values of the nonlinear parameters.
+        base: Names, units, words and combinations of the b parameters.
+        values: Shape (b,). The estimate.
+        covariance_noise: Shape (b, b). From the noise between periods; None where nothing repeated.
+        covariance_residual: Shape (b, b). From the residuals of each joint, taken for white.
+        covariance_jackknife: Shape (b, b). From the residuals, whatever their colour
+            (`identification.regression.intervals`).
+        nonlinear_covariance: Shape (s, s). The cluster-robust covariance of the nonlinear
+            parameters.
+        clusters: Stretches or bins that `covariance_jackknife` rests on; None if it is not counted.
+        condition_number: Of the weighted regressor, columns scaled to length one (2.25, 2.26).
+        equations: Equations used.
+        residual_nm: Shape (n,). RMS of measured minus predicted torque inside the band [N m or N].
+        noise_nm: Shape (n,). RMS that the measured noise alone would leave there.
+        torque_nm: Shape (n,). RMS of the measured torque there; None of the external model.
+        held_out_share: Shape (n,). The residual's share of the torque on parts of the recording
+            that were left out of a plain fit, zero where it is hardly more than on what was fitted;
+            None where nobody looked.
+        left_out_fraction: Shape (n,). Share of samples under the standstill speed, left out or with
+            free friction.
+        method: On the bins of averaged periods, or in the time domain on low-passed signals.
+        band_hz, standstill_rad_s: Highest frequency and lowest speed used.
+        weighting: How rows were weighted.
+        plate: How the force plate fits, where it was used.
+        channel: By how much the recorded torque was late, and where it was low-passed; None where
+            that was not looked for. It belongs to the recording, not to the robot: `validate`
+            applies it.
+        warming: How the joints' temperatures follow from their motion, where none was measured:
+            coefficients by temperature are about these; None where temperatures were measured or do
+            not count.
+        periods: Averaged periods behind it; 0 for "smoothed".
+        cell_name: Where it was measured.
+        run_ids: The runs behind it.
+        still: Joints that no run moved: it holds only at their positions.
+        position_range: Shape (n, 2). Lowest and highest position of each joint in the runs [rad or
+            m]; None of an estimate that comes from no runs.
     """
 
     robot: RobotDescription
@@ -242,19 +219,15 @@ def predict(
 
     Friction with memory follows the samples in the order that they have.
 
-    Parameters
-    ----------
-    estimate : TorqueModel
-        The identified robot.
-    q, v, a : ndarray, shape (samples, n)
-        Motion [rad or m, per second, per second squared].
-    conditions : Conditions, optional
-        Temperature and payload; the load is computed here, and the memory where it is not given.
+    Args:
+        estimate: The identified robot.
+        q, v, a: Shape (samples, n). Motion [rad or m, per second, per second squared].
+        conditions: Temperature and payload; the load is computed here, and the memory where it is
+            not given.
 
-    Raises
-    ------
-    EstimationError
-        A joint that stood still when the robot was identified is not where it stood.
+    Raises:
+        EstimationError: A joint that stood still when the robot was identified is not where it
+            stood.
     """
     model, torque = estimate.model, np.empty(np.shape(q))
     if isinstance(estimate, Estimate):
@@ -283,17 +256,12 @@ def predict_base_wrench(
 
     Its constant part, the weight above all, is as uncertain as the plate's offset was.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the external or the combined model.
-    q, v, a, conditions
-        As for `predict`.
+    Args:
+        estimate: Of the external or the combined model.
+        q, v, a, conditions: As for `predict`.
 
-    Raises
-    ------
-    EstimationError
-        It is of the internal model: torques do not show what the base feels.
+    Raises:
+        EstimationError: It is of the internal model: torques do not show what the base feels.
     """
     if estimate.options.kind == "internal":
         raise EstimationError(

@@ -29,17 +29,12 @@ def estimate_periodic(
 ) -> Estimate:
     """Estimate from averaged periods, on their DFT bins; see `fit_periodic`.
 
-    Parameters
-    ----------
-    robot, averages, options, payload
-        As for `fit_periodic`.
-    cell_name, run_ids : str, tuple of str
-        Provenance.
+    Args:
+        robot, averages, options, payload: As for `fit_periodic`.
+        cell_name, run_ids: Provenance.
 
-    Raises
-    ------
-    EstimationError
-        The joints do not fit, or the motion does not show the parameters.
+    Raises:
+        EstimationError: The joints do not fit, or the motion does not show the parameters.
     """
     return fit_periodic(robot, averages, options, payload=payload).estimate(cell_name, run_ids)
 
@@ -55,16 +50,11 @@ def estimate_smoothed(
 ) -> Estimate:
     """Estimate from recordings that are not periodic; see `fit_smoothed`.
 
-    Parameters
-    ----------
-    robot, signals, options, payload
-        As for `fit_smoothed`.
-    cell_name, run_ids : str, tuple of str
-        Provenance.
+    Args:
+        robot, signals, options, payload: As for `fit_smoothed`.
+        cell_name, run_ids: Provenance.
 
-    Raises
-    ------
-    EstimationError
-        The joints do not fit, or the motion does not show the parameters.
+    Raises:
+        EstimationError: The joints do not fit, or the motion does not show the parameters.
     """
     return fit_smoothed(robot, signals, options, payload=payload).estimate(cell_name, run_ids)

@@ -148,10 +148,8 @@ class EstimateDocument(ConfigModel):
 def write_estimate(path: Path, estimate: Estimate) -> None:
     """Write an estimate as JSON; the same estimate gives the same bytes.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be written.
+    Raises:
+        RecordingError: The file cannot be written.
     """
     text = estimate_document(estimate).model_dump_json(indent=1) + "\n"
     write_whole(path, text.encode())
@@ -160,10 +158,8 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
 def read_estimate(path: Path) -> Estimate:
     """Read what `write_estimate` wrote.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read or is not an estimate.
+    Raises:
+        ConfigError: The file cannot be read or is not an estimate.
     """
     return estimate_content(read_content(path, LARGEST_FILE_BYTES), path)
 

@@ -18,19 +18,14 @@ SAME: Final = 1e-6
 def refuse_contradictions(estimate: Estimate, deviations: Mapping[str, Sequence[float]]) -> None:
     """Refuse an estimate whose file contradicts itself.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate as read.
-    deviations : mapping of str to sequence of float
-        Standard deviations that the file states beside the covariances, by the names of the
-        estimate's own.
+    Args:
+        estimate: The estimate as read.
+        deviations: Standard deviations that the file states beside the covariances, by the names of
+            the estimate's own.
 
-    Raises
-    ------
-    ConfigError
-        A parameter stands twice or out of order, a covariance is none, or a standard deviation does
-        not follow from it. The text begins with the key.
+    Raises:
+        ConfigError: A parameter stands twice or out of order, a covariance is none, or a standard
+            deviation does not follow from it. The text begins with the key.
     """
     for problem in _problems(estimate, deviations):
         raise ConfigError(f"{problem}: was the file edited?", code=UNSOUND_MODEL)

@@ -42,22 +42,13 @@ PLATE_LATE: Final = "RID-PLATE-LATE"
 class FittedPeriods:
     """A problem, its equations and their solution.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    options : ModelOptions
-        The terms of its model, with the fitted nonlinear parameters.
-    model : RobotModel
-        That model.
-    problem : PeriodicProblem
-        The averages, with the weights and delays that were found.
-    equations : tuple of BinEquations
-        One a run.
-    fit : PeriodicFit
-        The solution.
-    still : tuple of StillJoint
-        The joints that no run moves.
+    Attributes:
+        options: The terms of its model, with the fitted nonlinear parameters.
+        model: That model.
+        problem: The averages, with the weights and delays that were found.
+        equations: One a run.
+        fit: The solution.
+        still: The joints that no run moves.
     """
 
     robot: RobotDescription
@@ -140,22 +131,14 @@ def fit_periodic(
     external and the combined model (`ModelOptions.kind`) count the base wrench of a force plate
     too, by its own noise (4.2, 4.3); its constant offsets count as unknown.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    averages : sequence of PeriodAverage
-        One a run.
-    options : EstimationOptions, optional
-        The model's terms and how rows count.
-    payload : sequence of bool, optional
-        Which runs carried the unknown payload; none by default.
+    Args:
+        averages: One a run.
+        options: The model's terms and how rows count.
+        payload: Which runs carried the unknown payload; none by default.
 
-    Raises
-    ------
-    EstimationError
-        The joints do not fit, the motion does not show the parameters, or a plate that the model
-        needs is missing.
+    Raises:
+        EstimationError: The joints do not fit, the motion does not show the parameters, or a plate
+            that the model needs is missing.
     """
     options = options or EstimationOptions()
     problem, model, terms, still = _unsolved(robot, averages, options, payload)
@@ -185,23 +168,14 @@ def unsolved_equations(
 ) -> tuple[tuple[BinEquations, ...], RobotModel, BaseParameters]:
     """Return the equations of averaged periods as they are before anything is estimated.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    averages : sequence of PeriodAverage
-        One a run.
-    options : EstimationOptions
-        The model's terms and how rows count.
+    Args:
+        averages: One a run.
+        options: The model's terms and how rows count.
 
-    Returns
-    -------
-    equations : tuple of BinEquations
-        One a run.
-    model : RobotModel
-        Their model.
-    base : BaseParameters
-        Their parameters.
+    Returns:
+        `equations`. One a run.
+        `model`. Their model.
+        `base`. Their parameters.
     """
     problem, model, *_ = _unsolved(robot, averages, options, None)
     return problem.equations(model, None), model, problem.base
@@ -269,16 +243,12 @@ def model_of(
 ) -> tuple[RobotModel, BaseParameters, ModelOptions, tuple[StillJoint, ...]]:
     """Return the model that options ask for, and what of it some motions can show.
 
-    Returns
-    -------
-    model : RobotModel
-        The model.
-    base : BaseParameters
-        What of it can be identified.
-    options : ModelOptions
-        The options, less what their kind of model has not.
-    still : tuple of StillJoint
-        The joints that none of the motions, each q and v, moves in more than `moving_share` of it.
+    Returns:
+        `model`. The model.
+        `base`. What of it can be identified.
+        `options`. The options, less what their kind of model has not.
+        `still`. The joints that none of the motions, each q and v, moves in more than
+            `moving_share` of it.
     """
     options = options or ModelOptions()
     if options.kind == "external":  # what is inside the robot, the base does not feel

@@ -34,22 +34,13 @@ from identification.regression.intervals import at_least
 class FittedSignals:
     """A problem and its solution.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    options : ModelOptions
-        The terms of its model, with the fitted nonlinear parameters.
-    model : RobotModel
-        That model.
-    problem : SmoothedProblem
-        The recordings and their weights.
-    standard : ndarray, shape (p,), or None
-        Where the equations are linearised; None where the model is linear.
-    fit : SmoothedFit
-        The solution.
-    still : tuple of StillJoint
-        The joints that no run moves.
+    Attributes:
+        options: The terms of its model, with the fitted nonlinear parameters.
+        model: That model.
+        problem: The recordings and their weights.
+        standard: Shape (p,). Where the equations are linearised; None where the model is linear.
+        fit: The solution.
+        still: The joints that no run moves.
     """
 
     robot: RobotDescription
@@ -127,21 +118,13 @@ def fit_smoothed(
     rows are not independent; the cluster-robust covariance takes the residuals of one second as
     one event.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    signals : sequence of SmoothedSignals
-        One a run.
-    options : EstimationOptions, optional
-        The model's terms and how rows count.
-    payload : sequence of bool, optional
-        Which runs carried the unknown payload; none by default.
+    Args:
+        signals: One a run.
+        options: The model's terms and how rows count.
+        payload: Which runs carried the unknown payload; none by default.
 
-    Raises
-    ------
-    EstimationError
-        The joints do not fit, or the motion does not show the parameters.
+    Raises:
+        EstimationError: The joints do not fit, or the motion does not show the parameters.
     """
     options = options or EstimationOptions()
     motions = [(run.position, run.velocity) for run in signals]

@@ -25,12 +25,10 @@ def limit_torque(
     by their own friction, as warm as the motion makes them that is repeated; of each sample the
     larger.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The model.
-    position, velocity, acceleration : ndarray, shape (samples, n)
-        The whole motion [rad or m, per second, per second squared].
+    Args:
+        estimate: The model.
+        position, velocity, acceleration: Shape (samples, n). The whole motion [rad or m, per
+            second, per second squared].
     """
     if not by_temperature(estimate).any():
         return predict(estimate, position, velocity, acceleration)

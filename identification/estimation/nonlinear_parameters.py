@@ -43,21 +43,15 @@ def fit_nonlinear(
 ) -> NonlinearFit:
     """Fit the nonlinear parameters together with the linear ones.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The model with its starting values.
-    base : BaseParameters
-        What of its linear parameters can be identified.
-    values : ndarray, shape (b,)
-        Base parameters where gears lose nothing: what the equations are linearised at first.
-    solve : callable
-        Solves for the columns of `torque_columns`; with rows weighted alike in every call.
+    Args:
+        model: The model with its starting values.
+        base: What of its linear parameters can be identified.
+        values: Shape (b,). Base parameters where gears lose nothing: what the equations are
+            linearised at first.
+        solve: Solves for the columns of `torque_columns`; with rows weighted alike in every call.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show the parameters.
+    Raises:
+        EstimationError: The motion does not show the parameters.
     """
     best = _at(model, base.to_standard(values), base, solve)
     for _ in range(MOST_STEPS):

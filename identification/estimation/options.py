@@ -23,19 +23,14 @@ Prior = tuple[FloatArray, FloatArray]
 class EstimationOptions(Ranged):
     """How to estimate; the same for averaged periods and for smoothed recordings.
 
-    Attributes
-    ----------
-    model : ModelOptions
-        Terms of the model; what the robot file says by default.
-    weighting : "ml", "ls" or "huber"
-        Rows over their noise; all alike; over their noise with outliers held down.
-    prior : (values, sigmas), or None
-        Knowledge of the standard parameters (Bayesian estimate).
-    band_hz : float
-        Highest frequency used [Hz]; of smoothed recordings their cut-off counts instead.
-    standstill_rad_s : float
-        Below this speed a joint's friction is left free, or its equation out; 0 trusts sign(v)
-        everywhere [rad/s or m/s]. Of a slow joint a tenth of its speed limit, if that is less.
+    Attributes:
+        model: Terms of the model; what the robot file says by default.
+        weighting: Rows over their noise; all alike; over their noise with outliers held down.
+        prior: (values, sigmas). Knowledge of the standard parameters (Bayesian estimate).
+        band_hz: Highest frequency used [Hz]; of smoothed recordings their cut-off counts instead.
+        standstill_rad_s: Below this speed a joint's friction is left free, or its equation out; 0
+            trusts sign(v) everywhere [rad/s or m/s]. Of a slow joint a tenth of its speed limit, if
+            that is less.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(arbitrary_types_allowed=True)

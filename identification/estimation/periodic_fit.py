@@ -31,17 +31,13 @@ REWEIGHTINGS = 20
 class PeriodicFit:
     """The solution for one set of columns, and the whitened equations behind it.
 
-    Attributes
-    ----------
-    base, nonlinear, delays : int
-        What the solution holds, one after the other: base parameters, steps of the nonlinear
-        ones, a step of each run's delay of the plate.
-    solution : Solution
-        All of them.
-    white : tuple, one a run, of tuples of WhitenedEquations
-        The outputs that were used: joints first, then the plate's.
-    joints : tuple, one a run, of tuples of WhitenedEquations
-        The joints' outputs, used or not.
+    Attributes:
+        base, nonlinear, delays: What the solution holds, one after the other: base parameters,
+            steps of the nonlinear ones, a step of each run's delay of the plate.
+        solution: All of them.
+        white: Tuple, one a run, of tuples of WhitenedEquations. The outputs that were used: joints
+            first, then the plate's.
+        joints: Tuple, one a run, of tuples of WhitenedEquations. The joints' outputs, used or not.
     """
 
     base: int
@@ -173,10 +169,8 @@ class PeriodicProblem:
         With `near`, values near the solution, the delay of each run's plate is solved for too: the
         last values are steps from `delays_s`.
 
-        Raises
-        ------
-        EstimationError
-            The motion does not show the parameters.
+        Raises:
+            EstimationError: The motion does not show the parameters.
         """
         delays = [] if near is None else [f"the delay of plate {i}" for i in range(len(equations))]
         joints = tuple(

@@ -20,12 +20,10 @@ SMALLEST_SIGMA_SHARE = 1e-9
 class PriorRows:
     """Equations matrix beta = rhs with unit noise, from Gaussian knowledge of standard parameters.
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (rows, b)
-        They stand for the Bayesian prior: appended to the measurement's equations.
-    rhs : ndarray, shape (rows,)
-        Their right side.
+    Attributes:
+        matrix: Shape (rows, b). They stand for the Bayesian prior: appended to the measurement's
+            equations.
+        rhs: Shape (rows,). Their right side.
     """
 
     matrix: FloatArray
@@ -43,18 +41,13 @@ class PriorRows:
         With beta = K theta, the combinations of beta that hold no parameter of infinite sigma are
         known; they have the covariance that K gives them.
 
-        Parameters
-        ----------
-        base : BaseParameters
-            The base parameters.
-        values, sigmas : ndarray, shape (p,)
-            Of the standard parameters, independent of one another; sigma infinite where nothing
-            is known, 0 to hold a value.
+        Args:
+            base: The base parameters.
+            values, sigmas: Shape (p,). Of the standard parameters, independent of one another;
+                sigma infinite where nothing is known, 0 to hold a value.
 
-        Raises
-        ------
-        EstimationError
-            The shapes do not fit, or a sigma is negative or not a number.
+        Raises:
+            EstimationError: The shapes do not fit, or a sigma is negative or not a number.
         """
         shape = (len(base.standard_names),)
         if values.shape != shape or sigmas.shape != shape or not np.all(sigmas >= 0.0):
@@ -89,17 +82,12 @@ def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
 def held(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
     """Return values and sigmas of standard parameters, of which some are known by name.
 
-    Parameters
-    ----------
-    base : BaseParameters
-        The base parameters.
-    known : dict of name to (value, sigma)
-        Such as {"mL": (2.805, 0.002)}.
+    Args:
+        base: The base parameters.
+        known: Dict of name to (value, sigma). Such as {"mL": (2.805, 0.002)}.
 
-    Raises
-    ------
-    EstimationError
-        A name is not a parameter of the model.
+    Raises:
+        EstimationError: A name is not a parameter of the model.
     """
     values = np.zeros(len(base.standard_names))
     sigmas = np.full(len(values), np.inf)

@@ -28,14 +28,10 @@ from identification.regression.least_squares import Triangle
 class RunningValues:
     """Base parameters at one moment of a measurement.
 
-    Attributes
-    ----------
-    values, sigma : ndarray, shape (b,)
-        Base parameters and their cluster-robust standard deviations.
-    residual_nm : ndarray, shape (n,)
-        RMS residual of each joint [N m or N].
-    relative_percent : ndarray, shape (n,)
-        RMS residual over RMS torque of each joint [%].
+    Attributes:
+        values, sigma: Shape (b,). Base parameters and their cluster-robust standard deviations.
+        residual_nm: Shape (n,). RMS residual of each joint [N m or N].
+        relative_percent: Shape (n,). RMS residual over RMS torque of each joint [%].
     """
 
     values: FloatArray
@@ -50,15 +46,12 @@ class RunningEstimate:
 
     Nonlinear parameters, and what gears lose of their load, are as the model says.
 
-    Attributes
-    ----------
-    model, base : RobotModel, BaseParameters
-        What is estimated.
-    standstill_rad_s : float
-        A slower joint's rows are left out.
-    stretches : mapping of int to tuple of Triangle
-        The rows of each second, counted from the start of the run or of its period, as one triangle
-        a joint. What recurs in every period is one stretch, whose errors may recur as well.
+    Attributes:
+        model, base: What is estimated.
+        standstill_rad_s: A slower joint's rows are left out.
+        stretches: The rows of each second, counted from the start of the run or of its period, as
+            one triangle a joint. What recurs in every period is one stretch, whose errors may recur
+            as well.
     """
 
     model: RobotModel
@@ -70,10 +63,9 @@ class RunningEstimate:
     def begin(cls, model: RobotModel, standstill_rad_s: float) -> RunningEstimate:
         """Return the estimate of no rows at all.
 
-        Raises
-        ------
-        EstimationError
-            The gears lose a share of their load: such a model is not linear in its parameters.
+        Raises:
+            EstimationError: The gears lose a share of their load: such a model is not linear in its
+                parameters.
         """
         if model.transmission.losses:
             raise EstimationError(
@@ -86,11 +78,9 @@ class RunningEstimate:
     def add(self, run: TimeRun) -> RunningEstimate:
         """Return the estimate with one more stretch of the measurement.
 
-        Parameters
-        ----------
-        run : TimeRun
-            A period, with time counted from its start, or any other part of a run that was not
-            added yet, with time counted from the run's start.
+        Args:
+            run: A period, with time counted from its start, or any other part of a run that was not
+                added yet, with time counted from the run's start.
         """
         structure = torque_structure(self.model, self.base, slopes=False)
         stretches = dict(self.stretches)
@@ -110,10 +100,8 @@ class RunningEstimate:
     def look(self) -> RunningValues:
         """Return what is known now.
 
-        Raises
-        ------
-        EstimationError
-            The motion so far does not show the parameters.
+        Raises:
+            EstimationError: The motion so far does not show the parameters.
         """
         structure = torque_structure(self.model, self.base, slopes=False)
         triangles = list(_nothing(len(self.base), structure))

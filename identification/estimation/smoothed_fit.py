@@ -30,18 +30,13 @@ SETTLED = 1e-6
 class SmoothedFit:
     """The solution for one set of columns.
 
-    Attributes
-    ----------
-    solution : Solution
-        Of base parameters and, where slopes were asked for, of steps of the nonlinear ones.
-    residual_nm : ndarray, shape (n,)
-        RMS residual of each joint [N m or N].
-    torque_nm : ndarray, shape (n,)
-        RMS of each joint's torque on the same rows [N m or N].
-    scale_nm : ndarray, shape (n,)
-        What each joint's rows were divided by.
-    rows_used : ndarray, shape (n,)
-        Rows used of each joint.
+    Attributes:
+        solution: Of base parameters and, where slopes were asked for, of steps of the nonlinear
+            ones.
+        residual_nm: Shape (n,). RMS residual of each joint [N m or N].
+        torque_nm: Shape (n,). RMS of each joint's torque on the same rows [N m or N].
+        scale_nm: Shape (n,). What each joint's rows were divided by.
+        rows_used: Shape (n,). Rows used of each joint.
     """
 
     solution: Solution
@@ -55,20 +50,13 @@ class SmoothedFit:
 class SmoothedProblem:
     """Recordings, and which of their rows count how much.
 
-    Attributes
-    ----------
-    base : BaseParameters
-        What is estimated.
-    runs : tuple of TimeRun
-        The recordings.
-    standstill_rad_s : float
-        From which speed on a joint moves [rad/s or m/s].
-    weighting : Weighting
-        How rows are weighted.
-    prior : PriorRows
-        What is known beforehand.
-    still : tuple of int
-        Joints that no run moves: none of their rows count.
+    Attributes:
+        base: What is estimated.
+        runs: The recordings.
+        standstill_rad_s: From which speed on a joint moves [rad/s or m/s].
+        weighting: How rows are weighted.
+        prior: What is known beforehand.
+        still: Joints that no run moves: none of their rows count.
     """
 
     base: BaseParameters
@@ -107,10 +95,8 @@ class SmoothedProblem:
         Each joint's rows are divided by `scale`, shape (n,), where it is given; otherwise by what
         the weighting says.
 
-        Raises
-        ------
-        EstimationError
-            The motion does not show the parameters.
+        Raises:
+            EstimationError: The motion does not show the parameters.
         """
         structure = torque_structure(model, self.base, standard is not None)
         triangles = self._triangles(model, standard, structure, None)
@@ -223,28 +209,18 @@ def fit_with_nonlinear(
 ) -> tuple[RobotModel, FloatArray | None, SmoothedFit]:
     """Fit a model, its nonlinear parameters included where it has some.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The model with its starting values.
-    base : BaseParameters
-        What of its linear parameters can be identified.
-    fit : callable
-        Solves its equations.
+    Args:
+        model: The model with its starting values.
+        base: What of its linear parameters can be identified.
+        fit: Solves its equations.
 
-    Returns
-    -------
-    model : RobotModel
-        With fitted nonlinear parameters.
-    standard : ndarray, shape (p,), or None
-        Where the equations are linearised; None where the model is linear.
-    fit : SmoothedFit
-        The solution.
+    Returns:
+        `model`. With fitted nonlinear parameters.
+        `standard`, shape (p,). Where the equations are linearised; None where the model is linear.
+        `fit`. The solution.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show the parameters.
+    Raises:
+        EstimationError: The motion does not show the parameters.
     """
     found = fit(model, None, None)
     if not model.nonlinear_names:
@@ -262,26 +238,17 @@ def weighted_by_residuals(
 ) -> tuple[Solution, FloatArray]:
     """Solve with each joint's rows over their own residual, found by iteration.
 
-    Parameters
-    ----------
-    triangles : sequence of Triangle
-        One a joint.
-    known : sequence of Triangle
-        Prior knowledge, weighted already.
-    names : tuple of str
-        The parameters.
+    Args:
+        triangles: One a joint.
+        known: Prior knowledge, weighted already.
+        names: The parameters.
 
-    Returns
-    -------
-    solution : Solution
-        The estimate.
-    scale_nm : ndarray, shape (n,)
-        What each joint's rows were divided by.
+    Returns:
+        `solution`. The estimate.
+        `scale_nm`, shape (n,). What each joint's rows were divided by.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show the parameters.
+    Raises:
+        EstimationError: The motion does not show the parameters.
     """
     scale = np.ones(len(triangles))
     solution = weighted(triangles, known, scale, names)

@@ -82,10 +82,8 @@ def urdf(model: ExportModel) -> str:
     The links are `base`, `link1` to the last, and `tool`; where gravity does not point along -z of
     the base, `world` stands below it with z up.
 
-    Raises
-    ------
-    EstimationError
-        Where a link cannot exist.
+    Raises:
+        EstimationError: If a link cannot exist.
     """
     return _render("robot.urdf.j2", model)
 
@@ -93,10 +91,8 @@ def urdf(model: ExportModel) -> str:
 def sdf(model: ExportModel) -> str:
     """Return an SDF model (version 1.7), fixed to the world.
 
-    Raises
-    ------
-    EstimationError
-        Where a link cannot exist.
+    Raises:
+        EstimationError: If a link cannot exist.
     """
     return _render("robot.sdf.j2", model)
 
@@ -104,10 +100,8 @@ def sdf(model: ExportModel) -> str:
 def pinocchio_model(model: ExportModel) -> str:
     """Return a Python file whose `build_model()` makes the robot in Pinocchio.
 
-    Raises
-    ------
-    EstimationError
-        Where a link cannot exist.
+    Raises:
+        EstimationError: If a link cannot exist.
     """
     return _render("pinocchio_model.py.j2", model)
 

@@ -47,25 +47,16 @@ class StraightFriction:
 class ExportModel:
     """A robot's model with a value for every standard parameter.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    model : RobotModel
-        Its model; the friction's speeds and the gears' losses are in it.
-    parameters : ndarray, shape (p,)
-        Values of `model.parameter_names`.
-    origin : tuple of str
-        Where they come from, a line each.
-    warming : Warming or None
-        How joints warm up, where their friction depends on a temperature that no one measured.
-    test : ConsistencyTest or None
-        The test behind physically consistent parameters; None of other parameters.
+    Attributes:
+        model: Its model; the friction's speeds and the gears' losses are in it.
+        parameters: Shape (p,). Values of `model.parameter_names`.
+        origin: Where they come from, a line each.
+        warming: How joints warm up, where their friction depends on a temperature that no one
+            measured.
+        test: The test behind physically consistent parameters; None of other parameters.
 
-    Raises
-    ------
-    EstimationError
-        The parameters do not fit the model, or it has a term that no export knows.
+    Raises:
+        EstimationError: The parameters do not fit the model, or it has a term that no export knows.
     """
 
     robot: RobotDescription
@@ -106,10 +97,8 @@ class ExportModel:
     def links(self) -> tuple[LinkBody, ...]:
         """The links about their centres, base to flange.
 
-        Raises
-        ------
-        EstimationError
-            Where a link has no mass.
+        Raises:
+            EstimationError: If a link has no mass.
         """
         bodies = self.parameters[: PARAMETERS_PER_LINK * self.model.chain.n]
         if np.any(bodies[::PARAMETERS_PER_LINK] == 0.0):
@@ -123,10 +112,8 @@ class ExportModel:
     def require_links_that_exist(self) -> None:
         """Refuse links that no body can have.
 
-        Raises
-        ------
-        EstimationError
-            Where a mass is not positive, or an inertia not that of any body.
+        Raises:
+            EstimationError: If a mass is not positive, or an inertia not that of any body.
         """
         for number, link in enumerate(self.links, start=1):
             if not link.can_exist:

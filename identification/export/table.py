@@ -49,12 +49,9 @@ class TableRow:
 def table(estimate: Estimate, consistent: ExportModel | None = None) -> tuple[TableRow, ...]:
     """Return every identified value and, where given, the physically consistent ones.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The identified parameters.
-    consistent : ExportModel, optional
-        The physically consistent standard parameters.
+    Args:
+        estimate: The identified parameters.
+        consistent: The physically consistent standard parameters.
     """
     base, noise, model = estimate.base, estimate.sigma_noise, estimate.model
     rows = [

@@ -24,18 +24,13 @@ class FrictionCurve:
 
     Moving forwards at `speed` takes odd + even, moving backwards -odd + even, beside gravity.
 
-    Attributes
-    ----------
-    joint : str
-        The joint.
-    speed : ndarray, shape (k,)
-        Speeds, positive [rad/s or m/s].
-    odd, odd_sigma : ndarray, shape (k,)
-        Half of what turning round changes, and its standard deviation [N m or N].
-    even : ndarray, shape (k,), or None
-        What stays when turning round, gravity taken off; None where it was not measured.
-    even_covariance : ndarray, shape (k, k), or None
-        Its covariance: gravity is common to all speeds.
+    Attributes:
+        speed: Shape (k,). Speeds, positive [rad/s or m/s].
+        odd, odd_sigma: Shape (k,). Half of what turning round changes, and its standard deviation
+            [N m or N].
+        even: Shape (k,). What stays when turning round, gravity taken off; None where it was not
+            measured.
+        even_covariance: Shape (k, k). Its covariance: gravity is common to all speeds.
     """
 
     joint: str
@@ -101,24 +96,16 @@ def joined(curves: Sequence[FrictionCurve]) -> FrictionCurve:
 def friction_columns(model: RobotModel, joint: int, speed: FloatArray) -> FloatArray:
     """Return what each friction coefficient of a model does to one joint at signed speeds.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot, with friction.
-    joint : int
-        The joint, from 0; the others rest.
-    speed : ndarray, shape (s,)
-        Speeds of its actuator [rad/s or m/s].
+    Args:
+        model: The robot, with friction.
+        joint: The joint, from 0; the others rest.
+        speed: Shape (s,). Speeds of its actuator [rad/s or m/s].
 
-    Returns
-    -------
-    ndarray, shape (s, coefficients)
-        N m or N per unit; temperatures are the reference's.
+    Returns:
+        Shape (s, coefficients). N m or N per unit; temperatures are the reference's.
 
-    Raises
-    ------
-    EstimationError
-        The model has no friction.
+    Raises:
+        EstimationError: The model has no friction.
     """
     term = next((term for term in model.terms if isinstance(term, Friction)), None)
     if term is None:

@@ -46,21 +46,13 @@ def constant_velocity_curves(
     for it; where they cannot be told from a constant, the standard deviations say so. What scatters
     between blocks (cogging, load) is taken as uncertainty.
 
-    Parameters
-    ----------
-    recording : Recording
-        The run.
-    motion : ConstantVelocityMotion
-        The motion as it was run.
-    robot : RobotDescription
-        The robot.
+    Args:
+        recording: The run.
+        motion: The motion as it was run.
 
-    Raises
-    ------
-    DataQualityError
-        A run is missing from the recording.
-    EstimationError
-        A joint's motor hardly turns where the joint moves alone.
+    Raises:
+        DataQualityError: A run is missing from the recording.
+        EstimationError: A joint's motor hardly turns where the joint moves alone.
     """
     _, runs = motion.runs(robot, _sample_period(recording))
     curves = []
@@ -86,19 +78,12 @@ def reversed_curves(
     round, friction itself makes the two ways differ a little in their accelerations; what inertia
     makes of that is fitted along with friction, and taken off.
 
-    Parameters
-    ----------
-    recording : Recording
-        The run.
-    motion : ReversedMotion
-        The motion as it was run.
-    robot : RobotDescription
-        The robot.
+    Args:
+        recording: The run.
+        motion: The motion as it was run.
 
-    Raises
-    ------
-    DataQualityError
-        One of the two parts is incomplete.
+    Raises:
+        DataQualityError: One of the two parts is incomplete.
     """
     there, back = (average_periods(part) for part in _two_parts(recording, motion, robot))
     forward, torque = _on_the_bins(there)
@@ -125,10 +110,8 @@ def _motor_turns(robot: RobotDescription, joint: int) -> float:
     is that of the motor's speed. With a coupled wrist other motors turn along, but nothing of
     their friction is in this one's torque.
 
-    Raises
-    ------
-    EstimationError
-        It hardly turns: moving that joint alone shows nothing of its friction.
+    Raises:
+        EstimationError: It hardly turns: moving that joint alone shows nothing of its friction.
     """
     coupling = WristCoupling.of_robot(robot)
     if coupling is None:

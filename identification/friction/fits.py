@@ -35,29 +35,20 @@ AT_BOUND_SHARE: Final = 1e-3
 class FrictionFit:
     """One model's fit to one joint's friction.
 
-    Attributes
-    ----------
-    name : str
-        What the model is called.
-    terms : tuple of FrictionTerm
-        The terms of the robot file.
-    model : RobotModel
-        The robot with these terms, and with the fitted Stribeck speed.
-    joint : int
-        The joint, from 0.
-    parameter_names, parameter_units : tuple of str
-        The joint's coefficients; the Stribeck speed last, where there is one.
-    values, sigmas : ndarray
-        Their values and standard deviations.
-    rms_nm : float
-        Of the curve's odd part less the model [N m or N].
-    misfit : float
-        Mean square of that in standard deviations of the curve; 1 where nothing is left to explain.
-    criterion : float
-        Akaike's criterion, corrected for few values: the smallest is best (Burnham and Anderson
-        2002).
-    at_bound : bool
-        Whether the Stribeck speed ended at a bound: the speeds measured do not show it.
+    Attributes:
+        name: What the model is called.
+        terms: The terms of the robot file.
+        model: The robot with these terms, and with the fitted Stribeck speed.
+        joint: The joint, from 0.
+        parameter_names, parameter_units: The joint's coefficients; the Stribeck speed last, where
+            there is one.
+        values, sigmas: Their values and standard deviations.
+        rms_nm: Of the curve's odd part less the model [N m or N].
+        misfit: Mean square of that in standard deviations of the curve; 1 where nothing is left to
+            explain.
+        criterion: Akaike's criterion, corrected for few values: the smallest is best (Burnham and
+            Anderson 2002).
+        at_bound: Whether the Stribeck speed ended at a bound: the speeds measured do not show it.
     """
 
     name: str
@@ -88,12 +79,8 @@ def fit_friction(curve: FrictionCurve, robot: RobotDescription) -> tuple[Frictio
     The odd part is fitted and, where it was measured, the even part with its covariance; a model
     that is the same in both directions then has to explain the difference by its misfit.
 
-    Parameters
-    ----------
-    curve : FrictionCurve
-        The measured friction.
-    robot : RobotDescription
-        The robot.
+    Args:
+        curve: The measured friction.
     """
     joint = robot.joint_names.index(curve.joint)
     fits = []

@@ -39,23 +39,14 @@ def constant_velocity_motion(
     touch something there, in the first random pose in which it does not. A joint runs as far as
     nothing comes near, within the middle 80 % of its limits.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    workspace : Workspace, optional
-        What surrounds it.
-    speeds : int
-        How many speeds a joint, in even ratios.
-    repeats : int
-        How often each is run.
-    seed : int
-        Of the random poses.
+    Args:
+        workspace: What surrounds it.
+        speeds: How many speeds a joint, in even ratios.
+        repeats: How often each is run.
+        seed: Of the random poses.
 
-    Raises
-    ------
-    ConfigError
-        No pose keeps clear, or a joint has no room to run.
+    Raises:
+        ConfigError: No pose keeps clear, or a joint has no room to run.
     """
     clearances = Clearances.of(robot, workspace)
     pose = _clear_pose(robot, clearances, seed)

@@ -37,22 +37,14 @@ _ROUNDING = 1e-10
 class BaseParameters:
     """The linear combinations of standard parameters that can be identified.
 
-    Attributes
-    ----------
-    names : tuple of str, length b
-        The standard parameter that heads each combination.
-    expressions : tuple of str, length b
-        Each combination in full, such as "Izz1 + Iyy2 + 0.2304 m3".
-    units : tuple of str, length b
-        Unit of each base parameter (its head's unit).
-    standard_names : tuple of str, length p
-        The model's parameters, in its order.
-    kept : tuple of int, length b
-        Index of each head among the standard parameters.
-    combination : ndarray, shape (b, p)
-        Matrix K of beta = K theta.
-    unseen : tuple of str
-        Standard parameters without any effect.
+    Attributes:
+        names: Length b. The standard parameter that heads each combination.
+        expressions: Length b. Each combination in full, such as "Izz1 + Iyy2 + 0.2304 m3".
+        units: Length b. Unit of each base parameter (its head's unit).
+        standard_names: Length p. The model's parameters, in its order.
+        kept: Length b. Index of each head among the standard parameters.
+        combination: Shape (b, p). Matrix K of beta = K theta.
+        unseen: Standard parameters without any effect.
     """
 
     names: tuple[str, ...]
@@ -114,30 +106,21 @@ def base_parameters(
 ) -> BaseParameters:
     """Find the base parameters of a robot model over random, generously exciting samples.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    kind : "internal", "external" or "combined"
-        What is measured: joint torques (the internal model), the six components of the reaction
-        on the base plate (external), or both. Gears count as lossless; a payload as measured both
-        with and without it.
-    still : sequence of StillJoint
-        Joints that stand still, whose torques count as not measured: friction at rest may be
-        anything.
-    tolerance : float
-        A column whose part independent of the columns kept is smaller than this fraction of it
-        counts as dependent.
-    samples : int
-        Random samples; positions in -pi..pi rad (or -1..1 m), so that the result belongs to the
-        structure and not to one motion.
-    seed : int
-        Seed of the samples.
+    Args:
+        model: The robot.
+        kind: What is measured: joint torques (the internal model), the six components of the
+            reaction on the base plate (external), or both. Gears count as lossless; a payload as
+            measured both with and without it.
+        still: Joints that stand still, whose torques count as not measured: friction at rest may be
+            anything.
+        tolerance: A column whose part independent of the columns kept is smaller than this fraction
+            of it counts as dependent.
+        samples: Random samples; positions in -pi..pi rad (or -1..1 m), so that the result belongs
+            to the structure and not to one motion.
+        seed: Seed of the samples.
 
-    Raises
-    ------
-    EstimationError
-        The rank is not clear at this tolerance.
+    Raises:
+        EstimationError: The rank is not clear at this tolerance.
     """
     stacked = random_regressor(model, kind=kind, still=still, samples=samples, seed=seed)
     return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)

@@ -18,15 +18,7 @@ UNCERTAINTIES: Final = 2.0
 
 
 def drawn_parameters(model: RobotModel, robot: RobotDescription) -> FloatArray:
-    """Return a model's standard parameters by `cad`, or by cylinders of the arm's size.
-
-    Parameters
-    ----------
-    model : RobotModel
-        The model.
-    robot : RobotDescription
-        Its robot.
-    """
+    """Return a model's standard parameters by `cad`, or by cylinders of the arm's size."""
     if not robot.is_drawn:
         chain = Chain.from_description(robot)
         robot = robot.model_copy(update={"cad": nominal_links(chain.rows, chain.tool_m)})

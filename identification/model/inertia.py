@@ -20,14 +20,10 @@ def inertia_size(
 ) -> FloatArray:
     """Return the RMS over some positions of each element of the inertia, shape (n, n).
 
-    Parameters
-    ----------
-    model, base : RobotModel, BaseParameters
-        The model and what of it can be identified.
-    position : ndarray, shape (samples, n)
-        Joint positions [rad or m].
-    values : ndarray, shape (b,)
-        Base parameters.
+    Args:
+        model, base: The model and what of it can be identified.
+        position: Shape (samples, n). Joint positions [rad or m].
+        values: Shape (b,). Base parameters.
     """
     columns = _per_acceleration(model, base, position, values, torque_columns)
     return np.asarray(np.sqrt(np.mean(np.square(columns), axis=1)).T)

@@ -35,11 +35,9 @@ class ModelOptions(Ranged):
     def build(self, robot: RobotDescription) -> RobotModel:
         """Build the model of a robot with these terms.
 
-        Raises
-        ------
-        EstimationError
-            Where `nonlinear` has not as many values as the model has nonlinear parameters, or the
-            friction terms contradict each other or a joint.
+        Raises:
+            EstimationError: If `nonlinear` has not as many values as the model has nonlinear
+                parameters, or the friction terms contradict each other or a joint.
         """
         if self.friction_terms is not None:
             joints = tuple(_with_friction(joint, self.friction_terms) for joint in robot.joints)

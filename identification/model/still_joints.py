@@ -30,12 +30,9 @@ STILL_MODEL: Final = "RID-MODEL-STILL"
 class StillJoint:
     """A joint that no run moves.
 
-    Attributes
-    ----------
-    joint : str
-        Its name.
-    positions : tuple of float
-        Where it stood, a position a run at most [rad or m].
+    Attributes:
+        joint: Its name.
+        positions: Where it stood, a position a run at most [rad or m].
     """
 
     joint: str
@@ -60,17 +57,13 @@ def still_joints(
 ) -> tuple[StillJoint, ...]:
     """Return the joints that stand still throughout every run.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The robot.
-    motions : iterable of (ndarray, ndarray)
-        Positions and velocities of each run, (samples, n) [rad or m, per s].
-    standstill_rad_s : float
-        Speed from which on a joint moves.
-    moving_share : float
-        Share of a run's samples in which it may be faster all the same, such as when another joint
-        starts with a jerk.
+    Args:
+        model: The robot.
+        motions: Iterable of (ndarray, ndarray). Positions and velocities of each run, (samples, n)
+            [rad or m, per s].
+        standstill_rad_s: Speed from which on a joint moves.
+        moving_share: Share of a run's samples in which it may be faster all the same, such as when
+            another joint starts with a jerk.
     """
     slowest = standstill(model, standstill_rad_s)
     still = np.ones(model.chain.n, dtype=bool)
@@ -89,10 +82,8 @@ def still_joints(
 def refuse_still(still: Sequence[StillJoint], of: str) -> None:
     """Refuse to use a model for motions of joints that stood still when it was identified.
 
-    Raises
-    ------
-    EstimationError
-        There are such joints.
+    Raises:
+        EstimationError: There are such joints.
     """
     if still:
         raise EstimationError(

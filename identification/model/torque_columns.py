@@ -29,22 +29,16 @@ def torque_columns(
     Near nonlinear parameters xi0 and standard parameters theta0 the torque is, to first order,
     Phi(xi0) theta + S (xi - xi0) with S = d(Phi theta0)/d xi: Gauss-Newton's equations.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The model, at xi0.
-    base : BaseParameters
-        What of it can be identified.
-    motion : tuple of (samples, n) arrays
-        q, v, a.
-    conditions : Conditions, optional
-        Temperature and payload.
-    standard : (parameters,) array, optional
-        theta0. Without it there are no slopes, and gears lose nothing yet.
+    Args:
+        model: The model, at xi0.
+        base: What of it can be identified.
+        motion: Tuple of (samples, n) arrays. q, v, a.
+        conditions: Temperature and payload.
+        standard: Shape (parameters,). theta0. Without it there are no slopes, and gears lose
+            nothing yet.
 
-    Returns
-    -------
-    (samples, n, b) array, or (samples, n, b + s) with theta0
+    Returns:
+        (samples, n, b) array, or (samples, n, b + s) with theta0.
     """
     if standard is None:
         lossless = replace(model, transmission=Transmission())

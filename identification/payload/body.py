@@ -31,14 +31,11 @@ ComplexArray = NDArray[np.complex128]
 class PayloadBody:
     """A body about its centre of gravity, in the axes of the flange.
 
-    Attributes
-    ----------
-    mass_kg : float
-        Its mass.
-    centre_m : ndarray, shape (3,)
-        Its centre of gravity from the flange's origin.
-    inertia_kg_m2 : ndarray, shape (3, 3)
-        About the centre of gravity, as elements of the matrix: Ixy = -integral of x y dm.
+    Attributes:
+        mass_kg: Its mass.
+        centre_m: Shape (3,). Its centre of gravity from the flange's origin.
+        inertia_kg_m2: Shape (3, 3). About the centre of gravity, as elements of the matrix: Ixy =
+            -integral of x y dm.
     """
 
     mass_kg: float
@@ -138,16 +135,12 @@ def flange_pose(robot: RobotDescription) -> FloatArray:
 def to_link(pose: FloatArray) -> FloatArray:
     """Return the matrix that turns parameters in a frame into such in the frame it sits in.
 
-    Parameters
-    ----------
-    pose : ndarray, shape (4, 4)
-        The frame in the other one.
+    Args:
+        pose: Shape (4, 4). The frame in the other one.
 
-    Returns
-    -------
-    ndarray, shape (10, 10)
-        A body's second and first moments and its mass, as one matrix, transform by H J H^T
-        (`pseudo_inertia`), which is linear in its ten parameters.
+    Returns:
+        Shape (10, 10). A body's second and first moments and its mass, as one matrix, transform by
+        H J H^T (`pseudo_inertia`), which is linear in its ten parameters.
     """
     matrix = np.empty((PARAMETERS_PER_LINK, PARAMETERS_PER_LINK))
     for column, element in enumerate(BASIS):

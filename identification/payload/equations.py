@@ -41,16 +41,10 @@ DEPENDENT: Final = 1e-8
 class PayloadModel:
     """A robot's model with an unknown body on its flange.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    options : ModelOptions
-        Its terms.
-    model : RobotModel
-        The model; its last ten standard parameters are the payload's.
-    base : BaseParameters
-        The robot's base parameters, and behind them the payload's ten as they are.
+    Attributes:
+        options: Its terms.
+        model: The model; its last ten standard parameters are the payload's.
+        base: The robot's base parameters, and behind them the payload's ten as they are.
     """
 
     robot: RobotDescription
@@ -62,10 +56,8 @@ class PayloadModel:
     def of(cls, robot: RobotDescription, options: ModelOptions | None = None) -> PayloadModel:
         """Build the model of a robot with the terms that options ask for.
 
-        Raises
-        ------
-        EstimationError
-            The options contradict the robot, or ask for a force plate.
+        Raises:
+            EstimationError: The options contradict the robot, or ask for a force plate.
         """
         options = replace(options or ModelOptions(), payload=True)
         if options.kind != "internal":
@@ -160,37 +152,28 @@ class Layout:
 class PayloadEquations:
     """Whitened equations A x = y of a payload and all else, cluster by cluster.
 
-    Attributes
-    ----------
-    procedure : Procedure
-        How they were made.
-    joint_names : tuple of str, length n
-        The joints.
-    names : tuple of str, length p
-        The unknowns, the payload's ten `PARAMETERS` first.
-    factors : tuple of ndarray, each (any, p + n)
-        R of the QR factorisation of [A Y] of one cluster, Y the share of y that each joint
-        measured (the shares add up to y).
-    joints : tuple of ndarray, n of shape (any, p + 1)
-        R of [A y] of all of a joint's equations in N m (N), not whitened.
-    rows : tuple of int, length n
-        Equations of each joint.
-    divisors : ndarray, shape (2, n)
-        What sums of squares over `joints` are divided by to be mean squares over time: of all runs,
-        and of those with the payload.
-    known : ndarray, shape (any, p + 1)
-        What is known beforehand, as equations with unit noise, right side last.
-    runs : tuple of int
-        Which run each cluster is of, from 0.
-    explained_nm : ndarray, shape (n,)
-        RMS of each joint's torque that was explained before these equations were made [N m or N]:
-        by `apart` by two robots, by `difference` by the run without payload; else zero.
-    noise_nm : ndarray, shape (n,), or None
-        RMS that the measured noise alone leaves of each joint's torque [N m or N]; None where it is
-        not measured, as of recordings that are not periodic.
-    carried : tuple of ndarray, n of shape (any, 10), or none
-        R of the payload's columns in each joint's torque over the loaded runs, sums of squares made
-        mean squares [N m or N]; none where `joints` has them.
+    Attributes:
+        procedure: How they were made.
+        joint_names: Length n. The joints.
+        names: Length p. The unknowns, the payload's ten `PARAMETERS` first.
+        factors: Tuple of ndarray, each (any, p + n). R of the QR factorisation of [A Y] of one
+            cluster, Y the share of y that each joint measured (the shares add up to y).
+        joints: Tuple of ndarray, n of shape (any, p + 1). R of [A y] of all of a joint's equations
+            in N m (N), not whitened.
+        rows: Length n. Equations of each joint.
+        divisors: Shape (2, n). What sums of squares over `joints` are divided by to be mean squares
+            over time: of all runs, and of those with the payload.
+        known: Shape (any, p + 1). What is known beforehand, as equations with unit noise, right
+            side last.
+        runs: Which run each cluster is of, from 0.
+        explained_nm: Shape (n,). RMS of each joint's torque that was explained before these
+            equations were made [N m or N]: by `apart` by two robots, by `difference` by the run
+            without payload; else zero.
+        noise_nm: Shape (n,). RMS that the measured noise alone leaves of each joint's torque [N m
+            or N]; None where it is not measured, as of recordings that are not periodic.
+        carried: Tuple of ndarray, n of shape (any, 10), or none. R of the payload's columns in each
+            joint's torque over the loaded runs, sums of squares made mean squares [N m or N]; none
+            where `joints` has them.
     """
 
     procedure: Procedure
@@ -259,10 +242,8 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
     their cluster-robust covariance says, so that what the model is worth shows in the payload's
     intervals.
 
-    Raises
-    ------
-    EstimationError
-        It is another robot, or its model has other terms.
+    Raises:
+        EstimationError: It is another robot, or its model has other terms.
     """
     if robot is None:
         return np.zeros((0, len(layout.names) + 1))
@@ -289,12 +270,9 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
 def independent(whole: FloatArray, unknowns: int, first: int) -> IntArray:
     """Return which unknowns from `first` on are told apart: a basis of all columns behind it.
 
-    Parameters
-    ----------
-    whole : ndarray, shape (any, unknowns + any)
-        Equations.
-    unknowns, first : int
-        How many columns are unknowns, and where those looked at begin.
+    Args:
+        whole: Shape (any, unknowns + any). Equations.
+        unknowns, first: How many columns are unknowns, and where those looked at begin.
     """
     basis = np.zeros((len(whole), 0))
     size = np.linalg.norm(whole[:, :unknowns], axis=0)

@@ -35,41 +35,31 @@ HELD_SHARE: Final = 1e-6
 class PayloadEstimate:
     """Ten inertial parameters of a payload, in the frame of the flange (5.6).
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot that carried it.
-    procedure : Procedure
-        How it was told from the robot.
-    values : ndarray, shape (10,)
-        `PARAMETERS` about the flange's origin. Those that were not seen hold no meaning.
-    covariance : ndarray, shape (10, 10)
-        Honest: what coloured residuals, noise, known quantities and torque constants leave open.
-    covariance_noise : ndarray, shape (10, 10)
-        By the noise that rows were divided by alone.
-    gain_slopes : ndarray, shape (10, n)
-        How `values` change with a relative error of each joint's torque (its torque constant).
-    unseen : ndarray, shape (10, any)
-        Orthonormal directions of the parameters that the motion does not show.
-    condition_number : float
-        Of the payload's columns with all else projected out.
-    known : tuple of Known
-        What was known otherwise.
-    residual_nm, payload_nm : ndarray, shape (n,)
-        RMS of what the fit leaves of each joint's torque, and of what the payload makes [N m or N].
-    equations : int
-        How many there were.
-    cell_name, run_ids : str, tuple of str
-        Where it was measured.
-    torque_nm : ndarray, shape (n,)
-        RMS of each joint's torque [N m or N].
-    noise_nm : ndarray, shape (n,), or None
-        RMS that the measured noise alone leaves of each joint's torque [N m or N]; None if it is
-        not measured.
-    contradictions : ndarray, shape (k,)
-        How far each of `known` lies from what the recordings say without it [standard deviations].
-    torque_constant_sigma : float
-        Relative standard deviation of every joint's torque constant, which `covariance` has in it.
+    Attributes:
+        robot: The robot that carried it.
+        procedure: How it was told from the robot.
+        values: Shape (10,). `PARAMETERS` about the flange's origin. Those that were not seen hold
+            no meaning.
+        covariance: Shape (10, 10). Honest: what coloured residuals, noise, known quantities and
+            torque constants leave open.
+        covariance_noise: Shape (10, 10). By the noise that rows were divided by alone.
+        gain_slopes: Shape (10, n). How `values` change with a relative error of each joint's torque
+            (its torque constant).
+        unseen: Shape (10, any). Orthonormal directions of the parameters that the motion does not
+            show.
+        condition_number: Of the payload's columns with all else projected out.
+        known: What was known otherwise.
+        residual_nm, payload_nm: Shape (n,). RMS of what the fit leaves of each joint's torque, and
+            of what the payload makes [N m or N].
+        equations: How many there were.
+        cell_name, run_ids: Where it was measured.
+        torque_nm: Shape (n,). RMS of each joint's torque [N m or N].
+        noise_nm: Shape (n,). RMS that the measured noise alone leaves of each joint's torque [N m
+            or N]; None if it is not measured.
+        contradictions: Shape (k,). How far each of `known` lies from what the recordings say
+            without it [standard deviations].
+        torque_constant_sigma: Relative standard deviation of every joint's torque constant, which
+            `covariance` has in it.
     """
 
     robot: RobotDescription
@@ -185,10 +175,8 @@ class PayloadEstimate:
         Closest in the cluster-robust covariance; the probability is that of a chi-square as large
         as its distance, 1 where the estimate itself can exist.
 
-        Raises
-        ------
-        EstimationError
-            Not all parameters are seen, or there is no such body.
+        Raises:
+            EstimationError: Not all parameters are seen, or there is no such body.
         """
         return closest_body(self)
 
@@ -214,23 +202,16 @@ def estimate_payload(
 ) -> PayloadEstimate:
     """Estimate a payload from its equations.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    equations : PayloadEquations
-        What was measured.
-    known : sequence of Known
-        What is known otherwise.
-    torque_constant_sigma : float
-        Relative standard deviation of every joint's torque constant, independent of the others.
-    cell_name, run_ids : str, tuple of str
-        Provenance.
+    Args:
+        equations: What was measured.
+        known: What is known otherwise.
+        torque_constant_sigma: Relative standard deviation of every joint's torque constant,
+            independent of the others.
+        cell_name, run_ids: Provenance.
 
-    Raises
-    ------
-    EstimationError
-        The equations say nothing of a payload, or the mass comes out as zero or negative.
+    Raises:
+        EstimationError: The equations say nothing of a payload, or the mass comes out as zero or
+            negative.
     """
     if not 0.0 <= torque_constant_sigma < 1.0:
         raise EstimationError(

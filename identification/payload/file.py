@@ -90,10 +90,8 @@ class PayloadDocument(ConfigModel):
 def write_payload(path: Path, payload: PayloadResult) -> None:
     """Write a payload as JSON; the same payload gives the same bytes.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be written.
+    Raises:
+        RecordingError: The file cannot be written.
     """
     write_whole(path, (payload_document(payload).model_dump_json(indent=1) + "\n").encode())
 
@@ -101,10 +99,8 @@ def write_payload(path: Path, payload: PayloadResult) -> None:
 def read_payload(path: Path) -> PayloadResult:
     """Read what `write_payload` wrote.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read or is not a payload.
+    Raises:
+        ConfigError: The file cannot be read or is not a payload.
     """
     what = "a payload as `rid-daq payload identify` writes it"
     document = read_json_file(path, PayloadDocument, LARGEST_FILE_BYTES, what)
@@ -118,19 +114,13 @@ def read_payload(path: Path) -> PayloadResult:
 def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
     """Refuse a payload that did not pass its verdict.
 
-    Parameters
-    ----------
-    path : Path
-        Its file.
-    judged : PayloadResult
-        The payload.
-    why : str
-        What is not done with it.
+    Args:
+        path: Its file.
+        judged: The payload.
+        why: What is not done with it.
 
-    Raises
-    ------
-    EstimationError
-        It did not pass.
+    Raises:
+        EstimationError: It did not pass.
     """
     if not judged.passed:
         failed = "; ".join(line.text for line in judged.checks if not line.passed)

@@ -31,16 +31,12 @@ SHOWN: Final = 1e-6
 class PayloadFinding:
     """A quantity of the payload that the motion shows badly, or not at all.
 
-    Attributes
-    ----------
-    name, unit : str
-        Of the quantity.
-    value, sigma : float or None
-        Its estimate and cluster-robust standard deviation; None where the motion does not show it.
-    motion : str
-        The motion that would show it best, in words; empty where none of those tried does.
-    gain : float or None
-        How many times smaller its standard deviation would be; None where it is not seen yet.
+    Attributes:
+        name, unit: Of the quantity.
+        value, sigma: Its estimate and cluster-robust standard deviation; None where the motion does
+            not show it.
+        motion: The motion that would show it best, in words; empty where none of those tried does.
+        gain: How many times smaller its standard deviation would be; None where it is not seen yet.
     """
 
     name: str
@@ -84,11 +80,6 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
     Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
     gravity, or 20 % of the inertia about the flange. Motions of one joint or two at their limits
     are tried, as one more pair of runs of the same length and colour of residuals.
-
-    Parameters
-    ----------
-    estimate : PayloadEstimate
-        The estimate.
     """
     limits = np.concatenate(
         [

@@ -26,12 +26,9 @@ LARGEST_SHARE: Final = 0.5
 class Known(Ranged):
     """A quantity of the payload that was measured otherwise, such as on scales.
 
-    Attributes
-    ----------
-    name : str
-        One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
-    value, sigma : float
-        Its value and standard deviation; 0 holds it, whatever the recordings say.
+    Attributes:
+        name: One of `REPORTED`: m, cx, cy, cz, or an inertia about the centre of gravity.
+        value, sigma: Its value and standard deviation; 0 holds it, whatever the recordings say.
     """
 
     name: str

@@ -41,21 +41,14 @@ class MeasuredRuns(Protocol):
     ) -> PayloadEquations:
         """Set up the equations of the payload and of all else.
 
-        Parameters
-        ----------
-        model : PayloadModel
-            The robot with the unknown body.
-        procedure : "together", "difference" or "model"
-            How the robot is told from the payload.
-        robot : Estimate, optional
-            The robot without payload, for `model`.
-        standard : ndarray, shape (p,), optional
-            Where nonlinear parameters are linearised; see `torque_columns`.
+        Args:
+            model: The robot with the unknown body.
+            procedure: How the robot is told from the payload.
+            robot: The robot without payload, for `model`.
+            standard: Shape (p,). Where nonlinear parameters are linearised; see `torque_columns`.
 
-        Raises
-        ------
-        EstimationError
-            The runs do not fit the procedure.
+        Raises:
+            EstimationError: The runs do not fit the procedure.
         """
 
     @abstractmethod
@@ -64,8 +57,6 @@ class MeasuredRuns(Protocol):
     ) -> Estimate:
         """Estimate a whole robot; `payload` says which runs carry an unknown body of their own.
 
-        Raises
-        ------
-        EstimationError
-            The motion does not show the parameters.
+        Raises:
+            EstimationError: The motion does not show the parameters.
         """

@@ -58,18 +58,13 @@ DECIMALS: Final = 6
 class PayloadSearch:
     """What is searched for.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot with its limits and bodies.
-    period_s, sample_period_s : float
-        The period and the cell's cycle time [s].
-    harmonics : int
-        The highest harmonic of every joint, at least 2.
-    position_share, speed_share : float
-        Shares of the ranges, and of the speed and acceleration limits, that may be used.
-    workspace : Workspace
-        What is around the robot. The payload itself is not known to it.
+    Attributes:
+        robot: The robot with its limits and bodies.
+        period_s, sample_period_s: The period and the cell's cycle time [s].
+        harmonics: The highest harmonic of every joint, at least 2.
+        position_share, speed_share: Shares of the ranges, and of the speed and acceleration limits,
+            that may be used.
+        workspace: What is around the robot. The payload itself is not known to it.
     """
 
     robot: RobotDescription
@@ -270,21 +265,14 @@ def design_payload_motion(
     The best of some two-harmonic draws (3.22) is changed at random as long as that helps. The same
     seed gives the same motion.
 
-    Parameters
-    ----------
-    search : PayloadSearch
-        What is searched for.
-    seed : int
-        Of draws and changes.
-    periods : int
-        Periods that count, after one that settles.
-    draws, steps : int
-        How many draws there are to begin with, and how many changes are tried.
+    Args:
+        search: What is searched for.
+        seed: Of draws and changes.
+        periods: Periods that count, after one that settles.
+        draws, steps: How many draws there are to begin with, and how many changes are tried.
 
-    Raises
-    ------
-    ConfigError
-        No draw shows all of a payload and keeps clear of everything.
+    Raises:
+        ConfigError: No draw shows all of a payload and keeps clear of everything.
     """
     drawn = two_harmonic_draws(
         search.robot,

@@ -38,14 +38,10 @@ SAME_MOTION_SHARE: Final = 0.02
 class PeriodicRuns:
     """Averaged periods, with and without the payload.
 
-    Attributes
-    ----------
-    averages : tuple of PeriodAverage
-        One a run.
-    loaded : tuple of bool
-        Which runs carried the payload.
-    band_hz, standstill_rad_s : float
-        As for `estimate_periodic`.
+    Attributes:
+        averages: One a run.
+        loaded: Which runs carried the payload.
+        band_hz, standstill_rad_s: As for `estimate_periodic`.
     """
 
     averages: tuple[PeriodAverage, ...]

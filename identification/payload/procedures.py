@@ -29,20 +29,15 @@ TORQUE_CONSTANT_SIGMA: Final = 0.01
 class PayloadOptions:
     """What a person may choose about a payload's estimate.
 
-    Attributes
-    ----------
-    procedure : Procedure
-        How the robot is told from the payload.
-    options : ModelOptions
-        The terms of the robot's model.
-    robot : Estimate or None
-        The robot without payload, for `model` and `apart`; with the others it is what the runs
-        without payload are compared with. Its friction terms stand for the robot file's.
-    known : tuple of Known
-        What is known of the payload otherwise.
-    torque_constant_sigma : float
-        Relative standard deviation of every joint's torque constant; `TORQUE_CONSTANT_SIGMA` is
-        that of drives that nobody calibrated. `apart` cannot take it into account.
+    Attributes:
+        procedure: How the robot is told from the payload.
+        options: The terms of the robot's model.
+        robot: The robot without payload, for `model` and `apart`; with the others it is what the
+            runs without payload are compared with. Its friction terms stand for the robot file's.
+        known: What is known of the payload otherwise.
+        torque_constant_sigma: Relative standard deviation of every joint's torque constant;
+            `TORQUE_CONSTANT_SIGMA` is that of drives that nobody calibrated. `apart` cannot take it
+            into account.
     """
 
     procedure: Procedure = "together"
@@ -62,21 +57,13 @@ def identify_payload(
 ) -> PayloadEstimate:
     """Estimate a payload from recordings.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    runs : MeasuredRuns
-        What was measured, with and without the payload.
-    how : PayloadOptions, optional
-        The procedure and what is known.
-    cell_name, run_ids : str, tuple of str
-        Provenance.
+    Args:
+        runs: What was measured, with and without the payload.
+        how: The procedure and what is known.
+        cell_name, run_ids: Provenance.
 
-    Raises
-    ------
-    EstimationError
-        The runs do not fit the procedure, or say nothing of a payload.
+    Raises:
+        EstimationError: The runs do not fit the procedure, or say nothing of a payload.
     """
     how = how or PayloadOptions()
     return estimate_payload(
@@ -144,16 +131,12 @@ def left_on_flange(
 ) -> tuple[float, float] | None:
     """Weigh what hung on the flange in the runs without payload, by the model of the robot.
 
-    Returns
-    -------
-    tuple of float, or None
+    Returns:
         Mass and its standard deviation [kg]; None without a model or such runs, or where their
         motion does not show mass.
 
-    Raises
-    ------
-    EstimationError
-        The model is of another robot.
+    Raises:
+        EstimationError: The model is of another robot.
     """
     empty = [i for i, carried in enumerate(runs.loaded) if not carried]
     if how.robot is None or not empty:
@@ -223,17 +206,13 @@ def equations_of_two_robots(
 
     Their friction is each its own. A base parameter's difference is a cluster of its own.
 
-    Parameters
-    ----------
-    with_payload, alone : Estimate
-        The robot with the payload as if it were part of its last link, and without.
-    torque_nm : ndarray, shape (n,)
-        RMS of each joint's torque [N m or N].
+    Args:
+        with_payload, alone: The robot with the payload as if it were part of its last link, and
+            without.
+        torque_nm: Shape (n,). RMS of each joint's torque [N m or N].
 
-    Raises
-    ------
-    EstimationError
-        The estimates are of different robots or have different terms.
+    Raises:
+        EstimationError: The estimates are of different robots or have different terms.
     """
     if with_payload.base.expressions != alone.base.expressions:
         raise EstimationError(

@@ -34,10 +34,8 @@ class HeaviestPayload:
 def refuse_heavier(robot: RobotDescription, mass_kg: float) -> None:
     """Refuse to move a payload that is said to be heavier than the robot can carry.
 
-    Raises
-    ------
-    LimitError
-        It is.
+    Raises:
+        LimitError: It is.
     """
     heaviest = HeaviestPayload.of(robot)
     if heaviest is not None and mass_kg > heaviest.mass_kg:

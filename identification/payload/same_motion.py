@@ -23,15 +23,11 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
     The two recordings began at different times: the shift that brings their positions together
     is found, to a fraction of a sample.
 
-    Parameters
-    ----------
-    loaded, unloaded : SmoothedSignals
-        The same motion with and without the payload, without gaps.
+    Args:
+        loaded, unloaded: The same motion with and without the payload, without gaps.
 
-    Raises
-    ------
-    EstimationError
-        A recording has gaps, or the robot did not move alike.
+    Raises:
+        EstimationError: A recording has gaps, or the robot did not move alike.
     """
     for signals, which in ((loaded, "with"), (unloaded, "without")):
         if signals.segment[-1] > 0:

@@ -37,14 +37,10 @@ SETTLED: Final = 1e-4
 class SmoothedRuns:
     """Smoothed recordings, with and without the payload.
 
-    Attributes
-    ----------
-    signals : tuple of SmoothedSignals
-        One a run.
-    loaded : tuple of bool
-        Which runs carried the payload.
-    standstill_rad_s : float
-        A joint's equation is left out while the joint is slower.
+    Attributes:
+        signals: One a run.
+        loaded: Which runs carried the payload.
+        standstill_rad_s: A joint's equation is left out while the joint is slower.
     """
 
     signals: tuple[SmoothedSignals, ...]

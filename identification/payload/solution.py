@@ -29,23 +29,19 @@ SEEN: Final = 1e-5
 class PayloadSolution:
     """What some equations say of the ten parameters.
 
-    Attributes
-    ----------
-    unknowns : ndarray, shape (p,)
-        All unknowns; the payload's come first. Those that depend on others are zero.
-    covariance_jackknife : ndarray, shape (10, 10)
-        What leaving out clusters shows, and what is known beforehand brings with it.
-    covariance_noise : ndarray, shape (10, 10)
-        By the noise that the rows were divided by.
-    gain_slopes : ndarray, shape (10, n)
-        How the parameters change with a relative error of each joint's torque.
-    unseen : ndarray, shape (10, 10 - rank)
-        Directions of the ten parameters that no equation sees, of length one.
-    condition_number : float
-        Of the payload's columns, each of length one, all else projected out.
-    contradictions : ndarray, shape (k,)
-        How far each known quantity lies from what the equations say without it, in standard
-        deviations of both; zero where they do not show it.
+    Attributes:
+        unknowns: Shape (p,). All unknowns; the payload's come first. Those that depend on others
+            are zero.
+        covariance_jackknife: Shape (10, 10). What leaving out clusters shows, and what is known
+            beforehand brings with it.
+        covariance_noise: Shape (10, 10). By the noise that the rows were divided by.
+        gain_slopes: Shape (10, n). How the parameters change with a relative error of each joint's
+            torque.
+        unseen: Shape (10, 10 - rank). Directions of the ten parameters that no equation sees, of
+            length one.
+        condition_number: Of the payload's columns, each of length one, all else projected out.
+        contradictions: Shape (k,). How far each known quantity lies from what the equations say
+            without it, in standard deviations of both; zero where they do not show it.
     """
 
     unknowns: FloatArray
@@ -71,21 +67,16 @@ def solve_payload(
     larger. So what is known otherwise is weighed against the cluster-robust scatter of what the
     rows say, not against their noise.
 
-    Parameters
-    ----------
-    equations : PayloadEquations
-        What was measured.
-    known : sequence of Known
-        What is known otherwise. Quantities about the centre of gravity are not linear in the
-        parameters: Gauss-Newton.
-    intervals : bool
-        Whether `covariance_jackknife` is wanted, which costs more than the rest; else it is that of
-        the noise.
+    Args:
+        equations: What was measured.
+        known: What is known otherwise. Quantities about the centre of gravity are not linear in the
+            parameters: Gauss-Newton.
+        intervals: Whether `covariance_jackknife` is wanted, which costs more than the rest; else it
+            is that of the noise.
 
-    Raises
-    ------
-    EstimationError
-        The equations say nothing of a payload, or what is known contradicts itself.
+    Raises:
+        EstimationError: The equations say nothing of a payload, or what is known contradicts
+            itself.
     """
     require_once(known)
     system = _System.of(equations)

@@ -71,12 +71,9 @@ class Check:
 class PayloadResult:
     """A payload, and the verdict on it.
 
-    Attributes
-    ----------
-    estimate : PayloadEstimate
-        The payload.
-    checks : tuple of Check
-        What it was held against.
+    Attributes:
+        estimate: The payload.
+        checks: What it was held against.
     """
 
     estimate: PayloadEstimate
@@ -97,10 +94,8 @@ class PayloadResult:
 class Repeats:
     """The same payload from each run that carried it alone.
 
-    Attributes
-    ----------
-    values, sigma : ndarray, shape (runs, 10)
-        `REPORTED` and their standard deviations, run by run.
+    Attributes:
+        values, sigma: Shape (runs, 10). `REPORTED` and their standard deviations, run by run.
     """
 
     values: FloatArray
@@ -131,16 +126,11 @@ def checks(
 ) -> tuple[Check, ...]:
     """Hold an estimate against limits.
 
-    Parameters
-    ----------
-    estimate : PayloadEstimate
-        The payload.
-    limits : PayloadLimits
-        What it must keep.
-    repeats : Repeats, optional
-        The same from each run alone, where there were several.
-    left_on : tuple of float, optional
-        Mass and standard deviation of what `left_on_flange` finds.
+    Args:
+        estimate: The payload.
+        limits: What it must keep.
+        repeats: The same from each run alone, where there were several.
+        left_on: Mass and standard deviation of what `left_on_flange` finds.
     """
     rank = Check(
         "independent parameters that the motion shows", estimate.rank, "≥", PARAMETERS_PER_LINK
@@ -230,10 +220,8 @@ def checks(
 def repeated(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> Repeats | None:
     """Estimate the payload from each run that carried it alone; None where there is only one.
 
-    Raises
-    ------
-    EstimationError
-        A run alone does not tell the payload.
+    Raises:
+        EstimationError: A run alone does not tell the payload.
     """
     loaded = [i for i, carried in enumerate(runs.loaded) if carried]
     if len(loaded) < 2:

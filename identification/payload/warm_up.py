@@ -42,10 +42,8 @@ def power_change_percent(power_w: FloatArray) -> FloatArray:
     It is the slope of a line through the last `FITTED_PERIODS`, so that their noise does not
     decide; negative where friction falls.
 
-    Parameters
-    ----------
-    power_w : ndarray, shape (periods, n)
-        As `period_powers` tells it, two periods at least [W].
+    Args:
+        power_w: Shape (periods, n). As `period_powers` tells it, two periods at least [W].
     """
     last = power_w[-FITTED_PERIODS:]
     slope = np.polyfit(np.arange(len(last)), last, 1)[0]

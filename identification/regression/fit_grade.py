@@ -34,18 +34,12 @@ class FitGrade:
     where parts of the recording that were left out of a fit leave more than 30 %: then the
     parameters follow those torques only, as of a robot with other lengths or axes.
 
-    Attributes
-    ----------
-    joint : str
-        The joint.
-    residual_nm, torque_nm : float
-        RMS of measured minus predicted torque, and of the measured torque [N m or N].
-    noise_nm : float or None
-        RMS that the measured noise alone leaves; None where it is not known.
-    grade : Grade or None
-        None for a joint that does not move, or whose torque is not known.
-    reason : str
-        What decides it, in words.
+    Attributes:
+        residual_nm, torque_nm: RMS of measured minus predicted torque, and of the measured torque
+            [N m or N].
+        noise_nm: RMS that the measured noise alone leaves; None where it is not known.
+        grade: None for a joint that does not move, or whose torque is not known.
+        reason: What decides it, in words.
     """
 
     joint: str
@@ -78,19 +72,14 @@ def grade_fit(
 ) -> tuple[FitGrade, ...]:
     """Grade the fit of every joint.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Base to flange.
-    residual_nm, torque_nm : ndarray, shape (n,)
-        RMS of measured minus predicted torque, and of the measured torque [N m or N]; NaN for a
-        joint that does not move.
-    noise_nm : ndarray, shape (n,), optional
-        RMS that the measured noise alone leaves.
-    of : str
-        What the fit explains, in words.
-    held_out_share : ndarray, shape (n,), optional
-        The residual's share of the torque on parts of the recording that were left out of a fit.
+    Args:
+        joint_names: Base to flange.
+        residual_nm, torque_nm: Shape (n,). RMS of measured minus predicted torque, and of the
+            measured torque [N m or N]; NaN for a joint that does not move.
+        noise_nm: Shape (n,). RMS that the measured noise alone leaves.
+        of: What the fit explains, in words.
+        held_out_share: Shape (n,). The residual's share of the torque on parts of the recording
+            that were left out of a fit.
     """
     grades = []
     for j, joint in enumerate(joint_names):
@@ -118,12 +107,9 @@ def worst(grades: Sequence[FitGrade]) -> Grade | None:
 def limit_share(torque_nm: FloatArray, noise_nm: FloatArray | None) -> FloatArray:
     """Return the residual's share of the torque above which a fit is bad, shape (n,).
 
-    Parameters
-    ----------
-    torque_nm : ndarray, shape (n,)
-        RMS of the measured torque [N m or N].
-    noise_nm : ndarray, shape (n,), or None
-        RMS that the measured noise alone leaves.
+    Args:
+        torque_nm: Shape (n,). RMS of the measured torque [N m or N].
+        noise_nm: Shape (n,). RMS that the measured noise alone leaves.
     """
     share = np.zeros_like(torque_nm)
     if noise_nm is not None:

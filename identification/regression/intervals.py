@@ -26,12 +26,9 @@ FEW_CLUSTERS: Final = 30
 class Cluster:
     """The weighted equations of one cluster, condensed.
 
-    Attributes
-    ----------
-    gram : ndarray, shape (p, p)
-        A^T W A of its rows.
-    score : ndarray, shape (p,)
-        A^T W r of its rows, r the residuals.
+    Attributes:
+        gram: Shape (p, p). A^T W A of its rows.
+        score: Shape (p,). A^T W r of its rows, r the residuals.
     """
 
     gram: FloatArray
@@ -47,12 +44,9 @@ class Cluster:
 class Scatter:
     """What leaving out one cluster after the other shows.
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (p, p)
-        Covariance of the estimate.
-    clusters : int
-        How many it rests on.
+    Attributes:
+        covariance: Shape (p, p). Covariance of the estimate.
+        clusters: How many it rests on.
     """
 
     covariance: FloatArray
@@ -88,12 +82,9 @@ def at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
 def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[FloatArray]:
     """Yield by how much the estimate of all rows differs from that without each cluster, (p,).
 
-    Parameters
-    ----------
-    information : ndarray, shape (p, p)
-        A^T W A of all rows, a prior's included.
-    clusters : iterable of Cluster
-        They are gone through once.
+    Args:
+        information: Shape (p, p). A^T W A of all rows, a prior's included.
+        clusters: They are gone through once.
     """
     scale = np.sqrt(np.diagonal(information))
     scales = np.outer(scale, scale)
@@ -106,22 +97,15 @@ def changes(information: FloatArray, clusters: Iterable[Cluster]) -> Iterator[Fl
 def jackknife(information: FloatArray, clusters: Iterable[Cluster]) -> Scatter:
     """Return how the estimate scatters when one cluster after the other is left out.
 
-    Parameters
-    ----------
-    information : ndarray, shape (p, p)
-        A^T W A of all rows, a prior's included.
-    clusters : iterable of Cluster
-        They are gone through once.
+    Args:
+        information: Shape (p, p). A^T W A of all rows, a prior's included.
+        clusters: They are gone through once.
 
-    Returns
-    -------
-    Scatter
+    Returns:
         The covariance of the estimate, and the number of clusters.
 
-    Raises
-    ------
-    EstimationError
-        Fewer than two clusters.
+    Raises:
+        EstimationError: Fewer than two clusters.
     """
     spread = np.zeros_like(information)
     count = 0

@@ -56,16 +56,13 @@ def _below(rows: int, columns: int) -> BoolArray:
 class Triangle:
     """The R factor of [A y] for all rows seen so far: all that least squares needs of them.
 
-    Attributes
-    ----------
-    factor : ndarray, shape (at most c + 1, c + 1)
-        R of the QR factorisation of [A y]; the last column belongs to y.
-    columns : ndarray of int, shape (c,)
-        The parameters that these rows depend on; their other columns are zero and left out.
-    parameters : int
-        The number of all parameters, p.
-    rows : int
-        Rows behind it.
+    Attributes:
+        factor: Shape (at most c + 1, c + 1). R of the QR factorisation of [A y]; the last column
+            belongs to y.
+        columns: Shape (c,). The parameters that these rows depend on; their other columns are zero
+            and left out.
+        parameters: The number of all parameters, p.
+        rows: Rows behind it.
     """
 
     factor: FloatArray
@@ -112,14 +109,10 @@ class Triangle:
 class Solution:
     """A weighted least-squares solution.
 
-    Attributes
-    ----------
-    values : ndarray, shape (p,)
-        The minimiser.
-    rows : int
-        Equations used.
-    factor : ndarray, shape (p + 1, p + 1)
-        R of the QR factorisation of the weighted [A y].
+    Attributes:
+        values: Shape (p,). The minimiser.
+        rows: Equations used.
+        factor: Shape (p + 1, p + 1). R of the QR factorisation of the weighted [A y].
     """
 
     values: FloatArray
@@ -161,19 +154,14 @@ def solve(
 ) -> Solution:
     """Solve the equations of several channels together, each weighted by 1 / sigma.
 
-    Parameters
-    ----------
-    triangles : iterable of Triangle
-        One a channel.
-    weights : iterable of float
-        One over the standard deviation of each channel's rows.
-    names : tuple of str
-        The parameters, for the message where one is not seen.
+    Args:
+        triangles: One a channel.
+        weights: One over the standard deviation of each channel's rows.
+        names: The parameters, for the message where one is not seen.
 
-    Raises
-    ------
-    EstimationError
-        Fewer equations than parameters, or a parameter that this motion does not show.
+    Raises:
+        EstimationError: Fewer equations than parameters, or a parameter that this motion does not
+            show.
     """
     parts = list(triangles)
     rows = sum(part.rows for part in parts)
@@ -216,10 +204,8 @@ def _check_condition(upper: FloatArray, names: tuple[str, ...]) -> None:
 def huber_weights(residual: FloatArray) -> FloatArray:
     """Return weights min(1, 1.345 s / |r|), with s the residuals' robust standard deviation.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (rows,)
-        Residuals of one kind; s is their median size over 0.6745.
+    Args:
+        residual: Shape (rows,). Residuals of one kind; s is their median size over 0.6745.
     """
     size = np.abs(residual)
     if size.size == 0:

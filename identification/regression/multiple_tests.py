@@ -10,10 +10,8 @@ from config.arrays import FloatArray
 def holm(p_values: FloatArray) -> FloatArray:
     """Return p-values adjusted for testing several hypotheses at once (Holm 1979).
 
-    Parameters
-    ----------
-    p_values : ndarray, shape (k,)
-        Each hypothesis' own.
+    Args:
+        p_values: Shape (k,). Each hypothesis' own.
     """
     order = np.argsort(p_values)
     factors = len(p_values) - np.arange(len(p_values))

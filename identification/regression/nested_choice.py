@@ -31,10 +31,8 @@ def deviations(changes: FloatArray) -> FloatArray:
     They are widened so that `DISTINCT_SIGMAS` of them have the level of a normal distribution
     although there are few blocks (Student's t).
 
-    Parameters
-    ----------
-    changes : ndarray, shape (blocks, values)
-        How each value changes without a block.
+    Args:
+        changes: Shape (blocks, values). How each value changes without a block.
     """
     count = len(changes)
     widened = stdtrit(max(count - 1, 1), ndtr(DISTINCT_SIGMAS)) / DISTINCT_SIGMAS
@@ -45,12 +43,9 @@ def deviations(changes: FloatArray) -> FloatArray:
 class Gain:
     """How much smaller the held-out RMS error of one model is, as a logarithm.
 
-    Attributes
-    ----------
-    mean : float
-        Mean over the blocks; 0.01 is 1 %.
-    standard_error : float
-        Standard error of the mean.
+    Attributes:
+        mean: Mean over the blocks; 0.01 is 1 %.
+        standard_error: Standard error of the mean.
     """
 
     mean: float
@@ -60,10 +55,8 @@ class Gain:
     def between(cls, simpler: FloatArray, richer: FloatArray) -> Gain:
         """Return the gain of the richer model.
 
-        Parameters
-        ----------
-        simpler, richer : ndarray, any shape
-            Mean squared errors of the blocks; NaN in blocks that do not count.
+        Args:
+            simpler, richer: Mean squared errors of the blocks; NaN in blocks that do not count.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = 0.5 * np.log(simpler / richer)
@@ -80,12 +73,9 @@ class Gain:
 def simplest(errors: Sequence[FloatArray], sigmas: float = 1.0, least: float = 0.0) -> int:
     """Return the first of models, the simplest first, that is not distinctly worse than the best.
 
-    Parameters
-    ----------
-    errors : sequence of ndarray, one shape
-        Mean squared errors of each model's blocks.
-    sigmas, least : float
-        Standard errors, and gain, by which the best must be better.
+    Args:
+        errors: Mean squared errors of each model's blocks.
+        sigmas, least: Standard errors, and gain, by which the best must be better.
     """
     gains = [Gain.between(errors[0], each).mean for each in errors]
     best = errors[int(np.argmax(gains))]
@@ -100,12 +90,9 @@ def joints_that_gain(
 ) -> BoolArray:
     """Return the joints whose held-out error falls enough, shape (n,).
 
-    Parameters
-    ----------
-    simpler, richer : ndarray, shape (blocks, n)
-        Mean squared errors; NaN in blocks that do not count.
-    sigmas, least : float
-        As for `Gain.exceeds`.
+    Args:
+        simpler, richer: Shape (blocks, n). Mean squared errors; NaN in blocks that do not count.
+        sigmas, least: As for `Gain.exceeds`.
     """
     return np.array(
         [

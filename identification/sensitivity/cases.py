@@ -31,18 +31,13 @@ Motion = Literal["wrist", "all"]
 class SensitivityCase:
     """One row of the table.
 
-    Attributes
-    ----------
-    number, words : int, str
-        What stands in front of it.
-    assumed : Assumptions
-        What is assumed wrongly.
-    motion : "wrist" or "all"
-        Which axes move: 3 to the last, or all.
-    against : "model" or "difference"
-        Where the row means something: a wrong torque constant scales the unloaded robot's torques
-        too, so that a model of it that was identified with the same constant is no better than a
-        second run; wrong links and rotors cancel between two runs.
+    Attributes:
+        number, words: What stands in front of it.
+        assumed: What is assumed wrongly.
+        motion: Which axes move: 3 to the last, or all.
+        against: Where the row means something: a wrong torque constant scales the unloaded robot's
+            torques too, so that a model of it that was identified with the same constant is no
+            better than a second run; wrong links and rotors cancel between two runs.
     """
 
     number: int
@@ -64,12 +59,9 @@ class SensitivityRow:
 def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> Excitation:
     """Return a motion like those of chapter 5: harmonics 1 and 20 of 30 s, around mid-range.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot, for its limits.
-    axes : sequence of int
-        The axes that move, from 0.
+    Args:
+        robot: The robot, for its limits.
+        axes: The axes that move, from 0.
     """
     random = np.random.default_rng(PHASES)
     time_s = np.arange(SAMPLES) * (PERIOD_S / SAMPLES)
@@ -99,14 +91,10 @@ def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> lis
     Torque constants, links and coupling count as `share` too large; on arms that have not six axes,
     axis 3 stands for the first that lifts, and groups end with the last axis.
 
-    Parameters
-    ----------
-    axes : int
-        Number of axes, at least 3.
-    share : float
-        How wrong what is known is.
-    bias_nm : float
-        Bias of the torque of axis 3.
+    Args:
+        axes: Number of axes, at least 3.
+        share: How wrong what is known is.
+        bias_nm: Bias of the torque of axis 3.
     """
 
     def gains(*numbers: int) -> tuple[float, ...]:
@@ -161,19 +149,13 @@ def sensitivity_row(
 ) -> SensitivityRow:
     """Return a row of the table.
 
-    Parameters
-    ----------
-    case : SensitivityCase
-        The case.
-    problems : dict
-        The robot with its payload, on the motion of the wrist's side and on that of all axes.
-    against : "model" or "difference", optional
-        How the robot is told from the payload; as the case says if not given.
+    Args:
+        problems: The robot with its payload, on the motion of the wrist's side and on that of all
+            axes.
+        against: How the robot is told from the payload; as the case says if not given.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show all ten parameters.
+    Raises:
+        EstimationError: The motion does not show all ten parameters.
     """
     problem, against = problems[case.motion], against or case.against
     percent = deviation_percent(problem, estimated(problem, case.assumed, against))

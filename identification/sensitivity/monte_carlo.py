@@ -27,16 +27,11 @@ BATCH: Final = 250
 class PriorUncertainty:
     """Standard deviations of what is assumed, each independent of all others.
 
-    Attributes
-    ----------
-    torque_constants : float
-        Share of each axis's torque constant.
-    links : float
-        Share of each link's mass, first moment and inertia.
-    rotors : float
-        Share of each rotor's inertia.
-    bias : float
-        Share of each axis's noise that its torque is off by as a constant, times 100.
+    Attributes:
+        torque_constants: Share of each axis's torque constant.
+        links: Share of each link's mass, first moment and inertia.
+        rotors: Share of each rotor's inertia.
+        bias: Share of each axis's noise that its torque is off by as a constant, times 100.
     """
 
     torque_constants: float = 0.0
@@ -66,16 +61,11 @@ def draw_batch(
     A batch costs one set-up of the equations and `count` products with it: batches are large enough
     that sending one to another machine pays.
 
-    Parameters
-    ----------
-    problem : SensitivityProblem
-        The robot, its payload, its motion, the noise of every sample.
-    prior : PriorUncertainty
-        How sure what is assumed is.
-    against : "model" or "difference"
-        How the robot is told from the payload.
-    batch, count, seed : int
-        Number of the batch, its draws, and the seed of all batches.
+    Args:
+        problem: The robot, its payload, its motion, the noise of every sample.
+        prior: How sure what is assumed is.
+        against: How the robot is told from the payload.
+        batch, count, seed: Number of the batch, its draws, and the seed of all batches.
     """
     random = np.random.default_rng([seed, batch])
     right = Assumptions()
@@ -121,23 +111,15 @@ def monte_carlo(
 
     The same seed gives the same draws, wherever they are computed.
 
-    Parameters
-    ----------
-    problem, prior, against, seed
-        As for `draw_batch`.
-    draws : int
-        How many in all.
-    jobs : int
-        Processes; -1 for one a core.
-    scheduler : str, optional
-        Address of a Dask scheduler; its workers need this program installed.
+    Args:
+        problem, prior, against, seed: As for `draw_batch`.
+        draws: How many in all.
+        jobs: Processes; -1 for one a core.
+        scheduler: Address of a Dask scheduler; its workers need this program installed.
 
-    Raises
-    ------
-    ConfigError
-        The scheduler cannot be reached, or Dask is not installed.
-    EstimationError
-        The motion does not show all ten parameters.
+    Raises:
+        ConfigError: The scheduler cannot be reached, or Dask is not installed.
+        EstimationError: The motion does not show all ten parameters.
     """
     work = joblib.delayed(draw_batch)
     tasks = [

@@ -34,24 +34,15 @@ RANK: Final = 1e-8
 class Assumptions:
     """How what is assumed differs from what is; by default nothing does.
 
-    Attributes
-    ----------
-    gains : tuple of float, length n, or empty
-        Assumed over true torque constant of each axis.
-    links : float
-        Assumed over true inertial parameters of the robot's links.
-    rotors : float
-        Assumed over true rotor inertias; 0 neglects them.
-    coupling : float
-        Assumed over true coupling of the wrist; 0 neglects it.
-    efficiency : float
-        True efficiency of every gear, assumed to be 1.
-    joint_friction : float
-        Share of the friction that is in the joints and assumed to be in the motors.
-    bias : tuple of float, length n, or empty
-        Constant torque that each axis measures too much [N m].
-    known_mass : float or None
-        Held mass over true mass; None estimates it.
+    Attributes:
+        gains: Length n, or empty. Assumed over true torque constant of each axis.
+        links: Assumed over true inertial parameters of the robot's links.
+        rotors: Assumed over true rotor inertias; 0 neglects them.
+        coupling: Assumed over true coupling of the wrist; 0 neglects it.
+        efficiency: True efficiency of every gear, assumed to be 1.
+        joint_friction: Share of the friction that is in the joints and assumed to be in the motors.
+        bias: Length n, or empty. Constant torque that each axis measures too much [N m].
+        known_mass: Held mass over true mass; None estimates it.
     """
 
     gains: tuple[float, ...] = ()
@@ -87,18 +78,11 @@ class Excitation:
 class SensitivityProblem:
     """A robot that is known exactly, what it carries, and how it moves.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    parameters : ndarray, shape (p,)
-        True standard parameters of `RobotModel.from_description(robot)`.
-    payload : PayloadBody
-        The true payload, in the flange's frame.
-    motion : Excitation
-        How it moves.
-    noise_nm : ndarray, shape (n,)
-        Standard deviation of each axis's torque; weights the axes [N m or N].
+    Attributes:
+        parameters: Shape (p,). True standard parameters of `RobotModel.from_description(robot)`.
+        payload: The true payload, in the flange's frame.
+        motion: How it moves.
+        noise_nm: Shape (n,). Standard deviation of each axis's torque; weights the axes [N m or N].
     """
 
     robot: RobotDescription
@@ -180,16 +164,12 @@ class SensitivityProblem:
 class Estimator:
     """Least squares of payload and friction on one motion, ready for many right sides.
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (samples n, 10 + any)
-        Weighted columns of the payload, in the flange's frame, and of the friction that is seen.
-    weights : ndarray, shape (n,)
-        One over each axis's noise; 0 for one that stands still (5.20).
-    offset : ndarray, shape (samples, n)
-        What the robot as assumed takes of the torque.
-    mass : float or None
-        The held mass [kg].
+    Attributes:
+        matrix: Shape (samples n, 10 + any). Weighted columns of the payload, in the flange's frame,
+            and of the friction that is seen.
+        weights: Shape (n,). One over each axis's noise; 0 for one that stands still (5.20).
+        offset: Shape (samples, n). What the robot as assumed takes of the torque.
+        mass: The held mass [kg].
     """
 
     matrix: FloatArray
@@ -203,10 +183,8 @@ class Estimator:
     ) -> Estimator:
         """Set up an estimator that assumes what `assumed` says.
 
-        Raises
-        ------
-        EstimationError
-            The motion does not show all ten parameters of a payload.
+        Raises:
+            EstimationError: The motion does not show all ten parameters of a payload.
         """
         model, motion = problem.assumed(assumed), problem.motion
         phi = regressor(model, motion.q, motion.v, motion.a, problem.conditions(True))
@@ -265,10 +243,8 @@ def estimated(
 ) -> FloatArray:
     """Return the payload that a wrong assumption leads to, ten values of `REPORTED`.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show all ten parameters.
+    Raises:
+        EstimationError: The motion does not show all ten parameters.
     """
     tau = problem.torque(assumed, True)
     if against == "difference":

@@ -32,14 +32,11 @@ def asked_findings(
     A term counts if the squared error falls by more than two standard errors, second by second,
     and the RMS error by at least a tenth.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot with the terms that were identified.
-    signals : sequence of SmoothedSignals
-        The recordings.
-    options : EstimationOptions
-        How they were identified; terms that a request names in place of the robot file's are kept.
+    Args:
+        robot: The robot with the terms that were identified.
+        signals: The recordings.
+        options: How they were identified; terms that a request names in place of the robot file's
+            are kept.
     """
     if not options.model.friction or options.model.friction_terms is not None:
         return ()

@@ -32,24 +32,18 @@ EDGE_CUTOFFS = 2.0
 class BaseWrenchValidation:
     """Errors of the predicted base wrench, component by component.
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (samples,)
-        Times of the rows [s].
-    measured, predicted : ndarray, shape (samples, 6)
-        Base wrench below `cutoff_hz`, without constant part and drift of the measured one [N, N m].
-    counted : ndarray of bool, shape (samples,)
-        Rows at which every channel of the plate was valid.
-    rms : ndarray, shape (6,)
-        RMS of measured minus predicted [N, N m].
-    relative_percent : ndarray, shape (6,)
-        The same over the RMS of the measured wrench around its mean [%].
-    noise : ndarray, shape (6,), or None
-        RMS that noise alone leaves below `cutoff_hz`, by the periods that the model comes from.
-    delay_s : float
-        By how much the plate's signals were late.
-    cutoff_hz : float
-        Where all signals were low-passed.
+    Attributes:
+        time_s: Shape (samples,). Times of the rows [s].
+        measured, predicted: Shape (samples, 6). Base wrench below `cutoff_hz`, without constant
+            part and drift of the measured one [N, N m].
+        counted: Shape (samples,). Rows at which every channel of the plate was valid.
+        rms: Shape (6,). RMS of measured minus predicted [N, N m].
+        relative_percent: Shape (6,). The same over the RMS of the measured wrench around its mean
+            [%].
+        noise: Shape (6,). RMS that noise alone leaves below `cutoff_hz`, by the periods that the
+            model comes from.
+        delay_s: By how much the plate's signals were late.
+        cutoff_hz: Where all signals were low-passed.
     """
 
     time_s: FloatArray
@@ -83,21 +77,14 @@ def validate_base_wrench(
 ) -> BaseWrenchValidation:
     """Predict the base wrench of a recording and compare.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the external or the combined model.
-    recording : Recording
-        Any motion, with a force plate; it is low-passed without phase shift.
-    cutoff_hz : float
-        Cut-off of the low-pass [Hz].
+    Args:
+        estimate: Of the external or the combined model.
+        recording: Any motion, with a force plate; it is low-passed without phase shift.
+        cutoff_hz: Cut-off of the low-pass [Hz].
 
-    Raises
-    ------
-    EstimationError
-        The joints are not the estimate's, or it is of the internal model.
-    DataQualityError
-        The recording has no force plate, or one that was not valid long enough.
+    Raises:
+        EstimationError: The joints are not the estimate's, or it is of the internal model.
+        DataQualityError: The recording has no force plate, or one that was not valid long enough.
     """
     if recording.joint_names != estimate.robot.joint_names:
         raise EstimationError(

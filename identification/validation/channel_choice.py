@@ -69,14 +69,11 @@ FLEXIBLE: Final[tuple[Column, ...]] = (
 class JointChannel:
     """A fit of one joint's channel.
 
-    Attributes
-    ----------
-    values_s, sigma_s : dict
-        The channel's values and standard deviations [s].
-    errors : ndarray, shape (blocks,)
-        Mean squared error of each block in a fit of all others.
-    moving_error : float
-        Mean squared error on all rows at which the joint moves, those near reversals included.
+    Attributes:
+        values_s, sigma_s: The channel's values and standard deviations [s].
+        errors: Shape (blocks,). Mean squared error of each block in a fit of all others.
+        moving_error: Mean squared error on all rows at which the joint moves, those near reversals
+            included.
     """
 
     values_s: dict[ChannelValue, float]
@@ -94,18 +91,12 @@ def choose_channel(
 ) -> TorqueChannel:
     """Return the channel of all joints.
 
-    Parameters
-    ----------
-    equations : CandidateEquations
-        The recordings.
-    terms : sequence of sequence of Column
-        Friction columns of each joint.
-    block_s : float
-        Length of a block that is left out [s].
-    kinds : sequence of str
-        Kinds to compare, from the simplest to the richest; the first is "none".
-    before : TorqueChannel, optional
-        The channel that was found before: rows that it mixes with standstill are left out.
+    Args:
+        equations: The recordings.
+        terms: Friction columns of each joint.
+        block_s: Length of a block that is left out [s].
+        kinds: Kinds to compare, from the simplest to the richest; the first is "none".
+        before: The channel that was found before: rows that it mixes with standstill are left out.
     """
     known = TorqueChannel.none(equations.joints) if before is None else before
     reaches = [
@@ -177,18 +168,12 @@ def kept_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> 
 class JointEquations:
     """Equations of one joint alone.
 
-    Attributes
-    ----------
-    all : CandidateEquations
-        The recordings.
-    joint : int
-        The joint, from 0.
-    terms : sequence of Column
-        Its friction columns.
-    reach : Reach
-        As for `CandidateEquations.rows`.
-    block_s : float
-        Length of a block that is left out [s].
+    Attributes:
+        all: The recordings.
+        joint: The joint, from 0.
+        terms: Its friction columns.
+        reach: As for `CandidateEquations.rows`.
+        block_s: Length of a block that is left out [s].
     """
 
     all: CandidateEquations
@@ -232,12 +217,8 @@ class JointEquations:
 def fit_joint(equations: JointEquations, start: dict[ChannelValue, float]) -> JointChannel:
     """Fit the channel of one joint, with all its linear parameters.
 
-    Parameters
-    ----------
-    equations : JointEquations
-        Its equations.
-    start : dict
-        The values that are fitted, and their starting values [s].
+    Args:
+        start: The values that are fitted, and their starting values [s].
     """
     values, free = dict(start), tuple(start)
     bounds = _bounds_of(free)
@@ -294,16 +275,11 @@ def _bounded(
     What would leave its bounds is held there, and the others are solved for again: they are not
     those that belong to a value beyond the bound.
 
-    Parameters
-    ----------
-    slopes : ndarray, shape (rows, values)
-        How the torque changes with each value.
-    rest : ndarray, shape (rows,)
-        Torque that is not explained yet.
-    before : ndarray, shape (values,)
-        The values now.
-    bounds : sequence of (least, largest)
-        Of each value.
+    Args:
+        slopes: Shape (rows, values). How the torque changes with each value.
+        rest: Shape (rows,). Torque that is not explained yet.
+        before: Shape (values,). The values now.
+        bounds: Sequence of (least, largest). Of each value.
     """
     low, high = (np.array(each) for each in zip(*bounds, strict=True))
     found, free = before.copy(), np.ones(len(before), dtype=np.bool_)

@@ -40,21 +40,14 @@ def common_filter(
 ) -> TorqueChannel:
     """Return a zero-phase filter that all joints share, or the known channel if it is no worse.
 
-    Parameters
-    ----------
-    equations : CandidateEquations
-        The recordings.
-    terms : sequence of sequence of Column, optional
-        Friction columns of each joint; None for Coulomb, viscous and offset.
-    block_s : float
-        Length of a block that is left out [s].
-    known : TorqueChannel
-        The channel that was found joint by joint.
+    Args:
+        equations: The recordings.
+        terms: Friction columns of each joint; None for Coulomb, viscous and offset.
+        block_s: Length of a block that is left out [s].
+        known: The channel that was found joint by joint.
 
-    Raises
-    ------
-    np.linalg.LinAlgError
-        The rows do not identify the links.
+    Raises:
+        np.linalg.LinAlgError: The rows do not identify the links.
     """
     n = equations.joints
     own: list[Terms] = [
@@ -98,10 +91,8 @@ def _shared(width_s: float, sigma_s: float, joints: int, order: int) -> TorqueCh
 def _lowest(log_errors: FloatArray) -> tuple[float | None, float]:
     """Return the width with the smallest error and its standard deviation by a jackknife [s].
 
-    Parameters
-    ----------
-    log_errors : ndarray, shape (widths, blocks, n)
-        Logarithms of the errors at `COMMON_WIDTHS_S`.
+    Args:
+        log_errors: Shape (widths, blocks, n). Logarithms of the errors at `COMMON_WIDTHS_S`.
     """
     known = np.any(np.all(np.isfinite(log_errors), axis=0), axis=1)
     by_block = np.nanmean(log_errors[:, known], axis=2)

@@ -42,22 +42,13 @@ _ELSEWHERE: Final = (
 class JointDiagnosis:
     """Why one joint's error is as it is.
 
-    Attributes
-    ----------
-    joint : str
-        The joint.
-    relative_percent : float
-        Its error over its torque [%]; NaN where it never moves.
-    over_noise : float or None
-        Its error over what noise alone leaves; None where the noise is not known.
-    white_p : float
-        Ljung and Box's probability that white residuals look like these; NaN for too few.
-    suspect : str
-        What the error follows most, in words; empty where nothing stands out.
-    suspect_share : float
-        Share of the error's power that this explains.
-    remedy : str
-        What would model it, or that the model has it.
+    Attributes:
+        relative_percent: Its error over its torque [%]; NaN where it never moves.
+        over_noise: Its error over what noise alone leaves; None where the noise is not known.
+        white_p: Ljung and Box's probability that white residuals look like these; NaN for too few.
+        suspect: What the error follows most, in words; empty where nothing stands out.
+        suspect_share: Share of the error's power that this explains.
+        remedy: What would model it, or that the model has it.
     """
 
     joint: str
@@ -92,12 +83,9 @@ class JointDiagnosis:
 def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis, ...]:
     """Find, joint by joint, what the error of a validation tells.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The model.
-    validation : Validation
-        Its prediction of a run.
+    Args:
+        estimate: The model.
+        validation: Its prediction of a run.
     """
     error = validation.measured_nm - validation.predicted_nm
     step_s = float(np.median(np.diff(validation.time_s)))
@@ -125,14 +113,10 @@ def diagnose(estimate: Estimate, validation: Validation) -> tuple[JointDiagnosis
 def ljung_box(residual: FloatArray) -> float:
     """Return the probability that white residuals are correlated as much as these.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (values,)
-        Residuals at the rate at which their band makes them independent.
+    Args:
+        residual: Shape (values,). Residuals at the rate at which their band makes them independent.
 
-    Returns
-    -------
-    float
+    Returns:
         Ljung and Box's (1978) Q over the first lags, against chi-square; NaN for fewer than 40.
     """
     count = len(residual)

@@ -24,18 +24,13 @@ CHANCE: Final = 0.01
 class EstimateDifference:
     """What two estimates say of the same parameters.
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        The m parameters that both have, as the same combination of standard ones.
-    first, second : ndarray, shape (m,)
-        Their values.
-    first_sigma, second_sigma : ndarray, shape (m,)
-        Their standard deviations (`Estimate.sigma`).
-    only_first, only_second : tuple of str
-        Parameters that only one has, or that are other combinations in the other.
-    shared_runs : tuple of str
-        Runs behind both: then they err alike, and differ less than their sigmas say.
+    Attributes:
+        names, units: The m parameters that both have, as the same combination of standard ones.
+        first, second: Shape (m,). Their values.
+        first_sigma, second_sigma: Shape (m,). Their standard deviations (`Estimate.sigma`).
+        only_first, only_second: Parameters that only one has, or that are other combinations in the
+            other.
+        shared_runs: Runs behind both: then they err alike, and differ less than their sigmas say.
     """
 
     names: tuple[str, ...]
@@ -73,15 +68,11 @@ class EstimateDifference:
 def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
     """Compare two estimates.
 
-    Parameters
-    ----------
-    first, second : Estimate
-        Of robots with the same joints; their models may differ.
+    Args:
+        first, second: Of robots with the same joints; their models may differ.
 
-    Raises
-    ------
-    EstimationError
-        The joints differ, or no parameter is in both.
+    Raises:
+        EstimationError: The joints differ, or no parameter is in both.
     """
     joints = first.robot.joint_names
     if second.robot.joint_names != joints:

@@ -17,15 +17,11 @@ from identification.friction.curve import friction_columns
 class EstimatedFriction:
     """The friction that a model has by its estimate, joint by joint.
 
-    Attributes
-    ----------
-    estimate : Estimate
-        The model; it has friction.
+    Attributes:
+        estimate: The model; it has friction.
 
-    Raises
-    ------
-    ConfigError
-        The model has no friction.
+    Raises:
+        ConfigError: The model has no friction.
     """
 
     estimate: Estimate

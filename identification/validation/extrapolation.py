@@ -17,12 +17,8 @@ MARGIN_SHARE: Final = 0.02
 def extrapolation_findings(estimate: Estimate, position: FloatArray) -> tuple[str, ...]:
     """Say if a motion leaves the positions at which a spring's Fourier series was identified.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    position : ndarray, shape (samples, n)
-        The motion [rad or m].
+    Args:
+        position: Shape (samples, n). The motion [rad or m].
     """
     spring = next((term for term in estimate.model.terms if isinstance(term, Spring)), None)
     if spring is None or spring.distances_m is not None or estimate.position_range is None:

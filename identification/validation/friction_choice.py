@@ -53,12 +53,9 @@ Joints share the links' parameters, so that a term that one joint lacks hides th
 class FrictionChoice:
     """The chosen terms of each joint.
 
-    Attributes
-    ----------
-    terms : tuple of tuple of Column
-        Of each joint.
-    fit, plain : Fit
-        Solutions of these terms and of the plain model.
+    Attributes:
+        terms: Of each joint.
+        fit, plain: Solutions of these terms and of the plain model.
     """
 
     terms: tuple[Terms, ...]
@@ -69,10 +66,8 @@ class FrictionChoice:
 def choose_terms(grams: Grams) -> FrictionChoice:
     """Choose each joint's friction terms.
 
-    Parameters
-    ----------
-    grams : Grams
-        The equations, their torque channel known.
+    Args:
+        grams: The equations, their torque channel known.
     """
     n = grams.joints
     plain = grams.fit([PLAIN] * n)
@@ -156,14 +151,11 @@ def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -
     Of as many terms, those come first that are distinct from zero whatever the error gains; of
     these, the ones with the smallest error.
 
-    Parameters
-    ----------
-    trials : sequence of (terms, fit)
-        Terms that may be added, and the solution with them; at least one.
-    now : Fit
-        The solution without them.
-    joint : int
-        The joint, from 0.
+    Args:
+        trials: Sequence of (terms, fit). Terms that may be added, and the solution with them; at
+            least one.
+        now: The solution without them.
+        joint: The joint, from 0.
     """
 
     def gain(trial: tuple[Terms, Fit]) -> float:

@@ -23,15 +23,10 @@ WORTH_TELLING: Final = 0.01
 class FrictionDrift:
     """The trend of one joint's friction over the periods of a run.
 
-    Attributes
-    ----------
-    joint : str
-        The joint.
-    first, last : float
-        Mean torque along the motion, its sign turned with the speed's, in the first and the last
-        period on the fitted line [N m or N].
-    p_value : float
-        Probability of such a slope without any drift.
+    Attributes:
+        first, last: Mean torque along the motion, its sign turned with the speed's, in the first
+            and the last period on the fitted line [N m or N].
+        p_value: Probability of such a slope without any drift.
     """
 
     joint: str
@@ -66,10 +61,8 @@ def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
     The work that friction takes is the mean of torque times the sign of the speed: what conserves
     energy gives none of it over a whole period. Empty where there are fewer than four periods.
 
-    Parameters
-    ----------
-    parts : iterable of Recording
-        One of a periodic motion, whole or in parts.
+    Args:
+        parts: One of a periodic motion, whole or in parts.
     """
     means: dict[int, FloatArray] = {}
     joint_names: tuple[str, ...] = ()

@@ -37,25 +37,18 @@ def held_out_errors(
     Nonlinear parameters are those of all data in every fold; the linear ones are fitted anew to
     all parts but one.
 
-    Parameters
-    ----------
-    plain, full : FittedSignals
-        The simpler and the richer one. Both are judged on the samples that count for the richer.
-    folds : int
-        Contiguous parts that the recordings are cut into; each is left out once.
-    low_passed : bool
-        Whether the columns are low-passed as the torque is. A model whose joints slide by sign(v)
-        is fitted without, to samples away from reversals.
+    Args:
+        plain, full: The simpler and the richer one. Both are judged on the samples that count for
+            the richer.
+        folds: Contiguous parts that the recordings are cut into; each is left out once.
+        low_passed: Whether the columns are low-passed as the torque is. A model whose joints slide
+            by sign(v) is fitted without, to samples away from reversals.
 
-    Returns
-    -------
-    ndarray, shape (2, seconds, n)
-        NaN where no sample counts.
+    Returns:
+        Shape (2, seconds, n). NaN where no sample counts.
 
-    Raises
-    ------
-    EstimationError
-        There are less than two parts.
+    Raises:
+        EstimationError: There are less than two parts.
     """
     part = _parts([int(run.event[-1]) + 1 for run in plain.problem.runs], folds)
     errors = np.full((2, len(part), plain.model.chain.n), np.nan)
@@ -80,14 +73,10 @@ def shown_values(richer: Estimate, errors: FloatArray, symbol: str) -> tuple[flo
     They show it where the richer model has it and is worth having, and where it is distinct from
     zero and at no bound.
 
-    Parameters
-    ----------
-    richer : Estimate
-        Of the richer model.
-    errors : ndarray, shape (2, seconds, n)
-        As of `held_out_errors`.
-    symbol : str
-        What the parameter's name begins with.
+    Args:
+        richer: Of the richer model.
+        errors: Shape (2, seconds, n). As of `held_out_errors`.
+        symbol: What the parameter's name begins with.
     """
     names, worth = richer.model.nonlinear_names, joints_that_gain(*errors)
     values: list[float | None] = []

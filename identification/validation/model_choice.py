@@ -49,26 +49,18 @@ Watch = Callable[[int, int, str], None]
 class ModelChoice:
     """The chosen model.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    terms : tuple of tuple of str
-        Friction terms of each joint, without presliding and temperature.
-    stribeck_rad_s : tuple of float or None
-        Stribeck speed of each joint that has one [rad/s or m/s].
-    error_nm : ndarray, shape (2, n)
-        RMS error of each joint on blocks left out of the fit, with the plain model (Coulomb and
-        viscous friction) and with the chosen terms, both after the channel [N m or N].
-    channel : TorqueChannel
-        Delay and filter of the recorded torque.
-    presliding : PreslidingChoice or None
-        Joints with presliding; None if the data do not identify it.
-    warming : Warming or None
-        Joints that warm up; None if none shows it.
-    refused_delay_s : tuple of float
-        Delays of each joint's torque that no bus explains and that are not in `channel`, 0 for the
-        other joints [s]; empty if there is none.
+    Attributes:
+        joint_names: Base to flange.
+        terms: Friction terms of each joint, without presliding and temperature.
+        stribeck_rad_s: Stribeck speed of each joint that has one [rad/s or m/s].
+        error_nm: Shape (2, n). RMS error of each joint on blocks left out of the fit, with the
+            plain model (Coulomb and viscous friction) and with the chosen terms, both after the
+            channel [N m or N].
+        channel: Delay and filter of the recorded torque.
+        presliding: Joints with presliding; None if the data do not identify it.
+        warming: Joints that warm up; None if none shows it.
+        refused_delay_s: Delays of each joint's torque that no bus explains and that are not in
+            `channel`, 0 for the other joints [s]; empty if there is none.
     """
 
     joint_names: tuple[str, ...]
@@ -97,23 +89,15 @@ def choose_model(
 ) -> ModelChoice:
     """Choose the torque channel and each joint's friction.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot; its own friction terms do not count.
-    signals : sequence of SmoothedSignals
-        The recordings of the training runs; never those of the validation.
-    options : EstimationOptions, optional
-        The other terms of the model, and the speed from which on a joint moves.
-    kinds : sequence of str
-        Kinds of channel to try, from the simplest to the richest; the first is "none".
-    watch : callable, optional
-        Told of the progress.
+    Args:
+        robot: The robot; its own friction terms do not count.
+        signals: The recordings of the training runs; never those of the validation.
+        options: The other terms of the model, and the speed from which on a joint moves.
+        kinds: Kinds of channel to try, from the simplest to the richest; the first is "none".
+        watch: Told of the progress.
 
-    Raises
-    ------
-    EstimationError
-        The recordings do not identify the plain model.
+    Raises:
+        EstimationError: The recordings do not identify the plain model.
     """
     options = options or EstimationOptions()
     tell = watch or (lambda done, steps, name: None)

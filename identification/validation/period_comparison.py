@@ -17,25 +17,20 @@ from identification.estimation.estimate import Estimate
 class PeriodComparison:
     """A mean period inside the estimate's band, the anti-alias filter divided out.
 
-    Attributes
-    ----------
-    time_s : ndarray, shape (K,)
-        Time within the period [s].
-    measured_nm, predicted_nm : ndarray, shape (K, n)
-        Torques [N m or N].
-    fitted_nm : ndarray, shape (K, n)
-        The prediction as the fit has it: plus the torque that it leaves free where a joint does not
-        count [N m or N]. The RMS of measured minus fitted is the estimate's residual.
-    counted : ndarray of bool, shape (K, n)
-        Samples at which a joint counts: it moves faster than the estimate's standstill speed, or
-        its presliding friction is known.
-    frequency_hz : ndarray, shape (H + 1,)
-        The bins [Hz].
-    measured_spectrum_nm, residual_spectrum_nm : ndarray, shape (H + 1, n)
-        RMS of each bin of the measured torque, and of measured minus predicted; over all samples,
-        passages of standstill included [N m or N].
-    noise_spectrum_nm : ndarray, shape (H + 1, n)
-        RMS that the noise between periods leaves in each bin of the mean [N m or N].
+    Attributes:
+        time_s: Shape (K,). Time within the period [s].
+        measured_nm, predicted_nm: Shape (K, n). Torques [N m or N].
+        fitted_nm: Shape (K, n). The prediction as the fit has it: plus the torque that it leaves
+            free where a joint does not count [N m or N]. The RMS of measured minus fitted is the
+            estimate's residual.
+        counted: Shape (K, n). Samples at which a joint counts: it moves faster than the estimate's
+            standstill speed, or its presliding friction is known.
+        frequency_hz: Shape (H + 1,). The bins [Hz].
+        measured_spectrum_nm, residual_spectrum_nm: Shape (H + 1, n). RMS of each bin of the
+            measured torque, and of measured minus predicted; over all samples, passages of
+            standstill included [N m or N].
+        noise_spectrum_nm: Shape (H + 1, n). RMS that the noise between periods leaves in each bin
+            of the mean [N m or N].
     """
 
     time_s: FloatArray
@@ -52,10 +47,8 @@ class PeriodComparison:
 def compare_period(estimate: Estimate, average: PeriodAverage) -> PeriodComparison:
     """Predict the torques of a mean period.
 
-    Raises
-    ------
-    EstimationError
-        The joints are not the estimate's.
+    Raises:
+        EstimationError: The joints are not the estimate's.
     """
     standard = estimate.standard_values if estimate.model.transmission.losses else None
     equations = bin_equations(

@@ -52,19 +52,14 @@ def choose_period_delays(
 ) -> TorqueChannel:
     """Return by how much each joint's torque is late, zero where the data do not show it.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot with all its terms; its presliding says how far from a reversal friction is known.
-    averages : sequence of PeriodAverage
-        The mean periods of the training runs.
-    options : EstimationOptions, optional
-        The other terms of the model.
+    Args:
+        robot: The robot with all its terms; its presliding says how far from a reversal friction is
+            known.
+        averages: The mean periods of the training runs.
+        options: The other terms of the model.
 
-    Raises
-    ------
-    EstimationError
-        The joints do not fit, or the motion does not show the parameters.
+    Raises:
+        EstimationError: The joints do not fit, or the motion does not show the parameters.
     """
     options = options or EstimationOptions()
     fitted = fit_periodic(robot, averages, options)

@@ -36,17 +36,12 @@ HALF: Final = 0.5
 class PreslidingChoice:
     """Which joints have presliding, and what that is worth.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    distances : tuple of float or None
-        Presliding distance of each joint that has it [rad or m].
-    shares : tuple of float
-        Share of each joint's friction that gives way so, from 0 to 1.
-    error_nm : ndarray, shape (2, n)
-        RMS error of each joint without and with it on parts left out, standstill and reversal
-        included [N m or N].
+    Attributes:
+        joint_names: Base to flange.
+        distances: Presliding distance of each joint that has it [rad or m].
+        shares: Share of each joint's friction that gives way so, from 0 to 1.
+        error_nm: Shape (2, n). RMS error of each joint without and with it on parts left out,
+            standstill and reversal included [N m or N].
     """
 
     joint_names: tuple[str, ...]
@@ -68,21 +63,14 @@ def choose_presliding(
 ) -> PreslidingChoice:
     """Choose the joints whose friction has memory.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot with its other friction terms.
-    signals : sequence of SmoothedSignals
-        The recordings of the training runs. They are `thinned`.
-    options : EstimationOptions, optional
-        The other terms of the model, and from which speed on a joint moves.
-    folds : int
-        Parts that the recordings are cut into.
+    Args:
+        robot: The robot with its other friction terms.
+        signals: The recordings of the training runs. They are `thinned`.
+        options: The other terms of the model, and from which speed on a joint moves.
+        folds: Parts that the recordings are cut into.
 
-    Raises
-    ------
-    EstimationError
-        The recordings are too short, or do not show the model.
+    Raises:
+        EstimationError: The recordings are too short, or do not show the model.
     """
     options, n = options or EstimationOptions(), len(robot.joints)
     robot = with_presliding(robot, [None] * n)

@@ -41,14 +41,9 @@ def with_presliding(
 ) -> RobotDescription:
     """Return a robot with presliding on the joints that have a distance [rad or m], no others.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    distances : sequence of float or None
-        One a joint.
-    shares : sequence of float, optional
-        Share of each joint's friction that gives way; all of it by default.
+    Args:
+        distances: One a joint.
+        shares: Share of each joint's friction that gives way; all of it by default.
     """
     joints = []
     shares = shares or [1.0] * len(distances)

@@ -21,19 +21,14 @@ def steps_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far each joint's parameter has to go, and its standard deviation, (n,) each.
 
-    Parameters
-    ----------
-    fitted : FittedSignals
-        A fit of thinned recordings, the parameters at their present values.
-    slope : ndarray, shape (rows, n)
-        How each joint's torque changes with its own parameter, in all rows of the equations.
-    seconds : int
-        How many seconds count as one event: what is slow is the same error for long.
+    Args:
+        fitted: A fit of thinned recordings, the parameters at their present values.
+        slope: Shape (rows, n). How each joint's torque changes with its own parameter, in all rows
+            of the equations.
+        seconds: How many seconds count as one event: what is slow is the same error for long.
 
-    Raises
-    ------
-    EstimationError
-        The motion does not show the parameters.
+    Raises:
+        EstimationError: The motion does not show the parameters.
     """
     structure = torque_structure(fitted.model, fitted.base, fitted.standard is not None)
     nonlinear = 0 if fitted.standard is None else len(fitted.model.nonlinear_names)

@@ -32,36 +32,27 @@ class Validation:
     counts samples at which the friction depends on where a joint came from before the recording
     began, or in a gap of it: nobody knows that.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    time_s : ndarray, shape (samples,)
-        Times of the rows [s].
-    measured_nm, predicted_nm : ndarray, shape (samples, n)
-        Torques, both below `cutoff_hz` [N m or N].
-    position, velocity, acceleration : ndarray, shape (samples, n)
-        The motion that the prediction was made for [rad or m, per s, per s^2].
-    moving : ndarray of bool, shape (samples, n)
-        Where a joint moves.
-    known : ndarray of bool, shape (samples, n)
-        Where its friction depends on the recorded motion alone; everywhere without memory.
-    rms_nm : ndarray, shape (n,)
-        RMS of measured minus predicted on the samples that count [N m or N]; NaN without any.
-    relative_percent : ndarray, shape (n,)
-        The same over the RMS of the measured torque [%].
-    all_samples_percent : ndarray, shape (n,)
-        The relative error on every known sample, standstill included [%]; NaN without any.
-    noise_nm : ndarray, shape (n,), or None
-        RMS that the measurement noise alone leaves below `cutoff_hz`, where it is known.
-    cutoff_hz, standstill_rad_s : float
-        Where the signals were low-passed, and the speed from which samples count.
-    limits_percent : tuple of float, or None
-        The largest relative errors allowed.
-    channel : TorqueChannel or None
-        Delay and filter that the model's torque passes, as that of its own recording did.
-    remembering : tuple of str
-        Joints whose friction has memory: standstill and reversal are predicted, too.
+    Attributes:
+        joint_names: Base to flange.
+        time_s: Shape (samples,). Times of the rows [s].
+        measured_nm, predicted_nm: Shape (samples, n). Torques, both below `cutoff_hz` [N m or N].
+        position, velocity, acceleration: Shape (samples, n). The motion that the prediction was
+            made for [rad or m, per s, per s^2].
+        moving: Shape (samples, n). Where a joint moves.
+        known: Shape (samples, n). Where its friction depends on the recorded motion alone;
+            everywhere without memory.
+        rms_nm: Shape (n,). RMS of measured minus predicted on the samples that count [N m or N];
+            NaN without any.
+        relative_percent: Shape (n,). The same over the RMS of the measured torque [%].
+        all_samples_percent: Shape (n,). The relative error on every known sample, standstill
+            included [%]; NaN without any.
+        noise_nm: Shape (n,). RMS that the measurement noise alone leaves below `cutoff_hz`, where
+            it is known.
+        cutoff_hz, standstill_rad_s: Where the signals were low-passed, and the speed from which
+            samples count.
+        limits_percent: The largest relative errors allowed.
+        channel: Delay and filter that the model's torque passes, as that of its own recording did.
+        remembering: Joints whose friction has memory: standstill and reversal are predicted, too.
     """
 
     joint_names: tuple[str, ...]
@@ -145,29 +136,22 @@ def validate(
 ) -> Validation:
     """Predict the torques of a recording and compare.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The identified robot. To judge other parameters, `dataclasses.replace` its `values`.
-    recording : Recording
-        Any motion; it is low-passed without phase shift, periodic or not. What its torque went
-        through is taken to be what the estimate's did (`Estimate.channel`).
-    cutoff_hz : float
-        Cut-off of the low-pass, for measured and predicted torque alike [Hz].
-    standstill_rad_s : float
-        Samples of a joint slower than this do not count for it; a torque that is late counts from
-        when the joint moved.
-    limits_percent : tuple of float, optional
-        Largest relative error of each joint for the verdict.
-    noise_nm : ndarray, shape (n,), optional
-        Standard deviation of one torque sample by noise, as `PeriodAverage.torque_variance` has it.
+    Args:
+        estimate: The identified robot. To judge other parameters, `dataclasses.replace` its
+            `values`.
+        recording: Any motion; it is low-passed without phase shift, periodic or not. What its
+            torque went through is taken to be what the estimate's did (`Estimate.channel`).
+        cutoff_hz: Cut-off of the low-pass, for measured and predicted torque alike [Hz].
+        standstill_rad_s: Samples of a joint slower than this do not count for it; a torque that is
+            late counts from when the joint moved.
+        limits_percent: Largest relative error of each joint for the verdict.
+        noise_nm: Shape (n,). Standard deviation of one torque sample by noise, as
+            `PeriodAverage.torque_variance` has it.
 
-    Raises
-    ------
-    EstimationError
-        The recording's joints are not the estimate's.
-    DataQualityError
-        Nothing moves in the recording, or nothing far enough for its friction to be known.
+    Raises:
+        EstimationError: The recording's joints are not the estimate's.
+        DataQualityError: Nothing moves in the recording, or nothing far enough for its friction to
+            be known.
     """
     names = estimate.robot.joint_names
     if recording.joint_names != names:
@@ -226,10 +210,8 @@ def validate(
 def relative_of_both(one: Validation, other: Validation) -> FloatArray:
     """Return the relative errors of two models on the samples that count for both, (2, n) [%].
 
-    Parameters
-    ----------
-    one, other : Validation
-        Predictions of one recording.
+    Args:
+        one, other: Predictions of one recording.
     """
     times = np.intersect1d(one.time_s, other.time_s)
     rows = [np.isin(each.time_s, times) for each in (one, other)]

@@ -50,21 +50,14 @@ def choose_warming(
 ) -> Warming | None:
     """Return how joints warm up; None where no joint shows it.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot with all its other friction terms.
-    signals : sequence of SmoothedSignals
-        The recordings of the training runs, without temperatures.
-    options : EstimationOptions, optional
-        The other terms of the model, and from which speed on a joint moves.
-    folds : int
-        Parts that the recordings are cut into.
+    Args:
+        robot: The robot with all its other friction terms.
+        signals: The recordings of the training runs, without temperatures.
+        options: The other terms of the model, and from which speed on a joint moves.
+        folds: Parts that the recordings are cut into.
 
-    Raises
-    ------
-    EstimationError
-        The recordings are too short for parts, or do not show the model.
+    Raises:
+        EstimationError: The recordings are too short for parts, or do not show the model.
     """
     options = options or EstimationOptions()
     parts = [thinned(run) for run in signals]

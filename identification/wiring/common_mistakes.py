@@ -38,10 +38,8 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     A wrong position of a coupled wrist is wrong at the motor, as on a bus, or at the joint, as in a
     recording that holds joints' positions: both are tried.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot as its file says it is.
+    Args:
+        robot: The robot as its file says it is.
     """
     n, coupling = len(robot.joints), _matrix(robot)
     for mistake in _of_wiring(robot):

@@ -30,15 +30,11 @@ LEAST_TILT_RAD: Final = math.radians(5.0)
 class GravitySearch:
     """Products of the four parts of the regressor, and of the torques.
 
-    Attributes
-    ----------
-    signals : WiredSignals
-        What the files say.
-    stated : Condensed
-        Of the gravity that the robot file states.
-    products : ndarray, shape (n, 4 p + n, 4 p + n)
-        As `Condensed` has them, all parts together: columns without gravity, then those of 1 m/s^2
-        along x, y, and z.
+    Attributes:
+        signals: What the files say.
+        stated: Of the gravity that the robot file states.
+        products: Shape (n, 4 p + n, 4 p + n). As `Condensed` has them, all parts together: columns
+            without gravity, then those of 1 m/s^2 along x, y, and z.
     """
 
     signals: WiredSignals

@@ -27,16 +27,12 @@ def held_out_share(signals: WiredSignals) -> FloatArray:
 
     The model is a plain one: rigid bodies, rotors, Coulomb and viscous friction, an offset.
 
-    Parameters
-    ----------
-    signals : WiredSignals
-        Motion and torques.
+    Args:
+        signals: Motion and torques.
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        RMS residual over RMS torque; zero where it is hardly more than on what was fitted, and of
-        joints that stand still.
+    Returns:
+        Shape (n,). RMS residual over RMS torque; zero where it is hardly more than on what was
+        fitted, and of joints that stand still.
     """
     model = plain_model(signals)
     columns = base_parameters(model).columns(regressor(model, *signals.joints()))

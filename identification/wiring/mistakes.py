@@ -46,26 +46,18 @@ ORDERS: Final = (Kind.POSITION_ORDER, Kind.TORQUE_ORDER, Kind.AXIS_ORDER)
 class Mistake:
     """One mistake, as what has to be done to the stated signals to undo it.
 
-    Attributes
-    ----------
-    kind : Kind
-        What is wrong.
-    joints : tuple of int
-        Of which joints, from 0; empty if all are meant. Of an order: joint i's signal stands at
-        joint `joints[i]`'s place if all are named, else the two are swapped.
-    factor : float
-        What the stated numbers must be multiplied with; of a zero position what must be added
-        [rad], of a clock the seconds that a second of the stamps is.
-    position, torque : ndarray, shape (n, n)
-        Right positions and torques are these times the stated ones.
-    offset_rad : ndarray, shape (n,)
-        What is added to positions [rad or m].
-    clock : float
-        Seconds that a second of the time stamps is.
-    robot : RobotDescription or None
-        The right robot, if the mistake is in its file.
-    what : str
-        The unit or the quantity that torques or positions are in, in words; empty if it is none.
+    Attributes:
+        kind: What is wrong.
+        joints: Of which joints, from 0; empty if all are meant. Of an order: joint i's signal
+            stands at joint `joints[i]`'s place if all are named, else the two are swapped.
+        factor: What the stated numbers must be multiplied with; of a zero position what must be
+            added [rad], of a clock the seconds that a second of the stamps is.
+        position, torque: Shape (n, n). Right positions and torques are these times the stated ones.
+        offset_rad: Shape (n,). What is added to positions [rad or m].
+        clock: Seconds that a second of the time stamps is.
+        robot: The right robot, if the mistake is in its file.
+        what: The unit or the quantity that torques or positions are in, in words; empty if it is
+            none.
     """
 
     kind: Kind
@@ -106,10 +98,8 @@ class Mistake:
     def at_joints(self, coupling: FloatArray) -> Mistake:
         """Return this mistake made in the joints' positions in place of the motors'.
 
-        Parameters
-        ----------
-        coupling : ndarray, shape (n, n)
-            C of q = C alpha.
+        Args:
+            coupling: Shape (n, n). C of q = C alpha.
         """
         moved = np.linalg.solve(coupling, self.position @ coupling)
         position: FloatArray = np.asarray(moved, dtype=np.float64)

@@ -23,12 +23,9 @@ def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -
     None may go beyond a limit of the robot file that was kept, or farther beyond it; what kept its
     limits must not shrink to nothing.
 
-    Parameters
-    ----------
-    mistake : Mistake
-        What is undone.
-    stated, undone : WiredSignals
-        With the mistake, and without it.
+    Args:
+        mistake: What is undone.
+        stated, undone: With the mistake, and without it.
     """
     limits = [joint.limits for joint in stated.robot.joints]
     torque = np.array([limit.torque for limit in limits])

@@ -32,18 +32,12 @@ def wrong_scale(
 ) -> tuple[Mistake, ...]:
     """Return what is wrong with the torques as a whole, the best explanation first.
 
-    Parameters
-    ----------
-    signals : WiredSignals
-        What the files say.
-    stated : Condensed
-        Their equations.
-    gravity : GravitySearch
-        The same with any gravity.
+    Args:
+        signals: What the files say.
+        stated: Their equations.
+        gravity: The same with any gravity.
 
-    Returns
-    -------
-    tuple of Mistake
+    Returns:
         Empty if the torques are such as the robot can have, or do not tell what they should be.
     """
     n = len(signals.robot.joints)

@@ -31,16 +31,11 @@ SCREENED_RAD: Final = 0.1
 class Found:
     """A mistake that was found, and what else explains the data as well.
 
-    Attributes
-    ----------
-    mistake : Mistake
-        The best explanation.
-    alternatives : tuple of Mistake
-        Others that are as good.
-    before, after : Trial
-        The fit with the mistake, and with it undone.
-    weight : ArmWeight or None
-        What the arm weighs as stated, if that tells the mistake and no residual does.
+    Attributes:
+        mistake: The best explanation.
+        alternatives: Others that are as good.
+        before, after: The fit with the mistake, and with it undone.
+        weight: What the arm weighs as stated, if that tells the mistake and no residual does.
     """
 
     mistake: Mistake
@@ -71,14 +66,10 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
     recordings that were left out of a fit, if motion and torques keep the robot file's limits
     then, and if the torques hold the arm up.
 
-    Parameters
-    ----------
-    signals : WiredSignals
-        What the files say.
+    Args:
+        signals: What the files say.
 
-    Returns
-    -------
-    tuple of Found
+    Returns:
         One after the other; empty if none explains the data far better.
     """
     found: list[Found] = []
@@ -104,17 +95,14 @@ def find_mistakes(signals: WiredSignals) -> tuple[Found, ...]:
 def impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:
     """Return the joints whose friction would drive them, and the arm's weight.
 
-    Parameters
-    ----------
-    signals : WiredSignals
-        What the files say.
+    Args:
+        signals: What the files say.
 
-    Returns
-    -------
-    driving : tuple of str
-        Joints with negative friction power, whichever part of the recordings is left out.
-    weight : ArmWeight or None
-        None if gravity loads no joint, or the torques of those that it loads are not explained.
+    Returns:
+        `driving`. Joints with negative friction power, whichever part of the recordings is left
+            out.
+        `weight`. None if gravity loads no joint, or the torques of those that it loads are not
+            explained.
     """
     still = np.eye(len(signals.robot.joints))
     stated = Condensed.of(signals)

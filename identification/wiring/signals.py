@@ -24,16 +24,12 @@ MOVING_RAD_S: Final = 0.005
 class WiredSignals:
     """Motion and torque of the motors as the files say they are, and the robot as its file says.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The robot.
-    position, velocity, acceleration : ndarray, shape (rows, n)
-        The motors' motion at the link side, alpha of q = C alpha [rad or m, per s, per s^2].
-    torque_nm : ndarray, shape (rows, n)
-        Their torques [N m or N].
-    moving : ndarray of bool, shape (n,)
-        Which motors move: the others' friction is stiction, which explains nothing.
+    Attributes:
+        position, velocity, acceleration: Shape (rows, n). The motors' motion at the link side,
+            alpha of q = C alpha [rad or m, per s, per s^2].
+        torque_nm: Shape (rows, n). Their torques [N m or N].
+        moving: Shape (n,). Which motors move: the others' friction is stiction, which explains
+            nothing.
     """
 
     robot: RobotDescription
@@ -88,14 +84,10 @@ class WiredSignals:
     def moved(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
         """Return them with other positions: matrix times these and an offset, on another clock.
 
-        Parameters
-        ----------
-        matrix : ndarray, shape (n, n)
-            Motors' positions of those stated.
-        offset_rad : ndarray, shape (n,)
-            Added to them [rad or m].
-        clock : float
-            Seconds that a second of the time stamps is.
+        Args:
+            matrix: Shape (n, n). Motors' positions of those stated.
+            offset_rad: Shape (n,). Added to them [rad or m].
+            clock: Seconds that a second of the time stamps is.
         """
         return replace(
             self,

@@ -40,14 +40,12 @@ BRAKES: Final = ("fc_", "fv_")
 class Trial:
     """How well a robot explains torques, joint by joint.
 
-    Attributes
-    ----------
-    residual_share : ndarray, shape (n,)
-        RMS residual over RMS torque, at least `SMALLEST_SHARE`; NaN for a joint that stands still.
-    driving : ndarray of bool, shape (n,)
-        True for a joint with negative friction power, which no friction has.
-    weight : float
-        The weight of the arm as a share of what its drawings say, at most; NaN if it is not known.
+    Attributes:
+        residual_share: Shape (n,). RMS residual over RMS torque, at least `SMALLEST_SHARE`; NaN for
+            a joint that stands still.
+        driving: Shape (n,). True for a joint with negative friction power, which no friction has.
+        weight: The weight of the arm as a share of what its drawings say, at most; NaN if it is not
+            known.
     """
 
     residual_share: FloatArray
@@ -76,12 +74,9 @@ class Trial:
     def may_be_better_than(self, other: Trial, impossible: int) -> bool:
         """Return whether all rows may show this fit far better than another, on a part of them.
 
-        Parameters
-        ----------
-        other : Trial
-            The other, on the same rows.
-        impossible : int
-            What is impossible in the other on all rows.
+        Args:
+            other: The other, on the same rows.
+            impossible: What is impossible in the other on all rows.
         """
         times = other.residual_share / self.residual_share
         possible = self.impossible < max(impossible, other.impossible)
@@ -107,19 +102,14 @@ class Trial:
 class Condensed:
     """Products of columns: what least squares needs to know of the rows.
 
-    Attributes
-    ----------
-    products : ndarray, shape (parts, n, p + n, p + n)
-        For each part of the recordings and each joint [Phi T]^T [Phi T], with its regressor Phi
-        and the torques T of all joints.
-    rows : ndarray, shape (n,)
-        Rows used of each joint.
-    brakes : ndarray, shape (n, p)
-        Power of each friction parameter of a joint, at one of its unit [W].
-    power : ndarray, shape (n, n)
-        For each joint the mean of |speed x torque| with every joint's torque [W].
-    drawn_weight : DrawnWeight or None
-        What tells how heavy a fit makes the arm; None if nobody asks.
+    Attributes:
+        products: Shape (parts, n, p + n, p + n). For each part of the recordings and each joint
+            [Phi T]^T [Phi T], with its regressor Phi and the torques T of all joints.
+        rows: Shape (n,). Rows used of each joint.
+        brakes: Shape (n, p). Power of each friction parameter of a joint, at one of its unit [W].
+        power: Shape (n, n). For each joint the mean of |speed x torque| with every joint's torque
+            [W].
+        drawn_weight: What tells how heavy a fit makes the arm; None if nobody asks.
     """
 
     products: FloatArray
@@ -132,12 +122,10 @@ class Condensed:
     def of(cls, signals: WiredSignals, screened_by: RobotModel | None = None) -> Condensed:
         """Evaluate a robot's regressor, with Coulomb and viscous friction and an offset.
 
-        Parameters
-        ----------
-        signals : WiredSignals
-            Motion, torques and robot.
-        screened_by : RobotModel, optional
-            The robot's model, if all that is asked is `trial` without the arm's weight.
+        Args:
+            signals: Motion, torques and robot.
+            screened_by: The robot's model, if all that is asked is `trial` without the arm's
+                weight.
         """
         model = screened_by or plain_model(signals)
         phi, use = regressor(model, *signals.joints()), rows_used(signals)

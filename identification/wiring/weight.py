@@ -26,16 +26,11 @@ LEAST_LOAD: Final = 0.05
 class ArmWeight:
     """The torque of gravity that was found, over that of the drawn arm in the same poses.
 
-    Attributes
-    ----------
-    share : float
-        Over all joints that carry weight; NaN if none does.
-    sigma : float
-        Standard deviation, by leaving out one part of the recordings after the other.
-    plausible : tuple of float
-        Smallest and largest share that a real arm has.
-    is_drawn : bool
-        True if `cad` says what the arm weighs, False if only its size does.
+    Attributes:
+        share: Over all joints that carry weight; NaN if none does.
+        sigma: Standard deviation, by leaving out one part of the recordings after the other.
+        plausible: Smallest and largest share that a real arm has.
+        is_drawn: True if `cad` says what the arm weighs, False if only its size does.
     """
 
     share: float
@@ -63,16 +58,13 @@ class ArmWeight:
 class DrawnWeight:
     """Gravity's torque by a fit and by the drawings, projected on the latter.
 
-    Attributes
-    ----------
-    columns : ndarray, shape (n, p)
-        For each joint the products of its drawn torque with gravity's part of each column.
-    drawn : ndarray, shape (n,)
-        The drawn torque's square; zero for joints that carry little weight, or have a spring.
-    plausible : tuple of float
-        As `ArmWeight` has it.
-    is_drawn : bool
-        As `ArmWeight` has it.
+    Attributes:
+        columns: Shape (n, p). For each joint the products of its drawn torque with gravity's part
+            of each column.
+        drawn: Shape (n,). The drawn torque's square; zero for joints that carry little weight, or
+            have a spring.
+        plausible: As `ArmWeight` has it.
+        is_drawn: As `ArmWeight` has it.
     """
 
     columns: FloatArray

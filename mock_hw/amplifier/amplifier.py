@@ -55,23 +55,15 @@ class SimulatedAmplifier:
     Settings are taken at any time but while rows are streamed: then only the stream's end, the time
     (answered by an event) and the overload word (likewise) are.
 
-    Parameters
-    ----------
-    profile : AmplifierProfile
-        Its strings and rows.
-    truth : SimulatedPlate
-        Its physics.
-    seed : int
-        Of its noise.
-    now_s : float, optional
-        When it is switched on [s].
-    bits, low_pass_order : int, optional
-        How it is built.
+    Args:
+        profile: Its strings and rows.
+        truth: Its physics.
+        seed: Of its noise.
+        now_s: When it is switched on [s].
+        bits, low_pass_order: How it is built.
 
-    Attributes
-    ----------
-    physics : ChargeAmplifier
-        The amplifier behind the words.
+    Attributes:
+        physics: The amplifier behind the words.
     """
 
     def __init__(
@@ -127,15 +119,11 @@ class SimulatedAmplifier:
     def receive(self, data: bytes, charges: Charges, now_s: float | None = None) -> None:
         """Take bytes from the line and do what they say.
 
-        Parameters
-        ----------
-        data : bytes
-            The bytes.
-        charges : Charges
-            Tells what the sensors feel now, (8,) [pC]; asked at operate.
-        now_s : float, optional
-            What time it is, where that is later than the physics has been brought [s]: answers
-            leave then, and the clock is read then.
+        Args:
+            data: The bytes.
+            charges: Tells what the sensors feel now, (8,) [pC]; asked at operate.
+            now_s: What time it is, where that is later than the physics has been brought [s]:
+                answers leave then, and the clock is read then.
         """
         now_s = self.physics.time_s if now_s is None else max(now_s, self.physics.time_s)
         self._lines.feed(data.replace(b"\0", b""))

@@ -30,18 +30,12 @@ LONGEST_STEP_S = 0.010
 class AmplifierSettings:
     """What an amplifier can be set to; the defaults are those of its power-on.
 
-    Attributes
-    ----------
-    range_n : tuple of float
-        Force at full scale, per channel [N].
-    sensitivity_pc_n : tuple of float
-        Of the sensors, per channel [pC/N].
-    low_pass_hz, low_pass_order : float, int
-        The Butterworth filter before the converter.
-    rate_hz : float
-        Rows per second of the amplifier's own clock.
-    bits : int
-        Of the converter, whose span is both signs of full scale.
+    Attributes:
+        range_n: Force at full scale, per channel [N].
+        sensitivity_pc_n: Of the sensors, per channel [pC/N].
+        low_pass_hz, low_pass_order: The Butterworth filter before the converter.
+        rate_hz: Rows per second of the amplifier's own clock.
+        bits: Of the converter, whose span is both signs of full scale.
     """
 
     range_n: tuple[float, ...] = (5000.0,) * 4 + (20000.0,) * 4
@@ -72,14 +66,10 @@ class AmplifierSettings:
 class AmplifierRows:
     """What has been converted.
 
-    Attributes
-    ----------
-    time_s, device_s : ndarray, shape (rows,)
-        When, on the cell's clock and on the amplifier's [s].
-    counts : ndarray of int16, shape (rows, 8)
-        Converter counts; 2 to the power of (bits - 1) would be full scale.
-    overload : ndarray of uint8, shape (rows,)
-        The latched overload word: bit i for channel i + 1.
+    Attributes:
+        time_s, device_s: Shape (rows,). When, on the cell's clock and on the amplifier's [s].
+        counts: Shape (rows, 8). Converter counts; 2 to the power of (bits - 1) would be full scale.
+        overload: Shape (rows,). The latched overload word: bit i for channel i + 1.
     """
 
     time_s: Vector
@@ -91,25 +81,16 @@ class AmplifierRows:
 class ChargeAmplifier:
     """Eight channels on one clock, at Reset when switched on.
 
-    Parameters
-    ----------
-    truth : SimulatedPlate
-        Drift, zero jump, noise and clock.
-    seed : int
-        Of the noise.
-    now_s : float, optional
-        When it is switched on [s].
+    Args:
+        truth: Drift, zero jump, noise and clock.
+        seed: Of the noise.
+        now_s: When it is switched on [s].
 
-    Attributes
-    ----------
-    settings : AmplifierSettings
-        What it is set to; change it by `apply`.
-    time_s : float
-        How far it has been brought [s].
-    operating : bool
-        Whether it measures; at Reset its inputs are shorted.
-    overload : int
-        The latched overload word.
+    Attributes:
+        settings: What it is set to; change it by `apply`.
+        time_s: How far it has been brought [s].
+        operating: Whether it measures; at Reset its inputs are shorted.
+        overload: The latched overload word.
     """
 
     def __init__(self, truth: SimulatedPlate, seed: int, now_s: float = 0.0) -> None:
@@ -191,20 +172,14 @@ class ChargeAmplifier:
     ) -> AmplifierRows:
         """Let time pass until `end_s`; return the rows that were converted meanwhile.
 
-        Parameters
-        ----------
-        end_s : float
-            Until when [s].
-        ends_s : array_like, shape (m,), optional
-            When intervals of constant charge end, each beginning where the one before it ended;
-            the last charge lasts on.
-        charges_pc : array_like, shape (m, 8), optional
-            The sensors' charges [pC].
+        Args:
+            end_s: Until when [s].
+            ends_s: Shape (m,). When intervals of constant charge end, each beginning where the one
+                before it ended; the last charge lasts on.
+            charges_pc: Shape (m, 8). The sensors' charges [pC].
 
-        Raises
-        ------
-        ValueError
-            If time would run backwards.
+        Raises:
+            ValueError: If time would run backwards.
         """
         if not end_s >= self.time_s:
             raise ValueError(f"end_s {end_s} lies before {self.time_s}")
@@ -306,22 +281,14 @@ def _run_filter(
 ) -> int:
     """Filter inputs that are constant over intervals; look at the output at every row's time.
 
-    Parameters
-    ----------
-    start_s, ends_s : scalar, (m,)
-        When the first interval begins, and when each ends [s].
-    volts : ndarray, shape (m, 8)
-        Input before the charge stage's limits.
-    low_pass : _LowPass
-        The filter; its state is changed in place.
-    rows : _Rows
-        Filled; their times lie within the intervals.
-    latched : int
-        The overload word at the beginning.
+    Args:
+        start_s, ends_s: Scalar, (m,). When the first interval begins, and when each ends [s].
+        volts: Shape (m, 8). Input before the charge stage's limits.
+        low_pass: The filter; its state is changed in place.
+        rows: Filled; their times lie within the intervals.
+        latched: The overload word at the beginning.
 
-    Returns
-    -------
-    int
+    Returns:
         The overload word at the end.
     """
     poles, gains, weights, state = low_pass

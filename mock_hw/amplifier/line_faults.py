@@ -21,17 +21,12 @@ class Unit(NamedTuple):
 class FaultInjector:
     """Applies faults to rows as they pass.
 
-    Parameters
-    ----------
-    faults : sequence of AmplifierFault
-        What happens when.
-    seed : int
-        Of the bytes that they invent.
+    Args:
+        faults: What happens when.
+        seed: Of the bytes that they invent.
 
-    Attributes
-    ----------
-    rows : int
-        How many rows have passed.
+    Attributes:
+        rows: How many rows have passed.
     """
 
     def __init__(self, faults: Sequence[AmplifierFault], seed: int) -> None:

@@ -38,18 +38,13 @@ _TWICE = 2.0
 class PlateSettings:
     """What is served: the cell's plate, its profile and truth, and what goes wrong.
 
-    Attributes
-    ----------
-    plate, profile, truth : PlateConfig, AmplifierProfile, SimulatedPlate
-        The plate as the cell file has it, the strings of its amplifier, and what it really does.
-    path : Path
-        Where the port is to be.
-    seed : int
-        Of noise and jitter.
-    baud_rate : int, optional
-        What the amplifier is set to, where that is not what the cell file says.
-    faults : FaultScript
-        What goes wrong; its `amplifier` part is used.
+    Attributes:
+        plate, profile, truth: The plate as the cell file has it, the strings of its amplifier, and
+            what it really does.
+        path: Where the port is to be.
+        seed: Of noise and jitter.
+        baud_rate: What the amplifier is set to, where that is not what the cell file says.
+        faults: What goes wrong; its `amplifier` part is used.
     """
 
     plate: PlateConfig
@@ -64,24 +59,16 @@ class PlateSettings:
 class AmplifierPort:
     """The amplifier, its line and its port: a `SimulatedDevice` that is told what its sensors feel.
 
-    Parameters
-    ----------
-    settings : PlateSettings
-        What is served.
-    realtime : bool
-        Whether bytes arrive on the computer's own clock; simulated time otherwise.
-    now_s : float, optional
-        When the amplifier is switched on [s].
+    Args:
+        settings: What is served.
+        realtime: Whether bytes arrive on the computer's own clock; simulated time otherwise.
+        now_s: When the amplifier is switched on [s].
 
-    Attributes
-    ----------
-    next_s : float
-        When `advance` is due: bytes arrive, or the port comes back [s]; infinity for never.
+    Attributes:
+        next_s: When `advance` is due: bytes arrive, or the port comes back [s]; infinity for never.
 
-    Raises
-    ------
-    TransportError
-        The port cannot be made.
+    Raises:
+        TransportError: The port cannot be made.
     """
 
     def __init__(self, settings: PlateSettings, *, realtime: bool, now_s: float = 0.0) -> None:
@@ -146,14 +133,10 @@ class AmplifierPort:
     ) -> None:
         """Do what has been commanded.
 
-        Parameters
-        ----------
-        data : bytes
-            What `read` has returned.
-        base_wrench : ndarray, shape (6,)
-            What the base exerts on the robot now.
-        now_s : float, optional
-            What time it is, where that is later than the amplifier has been brought [s].
+        Args:
+            data: What `read` has returned.
+            base_wrench: Shape (6,). What the base exerts on the robot now.
+            now_s: What time it is, where that is later than the amplifier has been brought [s].
         """
         self._device.receive(data, lambda: self._sensors.charges_pc(base_wrench), now_s)
         self._send()
@@ -168,14 +151,11 @@ class AmplifierPort:
     ) -> None:
         """Take what acts on the plate until `end_s`, and send what is measured meanwhile.
 
-        Parameters
-        ----------
-        end_s : float
-            Until when [s].
-        ends_s, base_wrenches : array_like, shape (m,), (m, 6), optional
-            Ends of intervals [s], and what the base exerted on the robot in each.
-        edges_s : array_like, shape (edges,), optional
-            When SYNC was there, at the trigger input [s].
+        Args:
+            end_s: Until when [s].
+            ends_s, base_wrenches: Shape (m,), (m, 6). Ends of intervals [s], and what the base
+                exerted on the robot in each.
+            edges_s: Shape (edges,). When SYNC was there, at the trigger input [s].
         """
         ends = np.asarray(ends_s, dtype=np.float64)
         charges = self._sensors.charges_pc(np.reshape(base_wrenches, (-1, 6)))

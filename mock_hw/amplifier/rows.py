@@ -22,16 +22,11 @@ _CRC_SEED = 0xFFFF
 class RowBlock:
     """Rows as they stand on the line, all of one size.
 
-    Attributes
-    ----------
-    data : bytes
-        Their bytes, `size` each.
-    size : int
-        Bytes of a row.
-    ready_s : ndarray, shape (rows,)
-        When each may be sent [s].
-    sequence : (rows,)
-        Their numbers.
+    Attributes:
+        data: Their bytes, `size` each.
+        size: Bytes of a row.
+        ready_s: Shape (rows,). When each may be sent [s].
+        sequence: (rows,). Their numbers.
     """
 
     data: bytes

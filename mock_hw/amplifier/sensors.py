@@ -20,13 +20,10 @@ Matrix = NDArray[np.float64]
 class PlateSensors:
     """A plate with its sensors; every mapping is linear.
 
-    Parameters
-    ----------
-    plate : PlateConfig
-        Geometry, and where the plate stands in the robot's base frame.
-    truth : SimulatedPlate
-        What the sensors do: pC/N and crosstalk. The cell file's `sensitivity` is what a calibration
-        found, and takes no part.
+    Args:
+        plate: Geometry, and where the plate stands in the robot's base frame.
+        truth: What the sensors do: pC/N and crosstalk. The cell file's `sensitivity` is what a
+            calibration found, and takes no part.
     """
 
     def __init__(self, plate: PlateConfig, truth: SimulatedPlate) -> None:
@@ -38,10 +35,9 @@ class PlateSensors:
     def forces_n(self, base_wrench: ArrayLike) -> Matrix:
         """Return the sensors' forces, (m, 8) [N], in the channels' order.
 
-        Parameters
-        ----------
-        base_wrench : array_like, shape (m, 6)
-            What the base exerts on the robot, about the base frame's origin, in its axes [N, N m].
+        Args:
+            base_wrench: Shape (m, 6). What the base exerts on the robot, about the base frame's
+                origin, in its axes [N, N m].
         """
         return np.asarray(base_wrench) @ self._forces.T
 

@@ -20,19 +20,13 @@ _SHORTEST_SHARE = 0.2  # of the longest time between two polls
 class SerialLine:
     """One direction of a line.
 
-    Parameters
-    ----------
-    baud_rate : int
-        Bits per second.
-    jitter_s : float
-        The longest time between two polls of the adapter [s]; 0 for one that never waits.
-    seed : int
-        Of the polls.
+    Args:
+        baud_rate: Bits per second.
+        jitter_s: The longest time between two polls of the adapter [s]; 0 for one that never waits.
+        seed: Of the polls.
 
-    Attributes
-    ----------
-    free_s : float
-        When the last byte so far has been sent [s].
+    Attributes:
+        free_s: When the last byte so far has been sent [s].
     """
 
     def __init__(self, baud_rate: int, jitter_s: float, seed: int) -> None:
@@ -46,17 +40,12 @@ class SerialLine:
     def send(self, ready_s: ArrayLike, size: ArrayLike) -> Vector:
         """Send units of bytes one after the other.
 
-        Parameters
-        ----------
-        ready_s : array_like, shape (n,)
-            From when on each may be sent [s], not falling.
-        size : array_like, shape (n,)
-            Their sizes [bytes].
+        Args:
+            ready_s: Shape (n,). From when on each may be sent [s], not falling.
+            size: Shape (n,). Their sizes [bytes].
 
-        Returns
-        -------
-        ndarray, shape (n,)
-            When each has arrived [s].
+        Returns:
+            Shape (n,). When each has arrived [s].
         """
         ready = np.asarray(ready_s, dtype=np.float64)
         if not len(ready):

@@ -60,10 +60,8 @@ class CanWire:
     first-in first-out queue does); of the frames that are ready when the bus falls free, the one
     that wins arbitration is sent. Equal identifiers go in the order of their sources.
 
-    Parameters
-    ----------
-    bitrate : int
-        Nominal bit rate [bit/s].
+    Args:
+        bitrate: Nominal bit rate [bit/s].
     """
 
     def __init__(self, bitrate: int) -> None:

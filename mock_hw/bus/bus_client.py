@@ -21,19 +21,13 @@ class BusClient:
     Frames are posted without regard to when a device may send them at the earliest: those delays
     (some tenths of a millisecond) are below what such a bus takes by itself.
 
-    Parameters
-    ----------
-    link : CanLink
-        The open bus.
-    ended : callable
-        Whether to end: asked at every wait.
+    Args:
+        link: The open bus.
+        ended: Whether to end: asked at every wait.
 
-    Attributes
-    ----------
-    lockstep, simulated_time : bool
-        False: there is real time only.
-    now_ns : int
-        CLOCK_MONOTONIC at the last `wait` [ns].
+    Attributes:
+        lockstep, simulated_time: False: there is real time only.
+        now_ns: CLOCK_MONOTONIC at the last `wait` [ns].
     """
 
     lockstep = False
@@ -58,10 +52,8 @@ class BusClient:
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
         """Send the outbox, and wait until `until_ns` or until there are frames; return them.
 
-        Raises
-        ------
-        TransportError
-            It is time to end.
+        Raises:
+            TransportError: It is time to end.
         """
         del on_frames  # in real time frames always end the wait
         if self._ended():

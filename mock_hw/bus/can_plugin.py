@@ -46,28 +46,20 @@ class LockstepClock:
 class RidSimBus(can.BusABC):
     """A connection to a simulated bus: ``can.Bus(interface="rid_sim", channel="ir361")``.
 
-    Parameters
-    ----------
-    channel : can.typechecking.Channel
-        The name of a served cell's bus, or the path of its socket.
-    can_filters : can.typechecking.CanFilters, optional
-        As python-can has them.
-    participant : bool, optional
-        Take part in lock-step time, as the cell's master does: receive timeouts and message time
-        stamps are simulated then, and time stands still while the owner works. Otherwise this
-        is an observer, which never holds time; its waits are the wall clock's.
-    receive_own_messages : bool, optional
-        Whether `recv` returns what this bus has sent too (`is_rx` False), once it was on the wire.
+    Args:
+        channel: The name of a served cell's bus, or the path of its socket.
+        can_filters: As python-can has them.
+        participant: Take part in lock-step time, as the cell's master does: receive timeouts and
+            message time stamps are simulated then, and time stands still while the owner works.
+            Otherwise this is an observer, which never holds time; its waits are the wall clock's.
+        receive_own_messages: Whether `recv` returns what this bus has sent too (`is_rx` False),
+            once it was on the wire.
 
-    Attributes
-    ----------
-    simulated_clock : LockstepClock or None
-        The clock that goes with the bus in lock-step, None otherwise.
+    Attributes:
+        simulated_clock: The clock that goes with the bus in lock-step, None otherwise.
 
-    Raises
-    ------
-    can.CanInitializationError
-        Nobody serves the channel.
+    Raises:
+        can.CanInitializationError: Nobody serves the channel.
     """
 
     time_stamped = True
@@ -104,10 +96,8 @@ class RidSimBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame; in lock-step it is on its way once the caller waits.
 
-        Raises
-        ------
-        can.CanOperationError
-            The frame is not classic CAN, or the hub is gone.
+        Raises:
+            can.CanOperationError: The frame is not classic CAN, or the hub is gone.
         """
         if msg.is_fd or msg.is_error_frame:
             raise can.CanOperationError("rid_sim: carries classic data and remote frames only")
@@ -127,10 +117,8 @@ class RidSimBus(can.BusABC):
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame that passes the filters, or None after `timeout` [s].
 
-        Raises
-        ------
-        can.CanOperationError
-            The hub is gone.
+        Raises:
+            can.CanOperationError: The hub is gone.
         """
         if timeout is None:
             until_ns = FOREVER_NS
@@ -156,10 +144,8 @@ class RidSimBus(can.BusABC):
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
         """Send classic data frames, in real time as one packet: the drivers' own path.
 
-        Raises
-        ------
-        can.CanOperationError
-            The hub is gone.
+        Raises:
+            can.CanOperationError: The hub is gone.
         """
         client = self._client
         try:
@@ -174,10 +160,8 @@ class RidSimBus(can.BusABC):
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
         """Return all classic data frames that have come; None when `timeout_s` [s] passes first.
 
-        Raises
-        ------
-        can.CanOperationError
-            The hub is gone.
+        Raises:
+            can.CanOperationError: The hub is gone.
         """
         if not self._client.lockstep:
             return self._receive_realtime(timeout_s)
@@ -217,10 +201,8 @@ class RidSimBus(can.BusABC):
     def sleep_until_ns(self, until_ns: int) -> None:
         """Let simulated time run until `until_ns`.
 
-        Raises
-        ------
-        can.CanOperationError
-            The hub is gone.
+        Raises:
+            can.CanOperationError: The hub is gone.
         """
         if until_ns <= self.now_ns:
             return

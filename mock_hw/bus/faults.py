@@ -129,23 +129,17 @@ def _spoofed(frame: WireFrame, fault: FrameFault) -> WireFrame:
 class BusFaults:
     """A fault script's `bus` part at work on one bus.
 
-    Parameters
-    ----------
-    script : FaultScript
-        What goes wrong.
-    nodes : mapping of str to int
-        The drives' node ids by joint.
-    master : int
-        The node id of the computer.
-    start_ns : int, optional
-        The bus's time now [ns].
+    Args:
+        script: What goes wrong.
+        nodes: The drives' node ids by joint.
+        master: The node id of the computer.
+        start_ns: The bus's time now [ns].
 
-    Attributes
-    ----------
-    bus_off, unplugged : bool
-        Set when the adapter goes bus-off or is pulled out; whoever acts on it clears it.
-    cut_off_until_ns, unplugged_until_ns : int
-        Until when the adapter hears nothing, or is not there [ns].
+    Attributes:
+        bus_off, unplugged: Set when the adapter goes bus-off or is pulled out; whoever acts on it
+            clears it.
+        cut_off_until_ns, unplugged_until_ns: Until when the adapter hears nothing, or is not there
+            [ns].
     """
 
     def __init__(

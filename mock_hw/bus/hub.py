@@ -69,27 +69,17 @@ class CanHub:
     master it runs on at the wall clock's pace for `AFTER_RUN_NS`, so that drives notice that their
     master is gone, and then stands still; the next master joins at its end, whenever it comes.
 
-    Parameters
-    ----------
-    listener : socket.socket
-        A listening SEQPACKET socket; closed by `close`.
-    bitrate : int
-        Nominal bit rate [bit/s].
-    realtime : bool
-        Real time instead of lock-step.
-    pace : float, optional
-        Simulated seconds a second, at most, in lock-step with a master.
-    channel : str, optional
-        The bus's name in the log.
-    log : TextIO, optional
-        Where to write every frame, in candump's format; seconds since 1970 in real time.
-    faults : BusFaults, optional
-        What goes wrong; None for nothing.
+    Args:
+        listener: A listening SEQPACKET socket; closed by `close`.
+        bitrate: Nominal bit rate [bit/s].
+        realtime: Real time instead of lock-step.
+        pace: Simulated seconds a second, at most, in lock-step with a master.
+        channel: The bus's name in the log.
+        log: Where to write every frame, in candump's format; seconds since 1970 in real time.
+        faults: What goes wrong; None for nothing.
 
-    Attributes
-    ----------
-    next_s : float
-        When the bus next has something to do by itself, at the last `advance` [s].
+    Attributes:
+        next_s: When the bus next has something to do by itself, at the last `advance` [s].
     """
 
     def __init__(

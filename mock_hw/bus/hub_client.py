@@ -31,33 +31,22 @@ class HubClient:
     In lock-step, a master's or device's time stands still except in `wait`, which lets it run
     until what it waits for has happened; frames handed to `post` leave with the next `wait`.
 
-    Parameters
-    ----------
-    path : Path
-        The hub's socket.
-    role : Role
-        Observers never hold lock-step time, and have the wall clock's waits.
-    urgent : iterable of int, optional
-        Identifiers whose frames end any wait at once. All others end it when the bus falls idle,
-        if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
-    timeout_s : float, optional
-        How long to wait for the hub's welcome [s].
-    own_frames : bool, optional
-        Whether to get back what is sent, once it was on the bus; its port is `OWN_PORT`.
+    Args:
+        path: The hub's socket.
+        role: Observers never hold lock-step time, and have the wall clock's waits.
+        urgent: Identifiers whose frames end any wait at once. All others end it when the bus falls
+            idle, if the wait is `on_frames` at all: a burst of frames costs one wake-up, or none.
+        timeout_s: How long to wait for the hub's welcome [s].
+        own_frames: Whether to get back what is sent, once it was on the bus; its port is
+            `OWN_PORT`.
 
-    Attributes
-    ----------
-    simulated_time : bool
-        Whether the bus has simulated time, rather than CLOCK_MONOTONIC.
-    lockstep : bool
-        Whether it has, and this client takes part in it.
-    now_ns : int
-        The time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
+    Attributes:
+        simulated_time: Whether the bus has simulated time, rather than CLOCK_MONOTONIC.
+        lockstep: Whether it has, and this client takes part in it.
+        now_ns: The time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
 
-    Raises
-    ------
-    TransportError
-        Nobody serves the socket.
+    Raises:
+        TransportError: Nobody serves the socket.
     """
 
     def __init__(
@@ -109,10 +98,8 @@ class HubClient:
     def send(self, can_id: int, data: bytes, length: int) -> None:
         """Hand one frame to the hub at once, past the outbox; any thread may.
 
-        Raises
-        ------
-        TransportError
-            The hub is gone.
+        Raises:
+            TransportError: The hub is gone.
         """
         try:
             self._socket.send(pack(PacketKind.SEND) + FRAME.pack(0, can_id, length, 0, data))
@@ -122,10 +109,8 @@ class HubClient:
     def send_all(self, frames: Iterable[tuple[int, bytes | bytearray]]) -> None:
         """Hand data frames (identifier and data) to the hub at once, in one packet.
 
-        Raises
-        ------
-        TransportError
-            The hub is gone.
+        Raises:
+            TransportError: The hub is gone.
         """
         body = [FRAME.pack(0, can_id, len(data), 0, data) for can_id, data in frames]
         try:
@@ -139,10 +124,8 @@ class HubClient:
         Waits for the first one, at most `timeout_s` [s]; any bus that the hub carries is classic
         CAN, so frames are not checked again.
 
-        Raises
-        ------
-        TransportError
-            The hub is gone.
+        Raises:
+            TransportError: The hub is gone.
         """
         frames: list[tuple[int, int, int, int, bytes]] = []
         buffer, receive = self._buffer, self._socket.recv_into
@@ -166,16 +149,12 @@ class HubClient:
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
         """Send the outbox and let time run until `until_ns`, or until there are frames.
 
-        Returns
-        -------
-        list of WireFrame
-            What was on the bus meanwhile, oldest first; data padded to 8 bytes. In real time
-            frames always end the wait.
+        Returns:
+            What was on the bus meanwhile, oldest first; data padded to 8 bytes. In real time frames
+            always end the wait.
 
-        Raises
-        ------
-        TransportError
-            The hub is gone.
+        Raises:
+            TransportError: The hub is gone.
         """
         if not self.lockstep:
             return self._wait(until_ns)

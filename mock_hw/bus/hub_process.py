@@ -29,28 +29,17 @@ LINGER_NS = 3_000_000_000
 class HubSettings:
     """What the hub process is told.
 
-    Attributes
-    ----------
-    path : Path
-        Where to listen.
-    bitrate : int
-        Of the bus [bit/s].
-    realtime : bool
-        Real time instead of lock-step.
-    pace : float or None
-        Simulated seconds a second, at most, in lock-step.
-    channel : str
-        The bus's name in the log.
-    log : Path, optional
-        Where to write all frames; None for nowhere.
-    private_folder : bool
-        Whether the socket's folder is this bus's own, to be removed at the end.
-    faults : FaultScript
-        What goes wrong on the bus.
-    nodes : mapping of str to int
-        The drives' node ids by joint.
-    master : int
-        The computer's node id.
+    Attributes:
+        path: Where to listen.
+        bitrate: Of the bus [bit/s].
+        realtime: Real time instead of lock-step.
+        pace: Simulated seconds a second, at most, in lock-step.
+        channel: The bus's name in the log.
+        log: Where to write all frames; None for nowhere.
+        private_folder: Whether the socket's folder is this bus's own, to be removed at the end.
+        faults: What goes wrong on the bus.
+        nodes: The drives' node ids by joint.
+        master: The computer's node id.
     """
 
     path: Path
@@ -122,10 +111,8 @@ def _run(hub: CanHub, stop_fd: int) -> None:
 def listening_socket(path: Path) -> Iterator[socket.socket]:
     """Open a SEQPACKET socket that listens at `path`; the path is removed at the end.
 
-    Raises
-    ------
-    TransportError
-        Somebody serves that path already, or the socket cannot be made there.
+    Raises:
+        TransportError: Somebody serves that path already, or the socket cannot be made there.
     """
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:

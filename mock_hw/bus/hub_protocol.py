@@ -67,16 +67,11 @@ def misuse(problem: str) -> ProtocolError:
 def pack(kind: PacketKind, flag: int = 0, number: int = 0, time_ns: int = 0) -> bytes:
     """Return a header.
 
-    Parameters
-    ----------
-    kind : PacketKind
-        What the packet is for.
-    flag : int, optional
-        HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 when frames wake the client.
-    number : int, optional
-        Of an IDLE, and of the WAKE that answers it. HELLO: 1 to get back what is sent.
-    time_ns : int, optional
-        WELCOME, WAKE: the present time. IDLE: until when the client has nothing to do.
+    Args:
+        kind: What the packet is for.
+        flag: HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 when frames wake the client.
+        number: Of an IDLE, and of the WAKE that answers it. HELLO: 1 to get back what is sent.
+        time_ns: WELCOME, WAKE: the present time. IDLE: until when the client has nothing to do.
     """
     return HEADER.pack(kind, flag, number, time_ns)
 
@@ -96,10 +91,8 @@ def unpack_identifiers(body: bytes | memoryview) -> frozenset[int]:
 def unpack_header(packet: bytes | memoryview) -> tuple[int, int, int, int]:
     """Return kind, flag, number and time [ns] of a packet.
 
-    Raises
-    ------
-    ProtocolError
-        The packet is shorter than a header.
+    Raises:
+        ProtocolError: The packet is shorter than a header.
     """
     if len(packet) < HEADER.size:
         raise misuse(f"a packet of {len(packet)} bytes has no header")
@@ -112,10 +105,8 @@ def unpack_frames(packet: bytes | memoryview, *, errors: bool = False) -> list[W
 
     With `errors` a client takes what its adapter reports, as error frames; nobody sends those.
 
-    Raises
-    ------
-    ProtocolError
-        The packet ends within a frame, or a frame is none of classic CAN.
+    Raises:
+        ProtocolError: The packet ends within a frame, or a frame is none of classic CAN.
     """
     body = memoryview(packet)[HEADER.size :]
     if len(body) % FRAME.size:

@@ -38,19 +38,14 @@ class AdapterFrame(NamedTuple):
 class LawicelAdapter:
     """An adapter on the bus of a bit rate.
 
-    Parameters
-    ----------
-    bit_rate : int
-        Of the bus that it hangs on [bit/s]: opened with another one it hears and sends nothing.
-    now_ms : callable
-        Time for received frames' stamps [ms].
+    Args:
+        bit_rate: Of the bus that it hangs on [bit/s]: opened with another one it hears and sends
+            nothing.
+        now_ms: Time for received frames' stamps [ms].
 
-    Attributes
-    ----------
-    open : bool
-        Whether the channel is open.
-    overrun : bool
-        Whether bytes for the computer were lost; told, and forgotten, by the command F.
+    Attributes:
+        open: Whether the channel is open.
+        overrun: Whether bytes for the computer were lost; told, and forgotten, by the command F.
     """
 
     def __init__(self, bit_rate: int, now_ms: Callable[[], int]) -> None:

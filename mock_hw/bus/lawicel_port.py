@@ -25,17 +25,12 @@ class LawicelPort:
     The port is held open at the computer's end too, so that a computer may come and go; what one
     has not read is thrown away when the next one closes or opens the channel.
 
-    Parameters
-    ----------
-    path : Path
-        Where the computer opens the adapter: a link to the pseudo-terminal is made there.
-    bit_rate : int
-        Of the bus [bit/s].
+    Args:
+        path: Where the computer opens the adapter: a link to the pseudo-terminal is made there.
+        bit_rate: Of the bus [bit/s].
 
-    Raises
-    ------
-    TransportError
-        There is something at `path` already, or no pseudo-terminal can be had.
+    Raises:
+        TransportError: There is something at `path` already, or no pseudo-terminal can be had.
     """
 
     time_stamped = False

@@ -13,10 +13,8 @@ class Pace:
     What is late by up to `CATCHES_UP_NS` is made up for, so that an even pace is kept. After a
     longer wait time goes on from there: nothing is hurried.
 
-    Parameters
-    ----------
-    rate : float or None
-        Simulated seconds a second; None for as many as there can be.
+    Args:
+        rate: Simulated seconds a second; None for as many as there can be.
     """
 
     def __init__(self, rate: float | None) -> None:

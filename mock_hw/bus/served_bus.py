@@ -28,10 +28,8 @@ def served_name(cell: CellConfig) -> str:
 def adapter_path(channel: str) -> Path:
     """Return where an slcan adapter is: a path as it is, a plain name in the runtime folder.
 
-    Raises
-    ------
-    TransportError
-        The runtime folder cannot be used.
+    Raises:
+        TransportError: The runtime folder cannot be used.
     """
     name = channel.partition("@")[0]
     return Path(name) if os.sep in name else runtime_directory() / f"{name}.tty"
@@ -48,10 +46,8 @@ def as_served(can: CanBusConfig) -> CanBusConfig:
 def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
     """Say, for as long as the `with` lasts, that this process serves devices on a bus.
 
-    Raises
-    ------
-    TransportError
-        Another process does.
+    Raises:
+        TransportError: Another process does.
     """
     with contextlib.ExitStack() as stack:
         path = _lock_path(can)

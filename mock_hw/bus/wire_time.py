@@ -70,14 +70,10 @@ def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
 def frame_bits(can_id: int, data: bytes, length: int | None = None) -> int:
     """Return how many bit times a frame takes, the intermission after it included.
 
-    Parameters
-    ----------
-    can_id : int
-        The identifier with SocketCAN's flags (`EXTENDED_FLAG`, `REMOTE_FLAG`).
-    data : bytes
-        0 to 8 bytes; none in a remote frame.
-    length : int, optional
-        The data length code of a remote frame; that of `data` when left out.
+    Args:
+        can_id: The identifier with SocketCAN's flags (`EXTENDED_FLAG`, `REMOTE_FLAG`).
+        data: 0 to 8 bytes; none in a remote frame.
+        length: The data length code of a remote frame; that of `data` when left out.
     """
     count, stuffed, state, crc = _header(can_id, len(data) if length is None else length)
     for byte in data:

@@ -56,13 +56,10 @@ class FollowingError:
     A velocity loop with an integral part keeps that difference small - the difference is what its
     integrator holds -, so a stalled, slipping or runaway axis shows in it within moments.
 
-    Attributes
-    ----------
-    counts : float
-        Demand minus actual position, 60F4h.
-    due_s : float
-        When the difference will have been outside the window for too long [s]; infinity while it
-        is inside.
+    Attributes:
+        counts: Demand minus actual position, 60F4h.
+        due_s: When the difference will have been outside the window for too long [s]; infinity
+            while it is inside.
     """
 
     def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
@@ -94,25 +91,16 @@ class FollowingError:
 class DrivenAxis:
     """The side of a drive that its motor and encoder are on.
 
-    Parameters
-    ----------
-    objects : ObjectDictionary
-        The drive's object dictionary.
-    power : PowerStage
-        Its CiA 402 half, which makes the velocity demand.
-    port : AxisPort
-        The axis.
-    identity : DriveIdentity
-        Its motor, and the units of its objects.
-    now_s : float
-        When the drive is switched on [s].
-    clock : DriveClock
-        What the drive times everything by.
+    Args:
+        objects: The drive's object dictionary.
+        power: Its CiA 402 half, which makes the velocity demand.
+        port: The axis.
+        identity: Its motor, and the units of its objects.
+        now_s: When the drive is switched on [s].
+        clock: What the drive times everything by.
 
-    Attributes
-    ----------
-    following : FollowingError
-        How far the axis is behind what it was told.
+    Attributes:
+        following: How far the axis is behind what it was told.
     """
 
     def __init__(

@@ -53,33 +53,20 @@ class SimulatedDrive:
     every frame and `axis.observe` whenever its axis has moved, all in the order of time, and sends
     what `take_frames` returns.
 
-    Parameters
-    ----------
-    identity : od.DriveIdentity
-        Its address and what is fixed in it.
-    port : AxisPort
-        Its axis.
-    now_s : float, optional
-        When it is switched on [s].
+    Args:
+        identity: Its address and what is fixed in it.
+        port: Its axis.
+        now_s: When it is switched on [s].
 
-    Attributes
-    ----------
-    objects : ObjectDictionary
-        Its object dictionary.
-    power : PowerStage
-        Its CiA 402 half.
-    axis : DrivenAxis
-        What it tells its motor and sees of it.
-    nmt : NmtState
-        Its NMT state.
-    clock : DriveClock
-        What it times everything by.
-    beats : bool
-        Whether it sends its heartbeat; a fault may stop it.
-    watches : bool
-        Whether it acts when its master falls silent.
-    ignores_quick_stop : bool
-        Whether it does not take RPDOs that command a quick stop: a fault.
+    Attributes:
+        objects: Its object dictionary.
+        power: Its CiA 402 half.
+        axis: What it tells its motor and sees of it.
+        nmt: Its NMT state.
+        clock: What it times everything by.
+        beats: Whether it sends its heartbeat; a fault may stop it.
+        watches: Whether it acts when its master falls silent.
+        ignores_quick_stop: Whether it does not take RPDOs that command a quick stop: a fault.
     """
 
     def __init__(self, identity: od.DriveIdentity, port: AxisPort, now_s: float = 0.0) -> None:

@@ -46,14 +46,10 @@ def drive_eds(identity: DriveIdentity, file_name: str, created: datetime) -> str
     Identifiers are counted from the node id, so that drives that differ in it alone have the same
     EDS; rated torque, encoder and gear are the drive's own.
 
-    Parameters
-    ----------
-    identity : DriveIdentity
-        The drive.
-    file_name : str
-        What the file will be called; it stands in the file.
-    created : datetime
-        When it is made.
+    Args:
+        identity: The drive.
+        file_name: What the file will be called; it stands in the file.
+        created: When it is made.
     """
     by_index = attrgetter("index")
     seen = [entry for entry in drive_entries(identity) if not entry.hidden]

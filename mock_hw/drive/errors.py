@@ -20,10 +20,8 @@ _PROFILE_BIT = 0x20
 class ErrorLog:
     """Keeps error register (1001h), history (1003h) and last code (603Fh) of what is wrong now.
 
-    Parameters
-    ----------
-    objects : ObjectDictionary
-        The drive's objects.
+    Args:
+        objects: The drive's objects.
     """
 
     def __init__(self, objects: ObjectDictionary) -> None:

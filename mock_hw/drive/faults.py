@@ -25,23 +25,16 @@ class _Due(NamedTuple):
 class DriveFaults:
     """A fault script's `drives` part at work, and the beginnings of its `program` part.
 
-    Parameters
-    ----------
-    script : FaultScript
-        What goes wrong.
-    joint_names, drives : sequence of str, sequence of SimulatedDrive
-        The drives by their joints' names, in the same order.
-    now_s : float
-        The time now [s].
-    announce : callable, optional
-        Called with the number of a fault of the program when it begins.
+    Args:
+        script: What goes wrong.
+        joint_names, drives: The drives by their joints' names, in the same order.
+        now_s: The time now [s].
+        announce: Called with the number of a fault of the program when it begins.
 
-    Attributes
-    ----------
-    reversed, blocked : list of bool
-        Of each axis: whether it turns the other way, whether its brake stays closed.
-    stuck : list of bool
-        Of each axis: whether its encoder stands still.
+    Attributes:
+        reversed, blocked: Of each axis: whether it turns the other way, whether its brake stays
+            closed.
+        stuck: Of each axis: whether its encoder stands still.
     """
 
     def __init__(

@@ -15,14 +15,10 @@ from mock_hw.drive.power_stage import DriveClock
 class MasterWatch:
     """Heartbeats that are watched by 1016h, and life guarding by 100Ch and 100Dh.
 
-    Parameters
-    ----------
-    objects : ObjectDictionary
-        The drive's objects.
-    clock : DriveClock
-        What it times by.
-    identity : od.DriveIdentity
-        Its address, and whether its family has life guarding.
+    Args:
+        objects: The drive's objects.
+        clock: What it times by.
+        identity: Its address, and whether its family has life guarding.
     """
 
     def __init__(

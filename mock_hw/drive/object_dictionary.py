@@ -19,24 +19,15 @@ COMMUNICATION_AREA = range(0x1000, 0x2000)
 class Entry:
     """One object: address, type, access and what it may hold.
 
-    Attributes
-    ----------
-    index, subindex : int
-        The address.
-    name : str
-        What it is, in words.
-    code : str
-        Its type by `struct`'s letter (``B b H h I i``), or ``s`` for a text.
-    default : int or bytes
-        Its value after a reset.
-    access : Literal
-        ``"ro"`` or ``"rw"``.
-    mapping : Literal
-        Which PDOs may carry it: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
-    allowed : range or frozenset of int, optional
-        The values that may be written; None for all of the type.
-    hidden : bool
-        Whether only the device itself knows it: for others there is no such object.
+    Attributes:
+        index, subindex: The address.
+        name: What it is, in words.
+        code: Its type by `struct`'s letter (``B b H h I i``), or ``s`` for a text.
+        default: Its value after a reset.
+        access: ``"ro"`` or ``"rw"``.
+        mapping: Which PDOs may carry it: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
+        allowed: The values that may be written; None for all of the type.
+        hidden: Whether only the device itself knows it: for others there is no such object.
     """
 
     index: int
@@ -88,12 +79,9 @@ class ObjectDictionary:
     The device itself reads and writes with ``objects[index, subindex]``, unchecked; `read` and
     `decode` are for what comes over SDO.
 
-    Parameters
-    ----------
-    entries : iterable of Entry
-        The objects that exist.
-    mirrors : iterable of Mirror
-        Objects that take over what others are set to.
+    Args:
+        entries: The objects that exist.
+        mirrors: Objects that take over what others are set to.
     """
 
     def __init__(self, entries: Iterable[Entry], mirrors: Iterable[Mirror] = ()) -> None:
@@ -121,10 +109,8 @@ class ObjectDictionary:
     def entry(self, index: int, subindex: int) -> Entry:
         """Return what an object is.
 
-        Raises
-        ------
-        SdoAbort
-            There is no such object or sub-index.
+        Raises:
+            SdoAbort: There is no such object or sub-index.
         """
         entry = self._entries.get((index, subindex))
         if entry is None or entry.hidden:
@@ -135,10 +121,8 @@ class ObjectDictionary:
     def read(self, index: int, subindex: int) -> bytes:
         """Return an object's bytes, as an SDO upload carries them.
 
-        Raises
-        ------
-        SdoAbort
-            There is no such object or sub-index.
+        Raises:
+            SdoAbort: There is no such object or sub-index.
         """
         entry = self.entry(index, subindex)
         value = self._values[entry.key]
@@ -147,10 +131,8 @@ class ObjectDictionary:
     def decode(self, index: int, subindex: int, data: bytes) -> int:
         """Return the number that an SDO download would write; nothing is written yet.
 
-        Raises
-        ------
-        SdoAbort
-            There is no such object, it is read-only, or length or value are not allowed.
+        Raises:
+            SdoAbort: There is no such object, it is read-only, or length or value are not allowed.
         """
         entry = self.entry(index, subindex)
         if entry.access == "ro":

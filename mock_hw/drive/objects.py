@@ -84,20 +84,13 @@ _CODES = {8: "B", 16: "H", 32: "I"}
 class DriveIdentity:
     """What is fixed in one simulated drive: its address, its motor, encoder and gear, its family.
 
-    Attributes
-    ----------
-    node_id : int
-        Its CANopen address.
-    encoder_increments : int
-        Per motor revolution (608Fh).
-    gear : Fraction
-        Motor revolutions by joint revolutions (6091h).
-    rated_torque_mnm : int
-        The motor's rated torque [mN m].
-    profile : ServoProfile
-        Its objects and its units.
-    referenced : bool
-        True if the drive has been homed.
+    Attributes:
+        node_id: Its CANopen address.
+        encoder_increments: Per motor revolution (608Fh).
+        gear: Motor revolutions by joint revolutions (6091h).
+        rated_torque_mnm: The motor's rated torque [mN m].
+        profile: Its objects and its units.
+        referenced: True if the drive has been homed.
     """
 
     node_id: int

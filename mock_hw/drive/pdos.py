@@ -29,21 +29,14 @@ _FAMILY_MASK = 0xFE00
 class DrivePdo:
     """One PDO in use: its identifier, when it is sent or taken up, and what it carries.
 
-    Attributes
-    ----------
-    receives : bool
-        Whether it is an RPDO.
-    cob_id : int
-        Identifier of its frame.
-    synchronous : bool
-        Whether SYNC says when it acts; otherwise it acts by itself.
-    keys, layout : tuple of Key, struct.Struct
-        The objects that it carries, and their bytes.
-    kept : tuple of int or None
-        A synchronous RPDO's values that wait for SYNC.
-    deadline_s : float
-        RPDO: when the next frame is overdue, from the first frame on. TPDO: when it is to be sent
-        because of its event timer or a change [s].
+    Attributes:
+        receives: Whether it is an RPDO.
+        cob_id: Identifier of its frame.
+        synchronous: Whether SYNC says when it acts; otherwise it acts by itself.
+        keys, layout: The objects that it carries, and their bytes.
+        kept: A synchronous RPDO's values that wait for SYNC.
+        deadline_s: RPDO: when the next frame is overdue, from the first frame on. TPDO: when it is
+            to be sent because of its event timer or a change [s].
     """
 
     def __init__(
@@ -107,18 +100,12 @@ class DrivePdo:
 class PdoTable:
     """The PDOs in use.
 
-    Attributes
-    ----------
-    received : dict of int to DrivePdo
-        RPDOs by identifier.
-    transmitted : list of DrivePdo
-        TPDOs by number.
-    event_driven : list of DrivePdo
-        Those of them that do not wait for SYNC.
-    timed : list of DrivePdo
-        All PDOs with a `deadline_s` of their own.
-    acts_on_arrival : bool
-        Whether one of the RPDOs does not wait for SYNC.
+    Attributes:
+        received: RPDOs by identifier.
+        transmitted: TPDOs by number.
+        event_driven: Those of them that do not wait for SYNC.
+        timed: All PDOs with a `deadline_s` of their own.
+        acts_on_arrival: Whether one of the RPDOs does not wait for SYNC.
     """
 
     def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
@@ -156,10 +143,8 @@ class PdoTable:
         A PDO's identifier is changed, and its objects are mapped, while it is switched off;
         single objects while the mapping is emptied.
 
-        Raises
-        ------
-        SdoAbort
-            The write is not allowed now, or the object cannot be in that PDO.
+        Raises:
+            SdoAbort: The write is not allowed now, or the object cannot be in that PDO.
         """
         family = index & _FAMILY_MASK
         if family in (RPDO_COMMUNICATION, TPDO_COMMUNICATION):

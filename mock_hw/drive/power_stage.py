@@ -41,10 +41,8 @@ _WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
 class DriveClock:
     """A drive's oscillator, which may run wrong; a timer takes the rate that it is started with.
 
-    Attributes
-    ----------
-    rate : float
-        How many seconds it counts in one.
+    Attributes:
+        rate: How many seconds it counts in one.
     """
 
     def __init__(self) -> None:
@@ -79,23 +77,16 @@ class PowerStage:
 
     Velocities are in units of 60FFh. Without power the holding brake is closed.
 
-    Parameters
-    ----------
-    objects : ObjectDictionary
-        The drive's objects: option codes and decelerations are read there when they are needed.
-    clock : DriveClock, optional
-        What its ramps are timed by; a right one when left out.
-    acceleration_unit : float
-        Units of 60FFh per second in one unit of 6083h to 6085h.
+    Args:
+        objects: The drive's objects: option codes and decelerations are read there when they are
+            needed.
+        clock: What its ramps are timed by; a right one when left out.
+        acceleration_unit: Units of 60FFh per second in one unit of 6083h to 6085h.
 
-    Attributes
-    ----------
-    state : PowerState
-        The CiA 402 state.
-    supplied : bool
-        Whether there is motor power; without it no command enables the drive.
-    next_s : float
-        When `advance` is due: the end of a stopping ramp [s]; infinity when none runs.
+    Attributes:
+        state: The CiA 402 state.
+        supplied: Whether there is motor power; without it no command enables the drive.
+        next_s: When `advance` is due: the end of a stopping ramp [s]; infinity when none runs.
     """
 
     def __init__(

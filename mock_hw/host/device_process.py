@@ -29,18 +29,13 @@ _PR_SET_TIMERSLACK = 29
 class DeviceProcess:
     """A started process, and the pipe to it.
 
-    Parameters
-    ----------
-    serve : callable
-        Its main function; its last argument is its end of the pipe, through which it says that it
-        serves, or what went wrong.
-    arguments : any
-        The arguments before that.
+    Args:
+        serve: Its main function; its last argument is its end of the pipe, through which it says
+            that it serves, or what went wrong.
+        arguments: The arguments before that.
 
-    Attributes
-    ----------
-    pipe : Connection
-        Our end.
+    Attributes:
+        pipe: Our end.
     """
 
     def __init__(self, serve: Callable[..., None], *arguments: Any) -> None:
@@ -72,10 +67,8 @@ class DeviceProcess:
 def wait_until_ready(what: str, pipe: Connection) -> int | None:
     """Wait for the word that somebody serves: a port, or nothing.
 
-    Raises
-    ------
-    TransportError
-        The word is a text, which says what went wrong, or there is none.
+    Raises:
+        TransportError: The word is a text, which says what went wrong, or there is none.
     """
     try:
         word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"

@@ -12,15 +12,11 @@ from drivers.servo.cia402 import ControlWord
 class CycleCount:
     """Counts SYNCs from the first command to enable operation until power is taken away.
 
-    Parameters
-    ----------
-    node_ids : iterable of int
-        The drives.
+    Args:
+        node_ids: The drives.
 
-    Attributes
-    ----------
-    cycle : int
-        0 before the first such SYNC.
+    Attributes:
+        cycle: 0 before the first such SYNC.
     """
 
     def __init__(self, node_ids: Iterable[int]) -> None:
@@ -49,12 +45,8 @@ class CycleCount:
 class Begin:
     """When one fault begins: once, and never again.
 
-    Parameters
-    ----------
-    fault : TimedFault
-        The fault.
-    start_s : float
-        The time of the bus at which it was served [s]; `at_s` counts from it.
+    Args:
+        start_s: The time of the bus at which it was served [s]; `at_s` counts from it.
     """
 
     def __init__(self, fault: TimedFault, start_s: float) -> None:

@@ -18,16 +18,12 @@ LARGEST_BYTES = 4 << 30
 def refuse_shared_disk(folder: Path) -> None:
     """Refuse a folder whose file system others need, or may need.
 
-    Parameters
-    ----------
-    folder : Path
-        Where recordings go; it may not be there yet.
+    Args:
+        folder: Where recordings go; it may not be there yet.
 
-    Raises
-    ------
-    ConfigError
-        Its file system is larger than 4 GiB, or the one of the system, of temporary files, of
-        shared memory or of the home folder.
+    Raises:
+        ConfigError: Its file system is larger than 4 GiB, or the one of the system, of temporary
+            files, of shared memory or of the home folder.
     """
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     needed = [Path("/"), Path(tempfile.gettempdir()), Path("/dev/shm"), runtime_directory()]
@@ -49,17 +45,12 @@ class FullDisk:
 
     The room is free again whatever becomes of this process.
 
-    Parameters
-    ----------
-    folder : Path
-        A folder on it.
-    leave_bytes : int, optional
-        How much is left free.
+    Args:
+        folder: A folder on it.
+        leave_bytes: How much is left free.
 
-    Raises
-    ------
-    ConfigError
-        It is not one to be filled, see `refuse_shared_disk`; or it cannot be written.
+    Raises:
+        ConfigError: It is not one to be filled, see `refuse_shared_disk`; or it cannot be written.
     """
 
     def __init__(self, folder: Path, leave_bytes: int = 0) -> None:

@@ -36,17 +36,12 @@ class ProgramFaults:
     time. What concerns a process that is not there, or a recording that is not begun, waits for it.
     At the end nothing stays frozen or filled.
 
-    Parameters
-    ----------
-    faults : sequence of ProgramFault
-        What goes wrong.
-    pipe : Connection
-        Tells the number of a fault when it begins, and is answered when it has happened.
+    Args:
+        faults: What goes wrong.
+        pipe: Tells the number of a fault when it begins, and is answered when it has happened.
 
-    Raises
-    ------
-    ConfigError
-        At the end: a disk was not to be filled, or the system refused something.
+    Raises:
+        ConfigError: At the end: a disk was not to be filled, or the system refused something.
     """
 
     def __init__(self, faults: Sequence[ProgramFault], pipe: Connection) -> None:

@@ -29,25 +29,17 @@ class PtyPort:
 
     Nobody's listening loses bytes, as on a real line; so does a reader that lets them pile up.
 
-    Parameters
-    ----------
-    path : Path
-        Where computers open it.
-    patient : bool
-        Whether to wait for a reader that has the port open but is slower than this: with simulated
-        time, which waits too. Otherwise what does not fit is lost.
+    Args:
+        path: Where computers open it.
+        patient: Whether to wait for a reader that has the port open but is slower than this: with
+            simulated time, which waits too. Otherwise what does not fit is lost.
 
-    Attributes
-    ----------
-    passed_bytes : int
-        How many bytes were handed over.
-    lost_bytes : int
-        How many bytes a listening reader did not fetch in time.
+    Attributes:
+        passed_bytes: How many bytes were handed over.
+        lost_bytes: How many bytes a listening reader did not fetch in time.
 
-    Raises
-    ------
-    TransportError
-        There is something at `path` already, or no pseudo-terminal can be had.
+    Raises:
+        TransportError: There is something at `path` already, or no pseudo-terminal can be had.
     """
 
     def __init__(self, path: Path, *, patient: bool) -> None:

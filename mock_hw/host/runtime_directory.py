@@ -22,10 +22,9 @@ def runtime_directory() -> Path:
 
     It is ``$XDG_RUNTIME_DIR/rid-daq``, or ``/tmp/rid-daq-<user id>`` where that is not set.
 
-    Raises
-    ------
-    TransportError
-        The folder belongs to somebody else or is open to others: a bus there could be theirs.
+    Raises:
+        TransportError: The folder belongs to somebody else or is open to others: a bus there could
+            be theirs.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     if base and Path(base).is_dir():
@@ -50,10 +49,8 @@ def private_folder(name: str) -> Iterator[Path]:
 
     Before, folders are removed whose processes were all killed at once.
 
-    Raises
-    ------
-    TransportError
-        As `runtime_directory`; or the folder cannot be made.
+    Raises:
+        TransportError: As `runtime_directory`; or the folder cannot be made.
     """
     runtime = runtime_directory()
     with contextlib.ExitStack() as stack:
@@ -76,10 +73,8 @@ def private_folder(name: str) -> Iterator[Path]:
 def folder_in_use(folder: Path) -> Iterator[None]:
     """Keep a private folder from being removed as left over; each process that serves there does.
 
-    Raises
-    ------
-    OSError
-        It is gone.
+    Raises:
+        OSError: It is gone.
     """
     descriptor = os.open(folder / _IN_USE, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
     try:
@@ -116,10 +111,8 @@ def _remove_unserved(folder: Path) -> None:
 def socket_path(channel: str) -> Path:
     """Return the socket of a channel: a path as it is, a plain name in `runtime_directory`.
 
-    Raises
-    ------
-    TransportError
-        The path is longer than a socket's may be.
+    Raises:
+        TransportError: The path is longer than a socket's may be.
     """
     path = Path(channel) if os.sep in channel else runtime_directory() / f"{channel}.sock"
     if len(os.fsencode(path)) > _SOCKET_PATH_BYTES:
@@ -134,10 +127,8 @@ def socket_path(channel: str) -> Path:
 def plate_path(channel: str) -> Path:
     """Return the serial port of the plate that is served beside a channel.
 
-    Raises
-    ------
-    TransportError
-        As `socket_path`.
+    Raises:
+        TransportError: As `socket_path`.
     """
     return socket_path(channel).with_suffix(".plate")
 

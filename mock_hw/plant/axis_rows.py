@@ -20,10 +20,8 @@ TACHOMETER_PERIODS_PER_MOTOR_REV = 11
 def axis_rows(robot: RobotDescription, plant: PlantConfig) -> Vector:
     """Return the kernel's table of what the axes are, (AXES_ROWS, n).
 
-    Raises
-    ------
-    ConfigError
-        An axis has presliding, but no Coulomb friction that could give way.
+    Raises:
+        ConfigError: An axis has presliding, but no Coulomb friction that could give way.
     """
     table = np.zeros((rows.AXES_ROWS, len(plant.axes)))
     outputs = output_columns(plant)

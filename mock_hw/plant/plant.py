@@ -39,20 +39,15 @@ class Plant:
     than the joints', in which `position` and `velocity` are. The same seed and the same calls give
     the same numbers, bit for bit.
 
-    Parameters
-    ----------
-    robot, plant : RobotDescription, PlantConfig
-        The description everyone knows, and the truth. Pass ``plant.without_unmodelled()`` for a
-        robot that obeys the estimators' models.
-    torque_filter : ButterworthFilter, optional
-        Anti-alias filter between the motor's torque and its measurement; None for none.
-    seed : int, optional
-        Of the torque noise.
+    Args:
+        robot, plant: The description everyone knows, and the truth. Pass
+            ``plant.without_unmodelled()`` for a robot that obeys the estimators' models.
+        torque_filter: Anti-alias filter between the motor's torque and its measurement; None for
+            none.
+        seed: Of the torque noise.
 
-    Raises
-    ------
-    ConfigError
-        Where plant and robot do not fit each other.
+    Raises:
+        ConfigError: If plant and robot do not fit each other.
     """
 
     def __init__(
@@ -147,10 +142,8 @@ class Plant:
     def attach(self, payload: str | None) -> None:
         """Mount one of the plant file's payloads on the flange, or take it off.
 
-        Raises
-        ------
-        ConfigError
-            There is no such payload, or plant and robot do not fit each other.
+        Raises:
+            ConfigError: There is no such payload, or plant and robot do not fit each other.
         """
         self._truth = self._truth.with_payload(payload)
         bodies = build_rigid_bodies(self._robot, self._truth)
@@ -168,12 +161,11 @@ class Plant:
     def take_base_wrenches(self) -> tuple[Vector, Vector]:
         """Return the base wrench since the last call while it was watched.
 
-        Returns
-        -------
-        end_s : ndarray, shape (m,)
-            Plant times at which intervals end [s]; each begins where the one before it ends.
-        wrench : ndarray, shape (m, 6)
-            Mean of the base wrench over each interval: a velocity that jumps counts in full.
+        Returns:
+            `end_s`, shape (m,). Plant times at which intervals end [s]; each begins where the one
+                before it ends.
+            `wrench`, shape (m, 6). Mean of the base wrench over each interval: a velocity that
+                jumps counts in full.
         """
         taken = self._watched or []
         if taken:
@@ -192,25 +184,18 @@ class Plant:
     ) -> None:
         """Let time pass.
 
-        Parameters
-        ----------
-        duration_s : float
-            How long [s]; not negative.
-        velocity_start, velocity_end : array_like, shape (n,)
-            The motors' velocity commands at the link side, at the beginning and the end, linear
-            in between [rad/s or m/s].
-        powered : array_like of bool, shape (n,)
-            Whether the drive's velocity loop runs; without it the motor gives no torque.
-        braked : array_like of bool, shape (n,)
-            Whether the holding brake is closed.
-        torque_limit : array_like, shape (n,), optional
-            The drives' torque limits at the link side [N m or N], where lower than the motors'
-            peak torques.
+        Args:
+            duration_s: How long [s]; not negative.
+            velocity_start, velocity_end: Shape (n,). The motors' velocity commands at the link
+                side, at the beginning and the end, linear in between [rad/s or m/s].
+            powered: Shape (n,). Whether the drive's velocity loop runs; without it the motor gives
+                no torque.
+            braked: Shape (n,). Whether the holding brake is closed.
+            torque_limit: Shape (n,). The drives' torque limits at the link side [N m or N], where
+                lower than the motors' peak torques.
 
-        Raises
-        ------
-        ValueError
-            If the duration is negative or not finite.
+        Raises:
+            ValueError: If the duration is negative or not finite.
         """
         if not 0.0 <= duration_s < math.inf:
             raise ValueError(f"duration_s must be finite and not negative, it is {duration_s}")

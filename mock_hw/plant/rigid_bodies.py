@@ -35,13 +35,11 @@ Indices = NDArray[np.int64]
 class GearedModel:
     """A Pinocchio model of links and rotors, and how its coordinates hang on the actuators.
 
-    Attributes
-    ----------
-    model : pinocchio.Model
-        One coordinate a joint and one a rotor, m in all.
-    gearing : ndarray of float64, shape (m, n + f)
-        G: coordinate velocities are G times the velocities of the n motors, then of the f outputs
-        of gears that give; the joints' where the robot has neither those nor a coupling.
+    Attributes:
+        model: One coordinate a joint and one a rotor, m in all.
+        gearing: Shape (m, n + f). G: coordinate velocities are G times the velocities of the n
+            motors, then of the f outputs of gears that give; the joints' where the robot has
+            neither those nor a coupling.
     """
 
     model: Any
@@ -70,10 +68,8 @@ def build_rigid_bodies(
 
     With `floating`, the base stands on a free joint: see `BaseWrench`.
 
-    Raises
-    ------
-    ConfigError
-        Where plant and robot do not fit each other.
+    Raises:
+        ConfigError: If plant and robot do not fit each other.
     """
     count = len(robot.joints)
     _check(robot, plant)
@@ -122,10 +118,8 @@ class BaseWrench:
     included, less its weight. What acts between the robot's bodies (motor torques, friction,
     springs) does not occur in it.
 
-    Parameters
-    ----------
-    robot, plant : RobotDescription, PlantConfig
-        As for `build_rigid_bodies`.
+    Args:
+        robot, plant: As for `build_rigid_bodies`.
     """
 
     def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
@@ -145,10 +139,9 @@ class BaseWrench:
     def __call__(self, motion: Vector) -> Vector:
         """Return the wrench (6,): force [N], then moment [N m] about the origin of frame 0.
 
-        Parameters
-        ----------
-        motion : ndarray, shape (3, n + f)
-            Positions, velocities and accelerations of what G is multiplied by.
+        Args:
+            motion: Shape (3, n + f). Positions, velocities and accelerations of what G is
+                multiplied by.
         """
         for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
             own[:] = full
@@ -160,12 +153,10 @@ class BaseWrench:
     def over_step(self, before: Vector, after: Vector, step_s: float) -> Vector:
         """Return the wrench (6,) at the middle of a step, with the step's mean acceleration.
 
-        Parameters
-        ----------
-        before, after : ndarray, shape (2, n + f)
-            Positions and velocities of what G is multiplied by, at both ends.
-        step_s : float
-            How long it takes [s].
+        Args:
+            before, after: Shape (2, n + f). Positions and velocities of what G is multiplied by, at
+                both ends.
+            step_s: How long it takes [s].
         """
         motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])
         return self(motion)

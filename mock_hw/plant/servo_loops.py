@@ -118,12 +118,9 @@ def spring_torque(spring: Array, position: float) -> float:
 class Inertia(NamedTuple):
     """The rigid bodies at the actuators.
 
-    Attributes
-    ----------
-    mass : ndarray, shape (m, m)
-        Mass matrix of the n motors, then of the outputs of gears that give.
-    bias : ndarray, shape (m,)
-        Coriolis, centrifugal and gravity torques.
+    Attributes:
+        mass: Shape (m, m). Mass matrix of the n motors, then of the outputs of gears that give.
+        bias: Shape (m,). Coriolis, centrifugal and gravity torques.
     """
 
     mass: Array
@@ -133,12 +130,9 @@ class Inertia(NamedTuple):
 class Actuators(NamedTuple):
     """What the axes are and what they are told.
 
-    Attributes
-    ----------
-    axes, command : ndarray, shape (AXES_ROWS, n) and (COMMAND_ROWS, n)
-        Rows as named above.
-    spring : ndarray, shape (5,)
-        The gravity spring.
+    Attributes:
+        axes, command: Shape (AXES_ROWS, n) and (COMMAND_ROWS, n). Rows as named above.
+        spring: Shape (5,). The gravity spring.
     """
 
     axes: Array
@@ -149,12 +143,10 @@ class Actuators(NamedTuple):
 class TorqueFilter(NamedTuple):
     """The filter behind the torque converter.
 
-    Attributes
-    ----------
-    gains : ndarray, shape (3, poles)
-        Per pole: exp(p h), and the weights of the torque at a step's beginning and end.
-    state : ndarray, shape (poles, n)
-        Changed in place.
+    Attributes:
+        gains: Shape (3, poles). Per pole: exp(p h), and the weights of the torque at a step's
+            beginning and end.
+        state: Shape (poles, n). Changed in place.
     """
 
     gains: ComplexArray
@@ -174,20 +166,15 @@ def advance_servo_loops(
 ) -> None:
     """Advance all axes by `steps` steps of `step_s`, in place.
 
-    Parameters
-    ----------
-    steps, step_s : int, float
-        How many steps, and how long one is [s].
-    start_s, since_command_s : float
-        Time since the plant began, and since the command began to hold [s].
-    inertia : Inertia
-        Held for all steps.
-    actuators : Actuators
-        What the axes are and what they are told.
-    state : ndarray, shape (STATE_ROWS, m)
-        Rows as named above; only motion for outputs of gears that give.
-    torque_filter : TorqueFilter
-        What the torques are measured through.
+    Args:
+        steps, step_s: How many steps, and how long one is [s].
+        start_s, since_command_s: Time since the plant began, and since the command began to hold
+            [s].
+        inertia: Held for all steps.
+        actuators: What the axes are and what they are told.
+        state: Shape (STATE_ROWS, m). Rows as named above; only motion for outputs of gears that
+            give.
+        torque_filter: What the torques are measured through.
     """
     mass, bias = inertia
     axes, command, spring = actuators
@@ -311,14 +298,10 @@ def advance_servo_loops(
 def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) -> float:
     """Rate at which a bristle gives way: dz/dt = v - rate z [1/s].
 
-    Parameters
-    ----------
-    velocity, stretch : float
-        v and z now.
-    limit : float
-        z_ss, more than which nothing stretches it.
-    step_s : float
-        A bristle beyond a limit that has fallen comes down to it within some steps.
+    Args:
+        velocity, stretch: v and z now.
+        limit: z_ss, more than which nothing stretches it.
+        step_s: A bristle beyond a limit that has fallen comes down to it within some steps.
     """
     if velocity * stretch <= 0.0:
         return 0.0

@@ -31,16 +31,12 @@ _PATIENCE_S = 2.0
 class AxisSnapshot:
     """The true state of a simulated robot at one moment.
 
-    Attributes
-    ----------
-    time_s : float
-        The simulated bus's time: simulated, or CLOCK_MONOTONIC [s].
-    position, velocity, torque : ndarray
-        Of the joints, (n,): rad or m, per second, and motor torque at the link side, N m or N.
-    enabled : ndarray of bool
-        Whether the axis's drive is powered, (n,); its brake is closed otherwise.
-    temperature_k : ndarray
-        Of the motors, (n,) [K].
+    Attributes:
+        time_s: The simulated bus's time: simulated, or CLOCK_MONOTONIC [s].
+        position, velocity, torque: Of the joints, (n,): rad or m, per second, and motor torque at
+            the link side, N m or N.
+        enabled: Whether the axis's drive is powered, (n,); its brake is closed otherwise.
+        temperature_k: Of the motors, (n,) [K].
     """
 
     time_s: float
@@ -99,10 +95,8 @@ class SnapshotWriter:
 class SnapshotReader:
     """Reads the snapshots of another process.
 
-    Raises
-    ------
-    TransportError
-        There is no such file.
+    Raises:
+        TransportError: There is no such file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -117,10 +111,8 @@ class SnapshotReader:
     def read(self) -> AxisSnapshot:
         """Return the latest snapshot.
 
-        Raises
-        ------
-        TransportError
-            The writer has died while writing.
+        Raises:
+            TransportError: The writer has died while writing.
         """
         give_up_s = time.monotonic() + _PATIENCE_S
         while time.monotonic() < give_up_s:

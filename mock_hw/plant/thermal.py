@@ -21,12 +21,9 @@ LEAST_FRICTION = 0.2
 class MotorTemperatures:
     """The motors of one robot, base to flange; a motor without `thermal` keeps its temperature.
 
-    Attributes
-    ----------
-    temperature_k : ndarray, shape (n,)
-        The motors' temperatures [K].
-    any : bool
-        Whether anything warms up at all.
+    Attributes:
+        temperature_k: Shape (n,). The motors' temperatures [K].
+        any: Whether anything warms up at all.
     """
 
     def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:

@@ -18,14 +18,10 @@ class DriveRegisters:
 
     A drive knows its motor's torque constant as its plate says, at the reference temperature.
 
-    Parameters
-    ----------
-    cell, robot, plant : CellConfig, RobotDescription, PlantConfig
-        What is simulated.
-    settings : RegisterSettings
-        Which registers there are, and each drive's unit.
-    snapshots : SnapshotReader
-        Where the motors' temperatures are read.
+    Args:
+        cell, robot, plant: What is simulated.
+        settings: Which registers there are, and each drive's unit.
+        snapshots: Where the motors' temperatures are read.
     """
 
     def __init__(

@@ -23,19 +23,14 @@ Registers = Callable[[int], Mapping[int, int] | None]
 class SimulatedRegisters:
     """Answers requests to the drives of a rack; registers are read only, as nameplates are.
 
-    Parameters
-    ----------
-    registers : Registers
-        Returns what a unit's registers hold, by address; None where there is no such unit.
-    faults : sequence of RegisterFault, optional
-        What goes wrong, by request.
+    Args:
+        registers: Returns what a unit's registers hold, by address; None where there is no such
+            unit.
+        faults: What goes wrong, by request.
 
-    Attributes
-    ----------
-    requests : int
-        How many whole requests have come.
-    held : list of bytes
-        Answers that are late: they come before the answer to the next request.
+    Attributes:
+        requests: How many whole requests have come.
+        held: Answers that are late: they come before the answer to the next request.
     """
 
     def __init__(self, registers: Registers, faults: Sequence[RegisterFault] = ()) -> None:
@@ -47,10 +42,8 @@ class SimulatedRegisters:
     def take_tcp(self, buffer: bytearray) -> list[bytes]:
         """Take the whole frames out of a connection's buffer; return the answers.
 
-        Raises
-        ------
-        ValueError
-            What came is not Modbus: the connection is of no more use.
+        Raises:
+            ValueError: What came is not Modbus: the connection is of no more use.
         """
         answers: list[bytes] = []
         while len(buffer) >= 7:

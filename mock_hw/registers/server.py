@@ -44,16 +44,11 @@ class ServerCertificates:
 class RegisterSettings:
     """What is served, and where.
 
-    Attributes
-    ----------
-    monitor, profile : MonitorConfig, DriveProfile
-        As in the cell file.
-    path : Path
-        Of the serial port to be made.
-    certificates : ServerCertificates, optional
-        Of a TLS server.
-    faults : tuple of RegisterFault
-        What goes wrong.
+    Attributes:
+        monitor, profile: As in the cell file.
+        path: Of the serial port to be made.
+        certificates: Of a TLS server.
+        faults: What goes wrong.
     """
 
     monitor: MonitorConfig
@@ -66,24 +61,16 @@ class RegisterSettings:
 class RegisterService:
     """Serves until it is closed: a context manager and a `SimulatedDevice` on the computer's clock.
 
-    Parameters
-    ----------
-    registers : SimulatedRegisters
-        The drives.
-    settings : RegisterSettings
-        Where.
-    realtime : bool
-        Whether bytes on a serial line take their time.
+    Args:
+        registers: The drives.
+        settings: Where.
+        realtime: Whether bytes on a serial line take their time.
 
-    Attributes
-    ----------
-    port : int
-        The TCP port that is listened at; 0 on a serial line.
+    Attributes:
+        port: The TCP port that is listened at; 0 on a serial line.
 
-    Raises
-    ------
-    TransportError
-        It cannot be served there.
+    Raises:
+        TransportError: It cannot be served there.
     """
 
     def __init__(

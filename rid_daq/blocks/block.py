@@ -68,16 +68,11 @@ Cell = str | int | float | Interval | None
 class Table(ConfigModel):
     """Columns with units.
 
-    Attributes
-    ----------
-    columns : tuple of Column
-        The head.
-    rows : tuple of tuple
-        One cell a column.
-    failed : tuple of bool, or None
-        Rows that are shown in red.
-    key : int
-        Number of first columns that name a row.
+    Attributes:
+        columns: The head.
+        rows: One cell a column.
+        failed: Rows that are shown in red.
+        key: Number of first columns that name a row.
     """
 
     kind: Literal["table"] = "table"
@@ -123,10 +118,8 @@ AnyBlock = Annotated[Heading | Text | Verdict | Table | Plot | Next, Field(discr
 def note_blocks(notes: Iterable[str]) -> Iterator[Text]:
     """Yield the notes of a result, such as what its runs lack.
 
-    Parameters
-    ----------
-    notes : iterable of str
-        One sentence each.
+    Args:
+        notes: One sentence each.
     """
     for note in notes:
         yield Text(text=f"note: {note}")

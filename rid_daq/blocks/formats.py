@@ -10,16 +10,11 @@ from config.formats.interval import interval, minus, raised
 def number(value: float | int | None, digits: int = 4) -> str:
     """Return a number for people: `digits` significant digits, a dash where there is none.
 
-    Parameters
-    ----------
-    value : float, int or None
-        The number.
-    digits : int
-        Significant digits of a float; an integer is written whole.
+    Args:
+        value: The number.
+        digits: Significant digits of a float; an integer is written whole.
 
-    Returns
-    -------
-    str
+    Returns:
         Such as 1.235, or 1.5·10⁻⁷.
     """
     if value is None:
@@ -40,14 +35,10 @@ def number(value: float | int | None, digits: int = 4) -> str:
 def measured(value: float | None, reach: float | None) -> tuple[str, str]:
     """Return a value and its interval: the interval to two significant digits, both to the same.
 
-    Parameters
-    ----------
-    value, reach : float or None
-        The value, and how far its interval reaches to either side.
+    Args:
+        value, reach: The value, and how far its interval reaches to either side.
 
-    Returns
-    -------
-    tuple of str
+    Returns:
         Such as 9.61 and 0.12, or 1230 and 340; without an interval the value as `number` does.
     """
     if value is None or reach is None or not math.isfinite(value):

@@ -21,14 +21,10 @@ Gapped = Annotated[tuple[float | None, ...], Strict(False)]
 class Axis(ConfigModel):
     """An axis of a panel.
 
-    Attributes
-    ----------
-    label, unit : str
-        What is drawn along it, and its unit; 1 for a ratio.
-    log : bool
-        True for a logarithmic scale.
-    least, most : float or None
-        Ends of the axis; by the data if None.
+    Attributes:
+        label, unit: What is drawn along it, and its unit; 1 for a ratio.
+        log: True for a logarithmic scale.
+        least, most: Ends of the axis; by the data if None.
     """
 
     label: str
@@ -46,30 +42,18 @@ class Axis(ConfigModel):
 class Line(ConfigModel):
     """A line of a panel, or points.
 
-    Attributes
-    ----------
-    label : str
-        Its name in the legend and beside the pointer.
-    x, y : tuple of float
-        One value a point; y is None in a gap.
-    stroke : str or int
-        Its colour; the number of a joint for that joint's colour and dash.
-    dash : str or None
-        How it is drawn; None for solid, or for the dash of the joint.
-    width : float
-        Its width [px].
-    points : bool
-        True for points that are not connected.
-    marker : str
-        Shape of the points.
-    reach : tuple of float, or None
-        Half width of an interval: a band around a line, error bars of points.
-    reach_x : tuple of float, or None
-        Half width of an interval of x, of points.
-    is_area : bool
-        True for a closed outline that is filled.
-    is_named : bool
-        True if the legend names it.
+    Attributes:
+        label: Its name in the legend and beside the pointer.
+        x, y: One value a point; y is None in a gap.
+        stroke: Its colour; the number of a joint for that joint's colour and dash.
+        dash: How it is drawn; None for solid, or for the dash of the joint.
+        width: Its width [px].
+        points: True for points that are not connected.
+        marker: Shape of the points.
+        reach: Half width of an interval: a band around a line, error bars of points.
+        reach_x: Half width of an interval of x, of points.
+        is_area: True for a closed outline that is filled.
+        is_named: True if the legend names it.
     """
 
     label: str
@@ -121,29 +105,18 @@ class Bar(ConfigModel):
 class Panel(ConfigModel):
     """One pair of axes: lines, bars, or rows of spans.
 
-    Attributes
-    ----------
-    x, y : Axis
-        The axes; of a panel of spans y is not drawn.
-    lines : tuple of Line
-        Drawn in this order.
-    limits : tuple of float
-        Values of y that a line across the panel marks.
-    marks : tuple of Mark
-        Texts beside points.
-    spans : tuple of Span
-        Rows of spans.
-    bars : tuple of Bar
-        Bars beside each other, each named on the x axis.
-    height_px : int
-        Height [px]; a panel of spans is as high as its rows.
-    is_to_scale : bool
-        True if a unit is as long along both axes.
-    zooms_with_previous : bool
-        True if it shares the x axis of the panel before it.
-    title : str
-        What it shows, such as a joint; empty if there is nothing to tell apart. On paper it begins
-        a drawing of its own, unless panels stand beside each other.
+    Attributes:
+        x, y: The axes; of a panel of spans y is not drawn.
+        lines: Drawn in this order.
+        limits: Values of y that a line across the panel marks.
+        marks: Texts beside points.
+        spans: Rows of spans.
+        bars: Bars beside each other, each named on the x axis.
+        height_px: Height [px]; a panel of spans is as high as its rows.
+        is_to_scale: True if a unit is as long along both axes.
+        zooms_with_previous: True if it shares the x axis of the panel before it.
+        title: What it shows, such as a joint; empty if there is nothing to tell apart. On paper it
+            begins a drawing of its own, unless panels stand beside each other.
     """
 
     x: Axis
@@ -171,16 +144,11 @@ class Panel(ConfigModel):
 class Plot(ConfigModel):
     """A figure.
 
-    Attributes
-    ----------
-    name : str
-        What its files are called.
-    panels : tuple of Panel
-        From top to bottom, or row by row.
-    caption : str
-        What a reader must know to read it.
-    columns : int
-        Most panels beside each other; a narrow screen has fewer.
+    Attributes:
+        name: What its files are called.
+        panels: From top to bottom, or row by row.
+        caption: What a reader must know to read it.
+        columns: Most panels beside each other; a narrow screen has fewer.
     """
 
     kind: Literal["plot"] = "plot"

@@ -24,10 +24,8 @@ _LOGIN: Final = "login shell"
 def script(shell: str) -> str:
     """Return what a shell runs to complete the words of this program.
 
-    Parameters
-    ----------
-    shell : str
-        One of `SHELLS`.
+    Args:
+        shell: One of `SHELLS`.
     """
     found = get_completion_class(shell)
     assert found is not None
@@ -40,15 +38,11 @@ def install(shell: str) -> list[Path]:
     fish reads its folder of completions. bash and zsh read the script by a line at the end of
     `.bashrc` or `.zshrc`, which is added once.
 
-    Parameters
-    ----------
-    shell : str
-        One of `SHELLS`.
+    Args:
+        shell: One of `SHELLS`.
 
-    Raises
-    ------
-    RecordingError
-        A file cannot be written.
+    Raises:
+        RecordingError: A file cannot be written.
     """
     home = Path.home()
     if shell == "fish":
@@ -78,10 +72,8 @@ def _written(target: Path, shell: str) -> Path:
 def _chosen(text: str) -> str:
     """Return the shell that an option names, or the login shell.
 
-    Raises
-    ------
-    ConfigError
-        There is no completion for it.
+    Raises:
+        ConfigError: There is no completion for it.
     """
     shell = Path(os.environ.get("SHELL", "")).name if text == _LOGIN else text
     if shell not in SHELLS:

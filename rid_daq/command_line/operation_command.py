@@ -33,13 +33,7 @@ _GOES_ON: Final = " \\"
 
 
 class OperationCommand(click.Command):
-    """The command of an operation: options from its fields, help in sections, examples.
-
-    Parameters
-    ----------
-    operation : Operation
-        The operation.
-    """
+    """The command of an operation: options from its fields, help in sections, examples."""
 
     def __init__(self, operation: Operation) -> None:
         self._operation = operation
@@ -123,10 +117,8 @@ class OperationCommand(click.Command):
 class Value(click.ParamType[str]):
     """A value that stays text: the request converts and checks it, as from every other way in.
 
-    Parameters
-    ----------
-    type_ : type
-        The type of the field.
+    Args:
+        type_: The type of the field.
     """
 
     name = "text"

@@ -41,16 +41,10 @@ COMMANDS: Final = {name: line for each in COMMAND_GROUPS.values() for name, line
 class LazyGroup(click.Group):
     """Commands in sections; one is imported when it is called.
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    sections : mapping
-        Title of a section to commands and their summaries.
-    parameters : sequence of click.Parameter
-        Its own options.
-    help_text : str
-        Its help.
+    Args:
+        sections: Title of a section to commands and their summaries.
+        parameters: Its own options.
+        help_text: Its help.
     """
 
     def __init__(
@@ -102,10 +96,8 @@ class Root(LazyGroup):
 class InnerGroup(LazyGroup):
     """The commands whose first word is the same.
 
-    Parameters
-    ----------
-    name : str
-        Their first word.
+    Args:
+        name: Their first word.
     """
 
     def __init__(self, name: str) -> None:

@@ -19,22 +19,14 @@ REST_ROWS = 10
 class AxisMotion:
     """One axis, moved by a little, alone.
 
-    Attributes
-    ----------
-    joint : str
-        Its joint.
-    unit : str
-        "°" or "mm".
-    commanded, measured : float
-        How far the set-point went, and the drive's position, in the unit.
-    counts : int
-        By how many increments the drive's position has changed.
-    command_share : float
-        The velocity that was commanded, over the whole motion, as a share of what the drive
-        measured: 1 where both have the same unit.
-    increments_per_rev : float or None
-        What the drive says its encoder has a revolution of the motor, by the robot file's gear;
-        None where the motors' positions are not the joints'.
+    Attributes:
+        unit: "°" or "mm".
+        commanded, measured: How far the set-point went, and the drive's position, in the unit.
+        counts: By how many increments the drive's position has changed.
+        command_share: The velocity that was commanded, over the whole motion, as a share of what
+            the drive measured: 1 where both have the same unit.
+        increments_per_rev: What the drive says its encoder has a revolution of the motor, by the
+            robot file's gear; None where the motors' positions are not the joints'.
     """
 
     joint: str

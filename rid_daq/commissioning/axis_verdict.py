@@ -22,12 +22,9 @@ FOLLOWED: Final = 0.3
 class Seen:
     """What turned, and how far.
 
-    Attributes
-    ----------
-    joint : str
-        The joint that turned; empty where none did.
-    amount : float
-        How far, positive as the robot file's axis, in the unit of the motion.
+    Attributes:
+        joint: The joint that turned; empty where none did.
+        amount: How far, positive as the robot file's axis, in the unit of the motion.
     """
 
     joint: str
@@ -38,14 +35,10 @@ class Seen:
 class AxisVerdict:
     """Whether an axis does what the files say.
 
-    Attributes
-    ----------
-    motion : AxisMotion
-        What its drive did.
-    seen : Seen
-        What a person saw.
-    problems : tuple of str
-        What is wrong, one sentence each with the line to change; none where all is well.
+    Attributes:
+        motion: What its drive did.
+        seen: What a person saw.
+        problems: What is wrong, one sentence each with the line to change; none where all is well.
     """
 
     motion: AxisMotion
@@ -78,12 +71,11 @@ def judge_axis(
 ) -> AxisVerdict:
     """Judge an axis by its drive and by what was seen.
 
-    Notes
-    -----
-    Three wrong numbers can be told apart, since each scales other ratios. Of the commanded
-    velocity over the drive's own position, and of the seen motion over that position: a wrong
-    velocity unit scales only the first, a wrong gear ratio only the second, a wrong encoder
-    resolution both alike (only the second if velocities are in increments).
+    Note:
+        Three wrong numbers can be told apart, since each scales other ratios. Of the commanded
+        velocity over the drive's own position, and of the seen motion over that position: a wrong
+        velocity unit scales only the first, a wrong gear ratio only the second, a wrong encoder
+        resolution both alike (only the second if velocities are in increments).
     """
     problems = _of_the_axis(motion, seen, cell)
     if not problems:
@@ -195,19 +187,13 @@ def _of_encoder_or_gear(
 def parse_amount(text: str, motion: AxisMotion, tool_mm: float) -> float:
     """Return how far an axis moved by a person's word, in the unit of the motion, unsigned.
 
-    Parameters
-    ----------
-    text : str
-        A number, in the unit of the motion; or how far the tool point went, as "24mm".
-    motion : AxisMotion
-        What was commanded.
-    tool_mm : float
-        How far the tool point would have gone then [mm].
+    Args:
+        text: A number, in the unit of the motion; or how far the tool point went, as "24mm".
+        motion: What was commanded.
+        tool_mm: How far the tool point would have gone then [mm].
 
-    Raises
-    ------
-    ConfigError
-        It is no such number.
+    Raises:
+        ConfigError: It is no such number.
     """
     words = text.strip().lower().replace(",", ".")
     of_tool = words.endswith("mm") and motion.unit == "°"

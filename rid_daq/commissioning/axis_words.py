@@ -18,18 +18,12 @@ def direction_words(
 ) -> str:
     """Return what a person sees of a joint that moves by `amount` [rad or m] from a pose.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Its kinematics, and gravity: that says where up is.
-    pose : ndarray, shape (joints,)
-        Where it stands [rad or m].
-    number : int
-        The joint.
-    amount : float
-        How far it moves.
-    over : bool, optional
-        Whether it has moved already.
+    Args:
+        robot: Its kinematics, and gravity: that says where up is.
+        pose: Shape (joints,). Where it stands [rad or m].
+        number: The joint.
+        amount: How far it moves.
+        over: Whether it has moved already.
     """
     joint = robot.joints[number]
     chain = Chain.from_description(robot)

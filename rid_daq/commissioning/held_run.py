@@ -20,22 +20,14 @@ from rid_daq.terminal.context import Context
 class HeldRun:
     """What keys do in one run.
 
-    Attributes
-    ----------
-    label, sentence, role : str
-        What the run is called, what is driven, and what for.
-    plan : Plan
-        Which line a held key leads along.
-    tapped : callable
-        Told of every key that comes; where it returns True the run ends.
-    ready : callable
-        Told where the robot is held at rest, once a key would move it.
-    once : bool
-        Whether the run is over with the first press.
-    until : ndarray, shape (joints,), optional
-        The pose that ends the run, once the robot rests there [rad or m].
-    unattended : str
-        The key that counts as held for good: on a simulated cell that nobody stands at.
+    Attributes:
+        label, sentence, role: What the run is called, what is driven, and what for.
+        plan: Which line a held key leads along.
+        tapped: Told of every key that comes; where it returns True the run ends.
+        ready: Told where the robot is held at rest, once a key would move it.
+        once: Whether the run is over with the first press.
+        until: Shape (joints,). The pose that ends the run, once the robot rests there [rad or m].
+        unattended: The key that counts as held for good: on a simulated cell that nobody stands at.
     """
 
     label: str
@@ -52,12 +44,9 @@ class HeldRun:
 def record_held(session: RunSession, context: Context, asked: HeldRun) -> RecordedRun:
     """Record a run that moves only while a key is held.
 
-    Raises
-    ------
-    PreflightError
-        There is no keyboard, or as `RunSession.recording`.
-    RidDaqError
-        As `RunSession.recording`.
+    Raises:
+        PreflightError: There is no keyboard, or as `RunSession.recording`.
+        RidDaqError: As `RunSession.recording`.
     """
     robot = session.loaded.robot
     dead_man = DeadMan.create()

@@ -49,23 +49,15 @@ def run_demo(
 ) -> Demo:
     """Run the whole story twice on the bundled cell, judge it, and write the report.
 
-    Parameters
-    ----------
-    runs : Path
-        The folder of the run folders.
-    console : Context
-        Shows the progress.
-    seed : int
-        Random seed of motions and noise.
-    periods, points : int
-        Periods to measure, and random points of the validation motion.
-    paths : bool
-        True if paths are driven, with and without compensation.
+    Args:
+        runs: The folder of the run folders.
+        console: Shows the progress.
+        seed: Random seed of motions and noise.
+        periods, points: Periods to measure, and random points of the validation motion.
+        paths: True if paths are driven, with and without compensation.
 
-    Raises
-    ------
-    RidDaqError
-        A step failed.
+    Raises:
+        RidDaqError: A step failed.
     """
     started_s = time.monotonic()
     loaded = load_cell(DEMO_CELL)

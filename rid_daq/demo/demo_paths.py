@@ -149,10 +149,8 @@ def run_path_chapter(
     The loops come from a multisine, scale and delay from the plain circle. The path was never used
     for either.
 
-    Raises
-    ------
-    RidDaqError
-        A step failed; the message says which.
+    Raises:
+        RidDaqError: A step failed; the message says which.
     """
     excited = record("multisine", motions.multisine)
     responses = frequency_responses(excited.measured.recording, motions.multisine, robot)

@@ -83,23 +83,15 @@ def run_story(
 ) -> Story:
     """Run the story on one simulated robot; return the sections of its result.
 
-    Parameters
-    ----------
-    folder
-        The demo's run folder; the two runs become folders below it.
-    motions
-        What is run.
-    seed
-        Of the simulation.
-    unmodelled
-        Whether the robot has the effects that no model has.
-    show
-        Told how far the story is.
+    Args:
+        folder: The demo's run folder; the two runs become folders below it.
+        motions: What is run.
+        seed: Of the simulation.
+        unmodelled: Whether the robot has the effects that no model has.
+        show: Told how far the story is.
 
-    Raises
-    ------
-    RidDaqError
-        A step failed; the message says which.
+    Raises:
+        RidDaqError: A step failed; the message says which.
     """
     loaded = load_cell(DEMO_CELL)
     robot, cell, plant = loaded.robot, loaded.config, loaded.plant
@@ -227,10 +219,8 @@ class _Recorder:
     ) -> RecordedRun:
         """Record one motion into a run folder of its own, as planned where that is given.
 
-        Raises
-        ------
-        SafetyStop
-            It did not come to its end.
+        Raises:
+            SafetyStop: It did not come to its end.
         """
         session = self.session
         samples = planned or motion.plan(session.loaded.robot, session.cell.cycle_time_s)

@@ -52,14 +52,10 @@ PICK_AND_PLACE: Final = (
 class TimingMotions:
     """What the chapter drives, and on what: the robot with what its mechanics bear.
 
-    Attributes
-    ----------
-    robot : RobotDescription
-        The bundled arm, with higher limits of acceleration.
-    excitation : FourierMotion
-        Of the plate: the demo's own, a few periods.
-    pick_and_place : JointPathMotion
-        Within the limits of the robot file as it is.
+    Attributes:
+        robot: The bundled arm, with higher limits of acceleration.
+        excitation: Of the plate: the demo's own, a few periods.
+        pick_and_place: Within the limits of the robot file as it is.
     """
 
     robot: RobotDescription
@@ -115,23 +111,15 @@ def run_timing_chapter(
 ) -> TimingChapter:
     """Time a path by a model that knows the reaction on the base; drive it before and after.
 
-    Parameters
-    ----------
-    record : Record
-        On the cell with `motions.robot` and its plate.
-    motions : TimingMotions
-        What is driven.
-    robot : RobotDescription
-        As its file has it.
-    by : Precompensation
-        What pre-compensates both.
-    root : RunFolder
-        Where the model is written.
+    Args:
+        record: On the cell with `motions.robot` and its plate.
+        motions: What is driven.
+        robot: As its file has it.
+        by: What pre-compensates both.
+        root: Where the model is written.
 
-    Raises
-    ------
-    RidDaqError
-        A step failed; the message says which.
+    Raises:
+        RidDaqError: A step failed; the message says which.
     """
     on_plate = record("plate", motions.excitation)
     cell = on_plate.measured.cell
@@ -226,10 +214,8 @@ def _reaction(recording: Recording, model: Estimate) -> FloatArray:
     A plate's zero is unknown, so what it changes by since the rest before the motion is added to
     what the model says of that rest.
 
-    Raises
-    ------
-    DataQualityError
-        The plate was not valid all the time.
+    Raises:
+        DataQualityError: The plate was not valid all the time.
     """
     reaction = recording.reaction
     main = np.flatnonzero(recording.phase == Phase.MAIN)

@@ -31,28 +31,18 @@ def run_stories(
 ) -> dict[bool, Story]:
     """Tell the story with and without the effects that no model has.
 
-    Parameters
-    ----------
-    folder
-        The demo's run folder.
-    motions
-        What is run.
-    total_s
-        Duration of both motions together [s].
-    seed
-        Of both simulations.
-    console
-        Where progress is shown.
+    Args:
+        folder: The demo's run folder.
+        motions: What is run.
+        total_s: Duration of both motions together [s].
+        seed: Of both simulations.
+        console: Where progress is shown.
 
-    Returns
-    -------
-    dict
+    Returns:
         What `rid_daq.demo.demo_story.run_story` gives, by whether those effects were on.
 
-    Raises
-    ------
-    RidDaqError
-        A step of one of them failed.
+    Raises:
+        RidDaqError: A step of one of them failed.
     """
     spawn = get_context("spawn")
     stories: dict[bool, Story] = {}
@@ -87,10 +77,8 @@ def run_stories(
 def _receive(line: Connection) -> Any:
     """Return a story's message: progress or its result.
 
-    Raises
-    ------
-    RidDaqError
-        What ended the story.
+    Raises:
+        RidDaqError: What ended the story.
     """
     try:
         message = line.recv()

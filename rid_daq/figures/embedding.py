@@ -80,12 +80,9 @@ _THEME: Final = Theme(
 def as_item(figure: UIElement, dark: bool) -> dict[str, object]:
     """Return what `Bokeh.embed.embed_item` of a page takes, as values of JSON.
 
-    Parameters
-    ----------
-    figure : UIElement
-        A layout of this room.
-    dark : bool
-        Whether the page is dark.
+    Args:
+        figure: A layout of this room.
+        dark: Whether the page is dark.
     """
     item: dict[str, object] = renumbered(dict(json_item(figure, theme=_THEME)), {})
     recoloured: dict[str, object] = darkened(item) if dark else item
@@ -95,12 +92,9 @@ def as_item(figure: UIElement, dark: bool) -> dict[str, object]:
 def renumbered(value: Any, known: dict[str, str]) -> Any:
     """Return an item whose models are numbered from 1, so that a figure has always the same bytes.
 
-    Parameters
-    ----------
-    value : Any
-        The item, or a value in it.
-    known : dict of str
-        New numbers by old ones; what is met first is numbered first.
+    Args:
+        value: The item, or a value in it.
+        known: New numbers by old ones; what is met first is numbered first.
     """
     if isinstance(value, dict):
         return {
@@ -120,10 +114,8 @@ def as_csv(figure: UIElement) -> str:
     Columns of different length stand side by side, empty where they end; where a figure holds
     several tables, each column says of which it is: "measured: frequency [Hz]".
 
-    Parameters
-    ----------
-    figure : UIElement
-        A layout of this room.
+    Args:
+        figure: A layout of this room.
     """
     tables = list(_tables(figure))
     columns: dict[str, list[str]] = {}

@@ -22,14 +22,10 @@ WHEN: Final = "milliseconds since 1970"
 class PastValue:
     """A quantity of one run.
 
-    Attributes
-    ----------
-    run_id, label : str
-        Of which run.
-    when : datetime
-        With its time zone.
-    value, two_sigma : float
-        The estimate and its interval; `two_sigma` is 0 where it is not known.
+    Attributes:
+        run_id, label: Of which run.
+        when: With its time zone.
+        value, two_sigma: The estimate and its interval; `two_sigma` is 0 where it is not known.
     """
 
     run_id: str
@@ -52,12 +48,9 @@ class PastValue:
 def history_figure(quantity: str, unit: str, values: Sequence[PastValue]) -> GridPlot:
     """Return a figure of a quantity run by run, with intervals.
 
-    Parameters
-    ----------
-    quantity, unit : str
-        What it is, such as "Coulomb friction of axis2", and its unit.
-    values : sequence of PastValue
-        In any order.
+    Args:
+        quantity, unit: What it is, such as "Coulomb friction of axis2", and its unit.
+        values: In any order.
     """
     ordered = sorted(values, key=lambda each: each.when)
     value, low, high = (f"{quantity}{part} [{unit}]" for part in ("", " - 2σ", " + 2σ"))

@@ -68,20 +68,14 @@ def motion_figure(
     seen along each axis of the base, with the boxes of the workspace. A periodic motion is drawn
     with one of its periods.
 
-    Parameters
-    ----------
-    samples : MotionSamples
-        The motion as planned.
-    robot : RobotDescription
-        The limits.
-    workspace : Workspace
-        The cell's walls and boxes.
-    torque_nm : ndarray, shape (rows of `samples.whole(1)`, joints), optional
-        The torque that a model expects [N m or N].
-    condition_number : float, optional
-        Of an excitation.
-    torque_note : str
-        How warm the model's friction was taken to be.
+    Args:
+        samples: The motion as planned.
+        robot: The limits.
+        workspace: The cell's walls and boxes.
+        torque_nm: Shape (rows of `samples.whole(1)`, joints). The torque that a model expects [N m
+            or N].
+        condition_number: Of an excitation.
+        torque_note: How warm the model's friction was taken to be.
     """
     one = samples.whole(most_periods=1)
     quantities = _quantities(one, robot, torque_nm, torque_note)

@@ -49,13 +49,10 @@ Ranges: TypeAlias = Any
 def source(name: str, columns: Mapping[str, Any]) -> ColumnDataSource:
     """Return data to draw, which the figure's CSV holds.
 
-    Parameters
-    ----------
-    name : str
-        What it is of, such as a joint.
-    columns : mapping of str to sequence
-        Numbers or texts by a name that people read, its unit in brackets: `"time [s]"`. Numbers
-        are held to seven digits.
+    Args:
+        name: What it is of, such as a joint.
+        columns: Numbers or texts by a name that people read, its unit in brackets: `"time [s]"`.
+            Numbers are held to seven digits.
     """
     return ColumnDataSource(data={key: _column(row) for key, row in columns.items()}, name=name)
 
@@ -98,16 +95,11 @@ def panel(
     Dragging zooms; turning the wheel zooms with the control key, so that a page still scrolls; two
     fingers zoom.
 
-    Parameters
-    ----------
-    title, x_label, y_label : str
-        Texts; labels have their units.
-    height : int
-        [px].
-    x_range, y_range : range, optional
-        Of another panel, to be zoomed together; or start and end.
-    x_scale, y_scale : str
-        "log", or for x "datetime", a time of the calendar [ms since 1970].
+    Args:
+        title, x_label, y_label: Texts; labels have their units.
+        height: [px].
+        x_range, y_range: Of another panel, to be zoomed together; or start and end.
+        x_scale, y_scale: "log", or for x "datetime", a time of the calendar [ms since 1970].
     """
     ranges = {"x_range": x_range, "y_range": y_range}
     zoom = BoxZoomTool()
@@ -168,16 +160,11 @@ def add_hover(
 ) -> None:
     """Show values where the pointer is, or where a finger taps.
 
-    Parameters
-    ----------
-    plot, renderer
-        The plot, and what of it is pointed at.
-    rows : mapping of str to str
-        Column by the word before it; a number is shown with `digits` digits.
-    along_x : bool
-        Whether the pointer need only be above or below.
-    digits : int
-        Significant digits.
+    Args:
+        plot, renderer: The plot, and what of it is pointed at.
+        rows: Column by the word before it; a number is shown with `digits` digits.
+        along_x: Whether the pointer need only be above or below.
+        digits: Significant digits.
     """
     assert isinstance(renderer.data_source, ColumnDataSource)
     data = renderer.data_source.data
@@ -227,14 +214,10 @@ def beside(panels: Sequence[UIElement]) -> Row:
 def layout(name: str, parts: Sequence[UIElement], panels: Sequence[figure]) -> GridPlot:
     """Return a whole figure: one toolbar for all of its panels, and its parts below each other.
 
-    Parameters
-    ----------
-    name : str
-        What its CSV and SVG files are called.
-    parts : sequence of UIElement
-        Panels, or rows of them.
-    panels : sequence of figure
-        All panels that are in them.
+    Args:
+        name: What its CSV and SVG files are called.
+        parts: Panels, or rows of them.
+        panels: All panels that are in them.
     """
     column = Column(children=list(parts), sizing_mode="stretch_width", spacing=6)
     return GridPlot(

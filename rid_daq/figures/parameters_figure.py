@@ -33,10 +33,8 @@ def parameters_figure(section: EstimateSection) -> GridPlot:
 
     Parameters of one unit share a panel. Where the robot is simulated, true values are drawn.
 
-    Parameters
-    ----------
-    section : EstimateSection
-        The parameters.
+    Args:
+        section: The parameters.
     """
     numbered = list(enumerate(section.parameters, start=1))
     rows, panels = [], []

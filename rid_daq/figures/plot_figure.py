@@ -34,10 +34,8 @@ ROWS_BESIDES_PX: Final = 100
 def plot_figure(plot: Plot) -> GridPlot:
     """Return the figure of a declared plot.
 
-    Parameters
-    ----------
-    plot : Plot
-        The declaration.
+    Args:
+        plot: The declaration.
     """
     drawn: list[figure] = []
     title = ""
@@ -52,13 +50,7 @@ def plot_figure(plot: Plot) -> GridPlot:
 
 
 def stroke_of(line: Line) -> tuple[str, Dash]:
-    """Return colour and dash of a line.
-
-    Parameters
-    ----------
-    line : Line
-        The line.
-    """
+    """Return colour and dash of a line."""
     if isinstance(line.stroke, int):
         own = stroke(line.stroke)
         return own.color, line.dash or own.dash

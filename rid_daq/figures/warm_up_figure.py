@@ -21,14 +21,11 @@ def warm_up_figure(
 ) -> GridPlot:
     """Return a figure of each joint's friction power, and of its change in a period.
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Base to flange.
-    power_w : ndarray, shape (periods, joints)
-        Mean mechanical power of each joint in each whole period [W], as `period_powers` tells it.
-    settled_percent : float
-        The change of a period that counts as warm [%].
+    Args:
+        joint_names: Base to flange.
+        power_w: Shape (periods, joints). Mean mechanical power of each joint in each whole period
+            [W], as `period_powers` tells it.
+        settled_percent: The change of a period that counts as warm [%].
     """
     power = np.asarray(power_w, dtype=np.float64).reshape(-1, len(joint_names))
     share = 100.0 * power / np.where(power[:1] != 0.0, power[:1], np.nan)

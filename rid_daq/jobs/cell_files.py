@@ -21,10 +21,8 @@ from identification.model.still_joints import refuse_still
 def motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
     """Return the motion of a file, for the robot of a cell.
 
-    Raises
-    ------
-    ConfigError
-        It is none, or names another robot than the cell has.
+    Raises:
+        ConfigError: It is none, or names another robot than the cell has.
     """
     return motion_and_bytes(path, loaded)[0]
 
@@ -45,12 +43,9 @@ def motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, bytes]:
 def estimate_for(path: Path, robot: RobotDescription) -> Estimate:
     """Return the model of a file, which must be of a robot, and of which every joint moved.
 
-    Raises
-    ------
-    ConfigError
-        It is none, or of another robot, be it one with the same joint names.
-    EstimationError
-        A joint stood still when it was identified.
+    Raises:
+        ConfigError: It is none, or of another robot, be it one with the same joint names.
+        EstimationError: A joint stood still when it was identified.
     """
     return estimate_and_bytes(path, robot)[0]
 
@@ -78,10 +73,8 @@ def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Es
 def require_every_joint(path: Path, estimate: Estimate) -> Estimate:
     """Return a model of which every joint moved when it was identified.
 
-    Raises
-    ------
-    EstimationError
-        A joint stood still.
+    Raises:
+        EstimationError: A joint stood still.
     """
     refuse_still(estimate.still, str(path))
     return estimate
@@ -90,10 +83,8 @@ def require_every_joint(path: Path, estimate: Estimate) -> Estimate:
 def loops_for(path: Path, loaded: LoadedCell) -> tuple[VelocityLoop, ...]:
     """Return the velocity loops of a file, of the robot of a cell.
 
-    Raises
-    ------
-    ConfigError
-        It is none, or of another robot.
+    Raises:
+        ConfigError: It is none, or of another robot.
     """
     return loops_and_bytes(path, loaded)[0]
 
@@ -115,10 +106,8 @@ def with_feedforward(
 ) -> tuple[MotionSamples, bytes]:
     """Return a planned motion with the feedforward of a file, and the file's bytes.
 
-    Raises
-    ------
-    ConfigError
-        The file is of another motion, or for another cell.
+    Raises:
+        ConfigError: The file is of another motion, or for another cell.
     """
     data = read_content(path, LARGEST_FILE_BYTES)
     file = feedforward_content(data, path)

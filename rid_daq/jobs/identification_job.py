@@ -51,14 +51,10 @@ COMPARED_HZ: Final = 200.0
 class EstimationRequest(Ranged):
     """What a person may choose about an estimate from runs.
 
-    Attributes
-    ----------
-    options : EstimationOptions
-        The model's terms and how rows count.
-    cad_prior : bool
-        Whether the drawings count as prior knowledge.
-    loaded : tuple of str
-        Ids of the runs that carried an unknown payload.
+    Attributes:
+        options: The model's terms and how rows count.
+        cad_prior: Whether the drawings count as prior knowledge.
+        loaded: Ids of the runs that carried an unknown payload.
     """
 
     options: EstimationOptions = field(default_factory=EstimationOptions)
@@ -70,18 +66,12 @@ class EstimationRequest(Ranged):
 class Identified:
     """An estimate, and what it was made of.
 
-    Attributes
-    ----------
-    estimate : Estimate
-        The robot.
-    averages : tuple of PeriodAverage
-        The runs' mean periods, in time; none where the runs are not periodic.
-    improvement : Improvement or None
-        What the force plate improved, for the combined model.
-    consistency : TorqueConsistency or None
-        Whether torque constants agree with the plate, for the combined model.
-    plate_mistake : PlateMistake or None
-        What is probably wrong in the description of the force plate.
+    Attributes:
+        estimate: The robot.
+        averages: The runs' mean periods, in time; none where the runs are not periodic.
+        improvement: What the force plate improved, for the combined model.
+        consistency: Whether torque constants agree with the plate, for the combined model.
+        plate_mistake: What is probably wrong in the description of the force plate.
     """
 
     estimate: Estimate
@@ -104,12 +94,10 @@ def estimate_runs(
     `chosen` says what else that found: what the torque went through, and, of runs that are not
     periodic, how their joints warm up.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of different robots, or of both kinds; or the robot has no drawings.
-    DataQualityError, EstimationError
-        The data do not show the parameters.
+    Raises:
+        ConfigError: The runs are of different robots, or of both kinds; or the robot has no
+            drawings.
+        DataQualityError, EstimationError: The data do not show the parameters.
     """
     how = how or EstimationRequest()
     robot = robot or one_robot(data)
@@ -166,12 +154,9 @@ def compare_friction(
 ) -> ModelChoice:
     """Choose the friction terms of each joint by these runs alone.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of different robots or kinds, or carry an unknown payload.
-    EstimationError
-        The data do not show the parameters.
+    Raises:
+        ConfigError: The runs are of different robots or kinds, or carry an unknown payload.
+        EstimationError: The data do not show the parameters.
     """
     robot = one_robot(data)
     if how.loaded:
@@ -258,10 +243,8 @@ def gains_of_drives(
 ) -> DriveGains:
     """Estimate drive gains from the runs of an estimate, some with a load of known mass.
 
-    Raises
-    ------
-    EstimationError
-        The runs or the model do not tell them, or they are such as no drive has.
+    Raises:
+        EstimationError: The runs or the model do not tell them, or they are such as no drive has.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
     runs = time_runs(estimate.model, _signals_for(estimate, data, how), loaded)
@@ -312,10 +295,8 @@ def averages_of(
 def one_robot(data: Sequence[RunData]) -> RobotDescription:
     """Return the robot of some runs, which must be of one kind.
 
-    Raises
-    ------
-    ConfigError
-        They are of different robots, or some are periodic and some are not.
+    Raises:
+        ConfigError: They are of different robots, or some are periodic and some are not.
     """
     robot = data[0].robot
     for other in data[1:]:

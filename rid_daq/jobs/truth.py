@@ -23,25 +23,17 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     inertia of a rotor is added, about its spin axis, to the link that carries it (theory:
     section 3), as the rotor term expects.
 
-    Parameters
-    ----------
-    model : RobotModel
-        The model whose parameters are wanted; friction coefficients that the plant does not have
-        are zero.
-    robot : RobotDescription
-        The robot, for where its rotors sit.
-    plant : PlantConfig
-        The simulated robot; what it has under `unmodelled` has no parameter and is left out.
+    Args:
+        model: The model whose parameters are wanted; friction coefficients that the plant does not
+            have are zero.
+        robot: The robot, for where its rotors sit.
+        plant: The simulated robot; what it has under `unmodelled` has no parameter and is left out.
 
-    Returns
-    -------
-    ndarray, shape (parameters,)
-        In the order and units of `model.parameter_names`.
+    Returns:
+        Shape (parameters,). In the order and units of `model.parameter_names`.
 
-    Raises
-    ------
-    ConfigError
-        The model has a parameter that the plant file says nothing of.
+    Raises:
+        ConfigError: The model has a parameter that the plant file says nothing of.
     """
     known: dict[str, float] = {}
     for number, link in enumerate(plant.links, start=1):

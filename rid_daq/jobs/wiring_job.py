@@ -119,15 +119,10 @@ def wired_signals(
 ) -> WiredSignals:
     """Return what runs of one robot say, those left out that carried an unknown payload.
 
-    Parameters
-    ----------
-    data : sequence of RunData
-        The runs, all periodic or all not.
-    how : EstimationRequest
-        The highest frequency, and which runs were loaded.
-    robot : RobotDescription
-        The robot as its file says it is.
-
+    Args:
+        data: The runs, all periodic or all not.
+        how: The highest frequency, and which runs were loaded.
+        robot: The robot as its file says it is.
     """
     empty = [item for item in data if item.folder.run_id not in how.loaded]
     return WiredSignals.of(robot, signals_of(empty, how))
@@ -137,14 +132,10 @@ def wired_signals(
 class WiringDiagnosis:
     """What runs show of mistakes in wiring, units and files.
 
-    Attributes
-    ----------
-    mistakes : tuple of MistakeEntry, or None
-        What explains them far better; None if nobody looked.
-    driving : tuple of str, or None
-        Joints with negative friction power; None if nobody looked.
-    weight : ArmWeight or None
-        How heavy the torques make the arm, if they tell.
+    Attributes:
+        mistakes: What explains them far better; None if nobody looked.
+        driving: Joints with negative friction power; None if nobody looked.
+        weight: How heavy the torques make the arm, if they tell.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
@@ -182,14 +173,10 @@ class WiringDiagnosis:
 def diagnose_wiring(signals: WiredSignals, run: RunData, *, search: bool = True) -> WiringDiagnosis:
     """Look for what no robot does, and for the common mistakes that explain it.
 
-    Parameters
-    ----------
-    signals : WiredSignals
-        What runs of one robot say.
-    run : RunData
-        One of them, which knows the files.
-    search : bool
-        True to try the common mistakes of wiring, units and files.
+    Args:
+        signals: What runs of one robot say.
+        run: One of them, which knows the files.
+        search: True to try the common mistakes of wiring, units and files.
     """
     driving, weight = impossibilities(signals)
     if not search:
@@ -207,16 +194,11 @@ def mistake_entry(
 ) -> MistakeEntry:
     """Return a mistake in words, with the keys to change.
 
-    Parameters
-    ----------
-    found : Found
-        The mistake and its alternatives.
-    robot : RobotDescription
-        The robot, for its joints' names.
-    imported : bool
-        Whether a map said how the recording was read; else a cell file did.
-    folder : RunFolder, optional
-        The run, which knows the files and so the lines to change.
+    Args:
+        found: The mistake and its alternatives.
+        robot: The robot, for its joints' names.
+        imported: Whether a map said how the recording was read; else a cell file did.
+        folder: The run, which knows the files and so the lines to change.
     """
     best, *others = (
         Explanation(

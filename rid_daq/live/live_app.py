@@ -36,14 +36,10 @@ def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     Page and events need the token, or the session of a page that was opened with it. The stop needs
     them from another machine only: a stop too many costs a run, one too few may cost an arm.
 
-    Parameters
-    ----------
-    access : Access
-        Who may ask for what.
-    feed : Feed
-        The events, each a line of JSON.
-    stop : callable
-        Asks for the motion's stop.
+    Args:
+        access: Who may ask for what.
+        feed: The events, each a line of JSON.
+        stop: Asks for the motion's stop.
     """
     folder = files("rid_daq.live")
     contents = {path: folder.joinpath(name).read_bytes() for path, (name, _) in _FILES.items()}

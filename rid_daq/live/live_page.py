@@ -31,14 +31,10 @@ BACKLOG = 128
 class LiveOptions(Ranged):
     """Whether a motion is shown in a browser, and where.
 
-    Attributes
-    ----------
-    wanted : bool
-        Whether it is shown.
-    listen : str
-        Address and port.
-    token, certificate : Path or None
-        Files of the page's secret, and of its certificate and key.
+    Attributes:
+        wanted: Whether it is shown.
+        listen: Address and port.
+        token, certificate: Files of the page's secret, and of its certificate and key.
     """
 
     wanted: bool = False
@@ -81,10 +77,8 @@ class LivePage:
 def live_page(options: LiveOptions) -> Iterator[LivePage | None]:
     """Yield a page whose address has been told, where one is wanted.
 
-    Raises
-    ------
-    ConfigError
-        It must not be served there, or cannot.
+    Raises:
+        ConfigError: It must not be served there, or cannot.
     """
     if not options.wanted:
         if options != LiveOptions():
@@ -108,10 +102,8 @@ def live_page(options: LiveOptions) -> Iterator[LivePage | None]:
 def listen_on(access: Access) -> socket.socket:
     """Return a socket that listens where `access` says.
 
-    Raises
-    ------
-    ConfigError
-        It cannot.
+    Raises:
+        ConfigError: It cannot.
     """
     family = socket.AF_INET6 if ":" in access.address else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)

@@ -37,18 +37,12 @@ def run_live_page(
 
     It ends with the motion. All it ever writes into shared memory is the request to stop.
 
-    Parameters
-    ----------
-    access : Access
-        Who may ask for what.
-    listener : socket
-        Listens where `access` says.
-    motion : ShownMotion
-        What is shown.
-    ring, control : Ring, ControlBlock
-        Where it is read.
-    parent : int
-        Process id of the program.
+    Args:
+        access: Who may ask for what.
+        listener: Listens where `access` says.
+        motion: What is shown.
+        ring, control: Where it is read.
+        parent: Process id of the program.
     """
     leave_terminal()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)

@@ -24,16 +24,11 @@ RATE_AFTER_S = 2.0
 class ShownMotion:
     """What of a motion is known before it begins.
 
-    Attributes
-    ----------
-    title : str
-        What is done, in a sentence.
-    rows : int
-        How many cycles the motion has, 0 where nobody knows.
-    rows_per_period : int or None
-        Of a periodic motion.
-    cell, robot : CellConfig, RobotDescription
-        Names, limits and cycle time.
+    Attributes:
+        title: What is done, in a sentence.
+        rows: How many cycles the motion has, 0 where nobody knows.
+        rows_per_period: Of a periodic motion.
+        cell, robot: Names, limits and cycle time.
     """
 
     title: str
@@ -46,12 +41,9 @@ class ShownMotion:
 class MotionPicture:
     """Draws the latest state of a motion; it reads, and writes nothing.
 
-    Parameters
-    ----------
-    motion : ShownMotion
-        What is shown.
-    ring, control : Ring, ControlBlock
-        Where it is read.
+    Args:
+        motion: What is shown.
+        ring, control: Where it is read.
     """
 
     def __init__(self, motion: ShownMotion, ring: Ring, control: ControlBlock) -> None:

@@ -159,15 +159,11 @@ OF_KINDS: Final = {identifier(name): name for name in CATALOGUE}
 def operation(name: str) -> Operation:
     """Import and return an operation.
 
-    Parameters
-    ----------
-    name : str
-        Its name in the catalogue.
+    Args:
+        name: Its name in the catalogue.
 
-    Raises
-    ------
-    KeyError
-        There is none of this name.
+    Raises:
+        KeyError: There is none of this name.
     """
     file = f"{name}_" if keyword.iskeyword(name) else identifier(name)
     module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].room}.{file}")

@@ -12,10 +12,8 @@ from rid_daq.blocks.block import Text
 class Ended:
     """Result of an operation that has shown all else before its end.
 
-    Attributes
-    ----------
-    text : str
-        A last sentence for people.
+    Attributes:
+        text: A last sentence for people.
     """
 
     text: str = ""

@@ -51,28 +51,17 @@ class FailedResult(Protocol):
 class Operation:
     """The registration of an operation.
 
-    Attributes
-    ----------
-    name : str
-        Its name in the catalogue: the words of its command.
-    label : str
-        Title of its form.
-    request : type
-        The class of its request; the docstring is the help of the command.
-    run : callable
-        Takes a request and a context, and returns the result.
-    examples : tuple of str
-        At least two command lines without the program's name.
-    opens_cell, moves : bool
-        True if it opens the bus of a cell; if the robot moves.
-    is_held : bool
-        True if the robot moves only while a key is held: that needs no axis test before.
-    is_job : bool
-        True if a service does it too, as a job.
-    numerics : bool
-        True if it loads numerical libraries, which need much memory.
-    module : str
-        Module that `run` imports, with numerics; empty if `run` imports little.
+    Attributes:
+        name: Its name in the catalogue: the words of its command.
+        label: Title of its form.
+        request: The class of its request; the docstring is the help of the command.
+        run: Takes a request and a context, and returns the result.
+        examples: At least two command lines without the program's name.
+        opens_cell, moves: True if it opens the bus of a cell; if the robot moves.
+        is_held: True if the robot moves only while a key is held: that needs no axis test before.
+        is_job: True if a service does it too, as a job.
+        numerics: True if it loads numerical libraries, which need much memory.
+        module: Module that `run` imports, with numerics; empty if `run` imports little.
     """
 
     name: str
@@ -107,10 +96,8 @@ class Operation:
     def refuse_owned(self, request: Mapping[str, object]) -> None:
         """Refuse a client's request that sets a field of the service.
 
-        Raises
-        ------
-        ConfigError
-            It does (RID-REQUEST-INVALID).
+        Raises:
+            ConfigError: It does (RID-REQUEST-INVALID).
         """
         for name in sorted(self.owned & request.keys()):
             raise ConfigError(

@@ -28,38 +28,22 @@ class FurtherNumber(NamedTuple):
 class Option:
     """How a field is shown; the field's type and description say what it is.
 
-    Attributes
-    ----------
-    group : str
-        Section of the help and of a form.
-    unit : str
-        Unit of the value; empty for texts and ratios.
-    metavar : str
-        Placeholder of the value in the help.
-    flag : str
-        Name on the command line without dashes, if it differs from the field's.
-    short : str
-        One-letter name on the command line.
-    positional : bool
-        True if the command line takes it as an argument.
-    negatable : bool
-        True if `--no-FLAG` exists too.
-    file : str
-        Role of a path that a client of the service may name.
-    endings : tuple of str
-        What the name of an output file must end in; any if empty.
-    owned : bool
-        True if the service sets the field and a client cannot.
-    needs : str
-        Field without which this one has no effect.
-    hidden : bool
-        True if the command line does not have it.
-    separator : str
-        What separates several values in one word of the command line.
-    value : object
-        What the field becomes if its option is given, which then takes no value.
-    further : tuple of FurtherNumber
-        Numbers of a tuple after its first one, each with an option of its own.
+    Attributes:
+        group: Section of the help and of a form.
+        unit: Unit of the value; empty for texts and ratios.
+        metavar: Placeholder of the value in the help.
+        flag: Name on the command line without dashes, if it differs from the field's.
+        short: One-letter name on the command line.
+        positional: True if the command line takes it as an argument.
+        negatable: True if `--no-FLAG` exists too.
+        file: Role of a path that a client of the service may name.
+        endings: What the name of an output file must end in; any if empty.
+        owned: True if the service sets the field and a client cannot.
+        needs: Field without which this one has no effect.
+        hidden: True if the command line does not have it.
+        separator: What separates several values in one word of the command line.
+        value: What the field becomes if its option is given, which then takes no value.
+        further: Numbers of a tuple after its first one, each with an option of its own.
     """
 
     group: str = OPTIONS

@@ -10,21 +10,12 @@ from rid_daq.terminal.console import Console
 def perform(operation: Operation, request: Request, console: Console) -> None:
     """Run an operation, and show its result.
 
-    Parameters
-    ----------
-    operation : Operation
-        The operation.
-    request : Request
-        Its request.
-    console : Console
-        Where the result is shown; a worker's console writes events instead.
+    Args:
+        console: Where the result is shown; a worker's console writes events instead.
 
-    Raises
-    ------
-    RidDaqError
-        The failure of the result, if it has one.
-    SystemExit
-        With the exit code of the result, if that is not 0.
+    Raises:
+        RidDaqError: The failure of the result, if it has one.
+        SystemExit: With the exit code of the result, if that is not 0.
     """
     operation.load()
     result = operation.run(request, console)

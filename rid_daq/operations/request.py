@@ -42,20 +42,14 @@ class Request(BaseModel):
     def of(cls, values: Mapping[str, object], *, shown: str = "", flags: bool = False) -> Self:
         """Return the request of values that a person or a program gave.
 
-        Parameters
-        ----------
-        values : mapping
-            Values by field name; text is converted to numbers and paths.
-        shown : str
-            Prefix of messages, such as the name of the operation.
-        flags : bool
-            Name fields in messages as the command line does.
+        Args:
+            values: Values by field name; text is converted to numbers and paths.
+            shown: Prefix of messages, such as the name of the operation.
+            flags: Name fields in messages as the command line does.
 
-        Raises
-        ------
-        ConfigError
-            A value is missing, unknown, of the wrong type (RID-REQUEST-INVALID), or out of range
-            (RID-REQ-RANGE).
+        Raises:
+            ConfigError: A value is missing, unknown, of the wrong type (RID-REQUEST-INVALID), or
+                out of range (RID-REQ-RANGE).
         """
         try:
             return cls.model_validate(values)
@@ -66,17 +60,12 @@ class Request(BaseModel):
     def of_json(cls, values: Mapping[str, object], *, shown: str = "") -> Self:
         """Return the request of a JSON document; nothing is converted from text to number.
 
-        Parameters
-        ----------
-        values : mapping
-            The document.
-        shown : str
-            Prefix of messages.
+        Args:
+            values: The document.
+            shown: Prefix of messages.
 
-        Raises
-        ------
-        ConfigError
-            As `of`.
+        Raises:
+            ConfigError: As `of`.
         """
         try:
             return cls.model_validate_json(json.dumps(values), strict=True)
@@ -105,14 +94,10 @@ class Request(BaseModel):
 class ShownField:
     """A field of a request as the command line and forms show it.
 
-    Attributes
-    ----------
-    path : tuple of str
-        The field's name; more than one name leads into a group of options.
-    info : FieldInfo
-        Its declaration.
-    type : object
-        Its type without `None` and annotations.
+    Attributes:
+        path: The field's name; more than one name leads into a group of options.
+        info: Its declaration.
+        type: Its type without `None` and annotations.
     """
 
     path: tuple[str, ...]
@@ -179,19 +164,12 @@ def plain_type(annotation: Any) -> Any:
 def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
     """Refuse fields that were given and have no effect.
 
-    Parameters
-    ----------
-    request : Request
-        The request.
-    names : iterable of str
-        Fields that have no effect.
-    because : str
-        The choice that leaves them without effect: `with` something, or `without` it.
+    Args:
+        names: Fields that have no effect.
+        because: The choice that leaves them without effect: `with` something, or `without` it.
 
-    Raises
-    ------
-    ConfigError
-        One of them was given (RID-OPTION-NO-EFFECT).
+    Raises:
+        ConfigError: One of them was given (RID-OPTION-NO-EFFECT).
     """
     given = request.model_fields_set & set(names)
     for each in shown_fields(type(request)):

@@ -79,10 +79,8 @@ class AxisTest(ConfigModel):
 def axis_test_file(loaded: LoadedCell) -> Path | None:
     """Return where the axis test of a cell is signed; None for a bundled cell, which needs none.
 
-    Raises
-    ------
-    RecordingError
-        The folder of this account's state cannot be used.
+    Raises:
+        RecordingError: The folder of this account's state cannot be used.
     """
     if loaded.path is None:
         return None
@@ -94,21 +92,14 @@ def axis_test_file(loaded: LoadedCell) -> Path | None:
 def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path | None:
     """Note that an axis was found right; return where.
 
-    Parameters
-    ----------
-    loaded : LoadedCell
-        The cell as it was tested.
-    joint : str
-        The axis.
-    run : str
-        The run of its test.
-    who : str
-        Who has tested it; the user of this process if not given.
+    Args:
+        loaded: The cell as it was tested.
+        joint: The axis.
+        run: The run of its test.
+        who: Who has tested it; the user of this process if not given.
 
-    Raises
-    ------
-    RecordingError
-        The record cannot be written.
+    Raises:
+        RecordingError: The record cannot be written.
     """
     path = axis_test_file(loaded)
     if path is None:
@@ -144,15 +135,11 @@ def axis_test_line(loaded: LoadedCell, rule: AxisTestRule) -> CheckLine:
 def require_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
     """Refuse to move a real cell whose axes were not tested since a file has changed.
 
-    Returns
-    -------
-    str
+    Returns:
         What the run's manifest says of it; empty for a simulated cell.
 
-    Raises
-    ------
-    PreflightError
-        The test is required, and an axis lacks it.
+    Raises:
+        PreflightError: The test is required, and an axis lacks it.
     """
     if loaded.config.simulated:
         return ""

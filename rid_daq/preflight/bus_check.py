@@ -168,10 +168,8 @@ def watch_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     Where that takes power and nobody has cleared the cell, nothing is tried, and the line
     `TRIAL_WAITS` says so.
 
-    Raises
-    ------
-    DriverError, PreflightError
-        As of `drivers.servo.watchdog_test.try_watches`.
+    Raises:
+        DriverError, PreflightError: As of `drivers.servo.watchdog_test.try_watches`.
     """
     if takes_power(opened.axes, opened.config) and not cleared:
         return [

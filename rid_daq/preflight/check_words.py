@@ -15,12 +15,9 @@ _COLUMNS = ("", "what", "found", "required")
 def say_devices(context: Context, lines: Sequence[CheckLine]) -> None:
     """Write one line a device, with its headline; below it each line that is red or only allowed.
 
-    Parameters
-    ----------
-    context : Context
-        Where they are written.
-    lines : sequence of CheckLine
-        Those of some devices, all of each.
+    Args:
+        context: Where they are written.
+        lines: Those of some devices, all of each.
     """
     for where, own in _by(lines).items():
         context.say(f"{_WORDS[_worst(own)]:<8}{where}: {_summary(own)}")
@@ -36,10 +33,8 @@ def say_devices(context: Context, lines: Sequence[CheckLine]) -> None:
 def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
     """Yield every line: what all drives share once, then each device's own; red ones first.
 
-    Parameters
-    ----------
-    lines : sequence of CheckLine
-        All of a preflight.
+    Args:
+        lines: All of a preflight.
     """
     drives = list(dict.fromkeys(line.where for line in lines if line.of_drive))
     shared: list[CheckLine] = []

@@ -69,10 +69,8 @@ def _speed(runs: Path, folder: Path) -> CheckLine:
 def write_seconds(folder: Path, size: int) -> float:
     """Return how long it takes to write so many bytes to the disk behind a folder [s].
 
-    Raises
-    ------
-    RecordingError
-        They cannot be written there.
+    Raises:
+        RecordingError: They cannot be written there.
     """
     with (
         system_errors(RecordingError, f"{folder}: cannot be written to", code="RID-FILE-WRITE"),

@@ -69,10 +69,8 @@ _SETTING: Final[dict[str, str]] = {
 def next_action(setting: DriveSetting) -> str:
     """Return what to do about a setting that is red.
 
-    Parameters
-    ----------
-    setting : DriveSetting
-        As `CanServoAxes.settings` has it.
+    Args:
+        setting: As `CanServoAxes.settings` has it.
     """
     index = setting.object_name[:4].upper()
     key = _SETTING.get(index)

@@ -40,10 +40,8 @@ def check_drives(
     What is written to the drives is kept in the write log, where there is one. Return the lines,
     and where the joints stand [rad or m].
 
-    Raises
-    ------
-    DriveTrouble
-        A device did not go along; with the lines until then.
+    Raises:
+        DriveTrouble: A device did not go along; with the lines until then.
     """
     lines: list[CheckLine] = []
     try:

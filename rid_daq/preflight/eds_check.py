@@ -60,10 +60,8 @@ def _advice(eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis) -> str:
 def refuse_unfit_eds(loaded: LoadedCell) -> None:
     """Refuse a cell whose data sheets say that a drive cannot do what it is needed for.
 
-    Raises
-    ------
-    PreflightError
-        Naming the first objects, and how many more there are.
+    Raises:
+        PreflightError: Naming the first objects, and how many more there are.
     """
     told = [
         f"{_where(axis)}: {_place(eds, finding)}: {finding.object_name} {finding.name} is"

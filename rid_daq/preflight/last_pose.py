@@ -51,10 +51,8 @@ class LastPose(ConfigModel):
 def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
     """Return where a cell's robot was seen last; None if it never was, or had other joints.
 
-    Raises
-    ------
-    RecordingError
-        The file of the pose cannot be read.
+    Raises:
+        RecordingError: The file of the pose cannot be read.
     """
     path = _pose_file(loaded)
     if not path.exists():
@@ -69,19 +67,13 @@ def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
 def keep_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> None:
     """Keep where a cell's robot stands.
 
-    Parameters
-    ----------
-    loaded : LoadedCell
-        The cell.
-    position : sequence of float
-        Of the joints [rad or m].
-    seen_by : str
-        By what, as "run 01M8...".
+    Args:
+        loaded: The cell.
+        position: Of the joints [rad or m].
+        seen_by: By what, as "run 01M8...".
 
-    Raises
-    ------
-    RecordingError
-        It cannot be written.
+    Raises:
+        RecordingError: It cannot be written.
     """
     path = _pose_file(loaded)
     pose = LastPose(
@@ -99,19 +91,13 @@ def keep_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> No
 def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) -> list[CheckLine]:
     """Compare a robot's pose with the last one; keep it if there is none, or if it is accepted.
 
-    Parameters
-    ----------
-    loaded : LoadedCell
-        The cell.
-    position : sequence of float
-        Where the joints stand now [rad or m].
-    rule : PoseRule
-        What to do with the last pose.
+    Args:
+        loaded: The cell.
+        position: Where the joints stand now [rad or m].
+        rule: What to do with the last pose.
 
-    Raises
-    ------
-    RecordingError
-        The file of the pose cannot be read or written.
+    Raises:
+        RecordingError: The file of the pose cannot be read or written.
     """
     if rule is PoseRule.LEFT_OUT:
         return []

@@ -25,17 +25,12 @@ _ZERO = "let `rid-daq plate zero` find the plate's zero"
 class PlateCheck:
     """Checks a cell's plate, in two steps around the check of the drives.
 
-    Parameters
-    ----------
-    cell : CellConfig
-        The cell, reachable.
-    profile : AmplifierProfile or None
-        What its amplifier speaks; None without a plate.
+    Args:
+        cell: The cell, reachable.
+        profile: What its amplifier speaks; None without a plate.
 
-    Attributes
-    ----------
-    lines : list of CheckLine
-        What was found so far.
+    Attributes:
+        lines: What was found so far.
     """
 
     def __init__(self, cell: CellConfig, profile: AmplifierProfile | None) -> None:
@@ -49,10 +44,8 @@ class PlateCheck:
 
         Mock hardware of the session's own is put into operation, as nobody else can have done it.
 
-        Raises
-        ------
-        DriverError
-            The amplifier cannot be reached, or does not take a setting.
+        Raises:
+            DriverError: The amplifier cannot be reached, or does not take a setting.
         """
         plate, profile = self._cell.plate, self._profile
         if plate is None or profile is None:
@@ -98,15 +91,11 @@ class PlateCheck:
     def after(self, position: Sequence[float] | None = None) -> list[CheckLine]:
         """Look at the forces at rest, where the channels measure.
 
-        Parameters
-        ----------
-        position
-            Where the robot stands [rad or m]; None where that is not known.
+        Args:
+            position: Where the robot stands [rad or m]; None where that is not known.
 
-        Raises
-        ------
-        DriverError
-            The amplifier does not answer.
+        Raises:
+            DriverError: The amplifier does not answer.
         """
         plate, profile, ready = self._cell.plate, self._profile, self._ready
         if plate is None or profile is None or ready is None or not ready.operating:

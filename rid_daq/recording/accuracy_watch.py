@@ -27,30 +27,18 @@ class AccuracyWatch:
 
     Goals are judged on the averaged periods, as `rid-daq identify` estimates from them.
 
-    Parameters
-    ----------
-    goals : sequence of str
-        As `--until` takes them; none to follow only.
-    robot : RobotDescription
-        The robot.
-    samples : MotionSamples
-        The motion.
+    Args:
+        goals: As `--until` takes them; none to follow only.
+        samples: The motion.
 
-    Attributes
-    ----------
-    goals, states : tuple
-        The goals, and how far each was at the last look.
-    periods : int
-        Periods at the last look at the goals.
-    running : RunningValues or None
-        The running estimate at the last look.
-    trouble : str
-        Why there was nothing to see.
+    Attributes:
+        goals, states: The goals, and how far each was at the last look.
+        periods: Periods at the last look at the goals.
+        running: The running estimate at the last look.
+        trouble: Why there was nothing to see.
 
-    Raises
-    ------
-    ConfigError
-        A goal is invalid, or the motion is not periodic.
+    Raises:
+        ConfigError: A goal is invalid, or the motion is not periodic.
     """
 
     def __init__(

@@ -13,13 +13,7 @@ from config.robot.robot import RobotDescription
 
 
 class AverageSoFar:
-    """Averages the periods so far; no row is read or cut twice once its temperature is known.
-
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    """
+    """Averages the periods so far; no row is read or cut twice once its temperature is known."""
 
     def __init__(self, robot: RobotDescription) -> None:
         self._robot = robot
@@ -29,10 +23,8 @@ class AverageSoFar:
     def with_more(self, new: NewPeriods) -> PeriodAverage:
         """Return the mean period with those that came since the last question.
 
-        Raises
-        ------
-        DataQualityError
-            The periods are not good enough yet.
+        Raises:
+            DataQualityError: The periods are not good enough yet.
         """
         rows = joined([*self._unsettled, new.recording])
         stream, _ = monitored(rows, new.folder)

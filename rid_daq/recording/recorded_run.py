@@ -53,22 +53,14 @@ _NOT_GOOD = "Recorded, but not good enough to go on with"
 class RecordedRun:
     """A recorded motion with its report.
 
-    Attributes
-    ----------
-    folder : RunFolder
-        Where it is.
-    outcome : RecordOutcome
-        What became of the motion.
-    data : RunData or None
-        What was measured; None where no row could be read.
-    quality : RunQuality or None
-        How whole it is; None where the motion was stopped.
-    result : Result
-        The result; more may be added until it is written.
-    facts : dict
-        What the manifest says of the run; more may be added until it is written.
-    held : bool
-        Whether the robot moved only while a person held a key.
+    Attributes:
+        folder: Where it is.
+        outcome: What became of the motion.
+        data: What was measured; None where no row could be read.
+        quality: How whole it is; None where the motion was stopped.
+        result: The result; more may be added until it is written.
+        facts: What the manifest says of the run; more may be added until it is written.
+        held: Whether the robot moved only while a person held a key.
     """
 
     folder: RunFolder
@@ -83,10 +75,8 @@ class RecordedRun:
     def measured(self) -> RunData:
         """What was measured.
 
-        Raises
-        ------
-        DataQualityError
-            Nothing was.
+        Raises:
+            DataQualityError: Nothing was.
         """
         if self.data is None:
             raise DataQualityError(
@@ -208,10 +198,8 @@ def stop_document(outcome: RecordOutcome) -> dict[str, object]:
 def ending_said(outcome: RecordOutcome, epilogue: str = "") -> Iterator[None]:
     """Say how a motion ended also where its run folder cannot be read or written any more.
 
-    Raises
-    ------
-    RecordingError
-        What failed, after how the motion ended and an epilogue.
+    Raises:
+        RecordingError: What failed, after how the motion ended and an epilogue.
     """
     try:
         yield

@@ -95,29 +95,19 @@ class Display(Protocol):
 class RunRequest:
     """What is recorded into one run folder.
 
-    Attributes
-    ----------
-    label : str
-        What people call the run.
-    sentence : str
-        What is driven.
-    samples : MotionSamples or None
-        The planned rows; None where points come from elsewhere.
-    drive : callable, optional
-        Makes the set-points while the run folder is open, and hands them to the `Record` that it
-        is called with; the planned rows are driven where it is left out.
-    role : str
-        What the motion is for: names it on the terminal and in the report.
-    files : mapping
-        Name to content of what is written into the folder beside the cell's own files.
-    watch : Watch, optional
-        Follows the periods, and may end the motion.
-    frames : bool
-        Whether every frame on the bus is recorded too.
-    epilogue : str
-        Said after how the motion ended where its run is all that was driven of a longer job.
-    held : bool
-        Whether the robot moves only while a person holds a key.
+    Attributes:
+        label: What people call the run.
+        sentence: What is driven.
+        samples: The planned rows; None where points come from elsewhere.
+        drive: Makes the set-points while the run folder is open, and hands them to the `Record`
+            that it is called with; the planned rows are driven where it is left out.
+        role: What the motion is for: names it on the terminal and in the report.
+        files: Name to content of what is written into the folder beside the cell's own files.
+        watch: Follows the periods, and may end the motion.
+        frames: Whether every frame on the bus is recorded too.
+        epilogue: Said after how the motion ended where its run is all that was driven of a longer
+            job.
+        held: Whether the robot moves only while a person holds a key.
     """
 
     label: str
@@ -136,24 +126,15 @@ class RunRequest:
 class RunSession:
     """Records motions on one cell, each into a run folder of its own.
 
-    Attributes
-    ----------
-    loaded : LoadedCell
-        The cell and its files.
-    cell : CellConfig
-        The cell as it is reachable.
-    runs : Path
-        The folder of the run folders.
-    display : Display
-        Where progress is shown.
-    simulated : SimulatedCell or None
-        The mock hardware, where it was started here: what it carries is noted.
-    page : LivePage or None
-        Where motions are shown too.
-    axis_test : str
-        What is known of the axis test of a real cell; empty for a simulated one.
-    service : ServiceBeat or None
-        Signs of life of the service that has ordered the session, if one has.
+    Attributes:
+        loaded: The cell and its files.
+        cell: The cell as it is reachable.
+        runs: The folder of the run folders.
+        display: Where progress is shown.
+        simulated: The mock hardware, where it was started here: what it carries is noted.
+        page: Where motions are shown too.
+        axis_test: What is known of the axis test of a real cell; empty for a simulated one.
+        service: Signs of life of the service that has ordered the session, if one has.
     """
 
     loaded: LoadedCell
@@ -168,10 +149,8 @@ class RunSession:
     def record(self, request: RunRequest) -> RecordedRun:
         """Record a motion, judge it and write its report; also where the motion was stopped.
 
-        Raises
-        ------
-        RidDaqError
-            As `recording`.
+        Raises:
+            RidDaqError: As `recording`.
         """
         with self.recording(request) as run:
             return run
@@ -183,12 +162,11 @@ class RunSession:
         What the body of the `with` adds to the run's result and facts is written too. A run that
         is left by an error is marked as stopped, with the reason.
 
-        Raises
-        ------
-        PreflightError, DriverError, RecordingError
-            Nothing was moved, or nothing was recorded (`record_motion`).
-        RecordingError
-            The run folder cannot be read or written; the message says how the motion ended.
+        Raises:
+            PreflightError, DriverError, RecordingError: Nothing was moved, or nothing was recorded
+                (`record_motion`).
+            RecordingError: The run folder cannot be read or written; the message says how the
+                motion ended.
         """
         folder = RunFolder.create(self.runs, request.label, software=software_versions())
         with unfinished(folder):
@@ -346,10 +324,8 @@ def require_ready(
     question, by the hashes of the cell's files and of `files`, which the run keeps: all of them
     have been read, and nothing is read again.
 
-    Raises
-    ------
-    RecordingError, PreflightError
-        As `refuse_runs`, `require_axis_test` and `require_cleared`.
+    Raises:
+        RecordingError, PreflightError: As `refuse_runs`, `require_axis_test` and `require_cleared`.
     """
     refuse_runs(runs)
     require_axis_test(loaded, axis_test)
@@ -360,10 +336,8 @@ def require_ready(
 def refuse_runs(runs: Path) -> None:
     """Refuse what no run folder can be made in.
 
-    Raises
-    ------
-    RecordingError
-        It is there, and no folder.
+    Raises:
+        RecordingError: It is there, and no folder.
     """
     if runs.exists() and not runs.is_dir():
         raise RecordingError(
@@ -383,10 +357,8 @@ def open_session(
 ) -> Iterator[RunSession]:
     """Yield a session on a cell that is reachable, and held alone, as long as the `with` lasts.
 
-    Raises
-    ------
-    RidDaqError
-        As `refuse_runs`, `require_axis_test`, `live_page` and `mountable_cell`.
+    Raises:
+        RidDaqError: As `refuse_runs`, `require_axis_test`, `live_page` and `mountable_cell`.
     """
     refuse_runs(runs)
     tested = require_axis_test(loaded, axis_test)

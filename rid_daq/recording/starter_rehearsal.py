@@ -36,14 +36,10 @@ SPEED: Final = 0.7
 class Rehearsed:
     """A cell to start from, as it was rehearsed.
 
-    Attributes
-    ----------
-    made : UrdfRobot
-        The robot, perhaps slower than before, and its notes.
-    files : dict of str to str
-        The text of every file by name.
-    obstacle : str
-        What stands in the way of a motion; empty where the cell ran.
+    Attributes:
+        made: The robot, perhaps slower than before, and its notes.
+        files: The text of every file by name.
+        obstacle: What stands in the way of a motion; empty where the cell ran.
     """
 
     made: UrdfRobot
@@ -56,12 +52,9 @@ def rehearsed(urdf: Path, made: UrdfRobot) -> Rehearsed:
 
     The motion is a short excitation, designed within every limit. Nothing stays on the disk.
 
-    Raises
-    ------
-    RecordingError
-        There is no room for it.
-    SystemExit
-        It was interrupted.
+    Raises:
+        RecordingError: There is no room for it.
+        SystemExit: It was interrupted.
     """
     left = TRIES
     while True:

@@ -14,14 +14,10 @@ from rid_daq.report.sections.verdict import Verdict
 class CertifiedRun:
     """A run that a session recorded, or that a payload was identified from.
 
-    Attributes
-    ----------
-    step : str
-        Which step of the session it was; empty outside of sessions.
-    run_id, label, status : str
-        As its manifest says.
-    created_utc, finished_utc : str
-        When it began and ended, ISO 8601.
+    Attributes:
+        step: Which step of the session it was; empty outside of sessions.
+        run_id, label, status: As its manifest says.
+        created_utc, finished_utc: When it began and ended, ISO 8601.
     """
 
     step: str
@@ -53,40 +49,25 @@ class Device:
 class Certificate:
     """What a payload's certificate says.
 
-    Attributes
-    ----------
-    run_id, label : str
-        The session, or the run that holds the payload.
-    is_session : bool
-        Whether it is a guided session.
-    payload : PayloadResult
-        The payload with its checks.
-    how : str
-        How it was found.
-    findings : tuple of str
-        What a person should know of it.
-    by : str or None
-        Who answers for it; None where nobody was named.
-    begun_utc, ended_utc : str
-        Of the session or run, ISO 8601.
-    identified_utc : str or None
-        When the payload was identified; None where that is not recorded.
-    cell : CellSection or None
-        The cell; None of recordings from elsewhere.
-    simulated : bool
-        Whether any of the runs is of a simulated cell.
-    devices : tuple of Device
-        Robot and drives.
-    runs : tuple of CertifiedRun
-        All runs, in the order of the session.
-    files : tuple of CertifiedFile
-        Files of the session and of the runs.
-    software : tuple of (str, str)
-        Name and version of what recorded.
-    identified_with, written_with : str
-        Which program identified the payload, and which wrote the certificate.
-    empty : EmptyFlange or None
-        How it is known that nothing hung on the flange without payload; None where it is not.
+    Attributes:
+        run_id, label: The session, or the run that holds the payload.
+        is_session: Whether it is a guided session.
+        payload: The payload with its checks.
+        how: How it was found.
+        findings: What a person should know of it.
+        by: Who answers for it; None where nobody was named.
+        begun_utc, ended_utc: Of the session or run, ISO 8601.
+        identified_utc: When the payload was identified; None where that is not recorded.
+        cell: The cell; None of recordings from elsewhere.
+        simulated: Whether any of the runs is of a simulated cell.
+        devices: Robot and drives.
+        runs: All runs, in the order of the session.
+        files: Files of the session and of the runs.
+        software: Name and version of what recorded.
+        identified_with, written_with: Which program identified the payload, and which wrote the
+            certificate.
+        empty: How it is known that nothing hung on the flange without payload; None where it is
+            not.
     """
 
     run_id: str

@@ -13,15 +13,11 @@ if TYPE_CHECKING:
 class ViolationEntry(Section):
     """A parameter that no real robot has below zero, and that was identified there.
 
-    Attributes
-    ----------
-    name, expression : str
-        Its name, and the combination of standard parameters that it is.
-    sigmas : float
-        Its distance below zero [standard deviations].
-    p_value : float
-        Probability of such a value if the true one is zero, corrected for the number of parameters
-        that were tested (Holm).
+    Attributes:
+        name, expression: Its name, and the combination of standard parameters that it is.
+        sigmas: Its distance below zero [standard deviations].
+        p_value: Probability of such a value if the true one is zero, corrected for the number of
+            parameters that were tested (Holm).
     """
 
     name: str
@@ -33,23 +29,16 @@ class ViolationEntry(Section):
 class ConsistencyEntry(Section):
     """Test of physical consistency.
 
-    Attributes
-    ----------
-    consistent : bool
-        False if every consistent robot is refuted at p = 0.05.
-    p_value : float
-        Of the largest single violation and of the distance together.
-    single_p_value : float
-        Of the largest single violation.
-    distance_p_value, distance : float or None
-        Of the squared distance from the nearest consistent robot, and that distance in
-        decorrelated standard deviations; None if a single violation refutes already.
-    tested : int
-        Number of parameters that cannot be negative.
-    largest : ViolationEntry or None
-        The largest single violation; None if none of them is below zero.
-    violations : tuple of ViolationEntry
-        All of them that are below zero, the largest first.
+    Attributes:
+        consistent: False if every consistent robot is refuted at p = 0.05.
+        p_value: Of the largest single violation and of the distance together.
+        single_p_value: Of the largest single violation.
+        distance_p_value, distance: Of the squared distance from the nearest consistent robot, and
+            that distance in decorrelated standard deviations; None if a single violation refutes
+            already.
+        tested: Number of parameters that cannot be negative.
+        largest: The largest single violation; None if none of them is below zero.
+        violations: All of them that are below zero, the largest first.
     """
 
     consistent: bool

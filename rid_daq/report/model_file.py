@@ -20,12 +20,9 @@ _SHOWN: Final = 8
 class ModelFile(Section):
     """The model file that sections are of; its name may be another's too, its bytes are not.
 
-    Attributes
-    ----------
-    name : str
-        The file's name.
-    sha256 : str
-        Of its bytes.
+    Attributes:
+        name: The file's name.
+        sha256: Of its bytes.
     """
 
     name: str
@@ -35,10 +32,8 @@ class ModelFile(Section):
     def of(cls, path: Path) -> Self:
         """Return what is said of a model file that was just read or written.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be read any more.
+        Raises:
+            RecordingError: It cannot be read any more.
         """
         with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
             return cls(name=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest())

@@ -53,29 +53,18 @@ class Result(Section):
     else, so that two simulated runs with the same seed agree in all the rest, bit for bit. Their
     order here is their order on the page.
 
-    Attributes
-    ----------
-    format : str
-        The version of this document, under the key `schema`.
-    title, robot : str
-        What was done, and the robot's name.
-    verdict : Verdict
-        Whether the result holds.
-    software : dict of str
-        Versions of what it was made with, by name.
-    notes : tuple of str
-        What the runs lack that it rests on.
-    cell : CellSection
-        The cell that it was recorded on.
-    model : ModelFile
-        The model that the sections `validation`, `curves`, `estimate`, `plate`, `comparison`,
-        `reaction` and `base_load` are of, all of them.
-    seed : int
-        Of the demo.
-    without_unmodelled : WithoutUnmodelled
-        Of the demo.
-    timing : Timing
-        All that differs from one execution to the next.
+    Attributes:
+        format: The version of this document, under the key `schema`.
+        title, robot: What was done, and the robot's name.
+        verdict: Whether the result holds.
+        software: Versions of what it was made with, by name.
+        notes: What the runs lack that it rests on.
+        cell: The cell that it was recorded on.
+        model: The model that the sections `validation`, `curves`, `estimate`, `plate`,
+            `comparison`, `reaction` and `base_load` are of, all of them.
+        seed: Of the demo.
+        without_unmodelled: Of the demo.
+        timing: All that differs from one execution to the next.
     """
 
     format: Literal["rid-daq result 1"] = Field(default=SCHEMA, alias="schema")
@@ -112,12 +101,9 @@ class Result(Section):
     def new(cls, title: str, robot: str) -> Result:
         """Return a result with nothing judged yet, made by this program.
 
-        Parameters
-        ----------
-        title : str
-            What was done.
-        robot : str
-            The robot's name.
+        Args:
+            title: What was done.
+            robot: The robot's name.
         """
         return cls(
             title=title,
@@ -129,10 +115,8 @@ class Result(Section):
     def updated(self, **sections: object) -> Result:
         """Return the document with sections (or title, verdict, notes) replaced or added.
 
-        Raises
-        ------
-        pydantic.ValidationError
-            A section is not of its class, or there is no such section.
+        Raises:
+            pydantic.ValidationError: A section is not of its class, or there is no such section.
         """
         own = {name: getattr(self, name) for name in type(self).model_fields if name != "format"}
         return Result.model_validate({**own, **sections})
@@ -142,12 +126,9 @@ class Result(Section):
 
         A verdict on another model goes with it, unless `sections` hold a new one.
 
-        Parameters
-        ----------
-        model : ModelFile
-            The model that the sections are of.
-        **sections : object
-            The sections, and whatever else is replaced.
+        Args:
+            model: The model that the sections are of.
+            **sections: The sections, and whatever else is replaced.
         """
         if self.model == model:
             return self.updated(**sections)

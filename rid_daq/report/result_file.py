@@ -18,15 +18,11 @@ REPORT = "report.html"
 def read_result(folder: RunFolder) -> Result:
     """Return a run's result.
 
-    Parameters
-    ----------
-    folder : RunFolder
-        The run.
+    Args:
+        folder: The run.
 
-    Raises
-    ------
-    RecordingError
-        The run has none yet, or the file is not one, or is of a newer version.
+    Raises:
+        RecordingError: The run has none yet, or the file is not one, or is of a newer version.
     """
     path = folder.file(RESULT)
     if not path.exists():

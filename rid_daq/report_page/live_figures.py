@@ -40,10 +40,8 @@ class LiveFigures:
     def keep(self, plot: Plot) -> str:
         """Put a figure into the page; return its name there.
 
-        Parameters
-        ----------
-        plot : Plot
-            The declaration of the figure.
+        Args:
+            plot: The declaration of the figure.
         """
         from rid_daq.figures.embedding import as_item  # they load what draws
         from rid_daq.figures.plot_figure import plot_figure

@@ -21,19 +21,13 @@ PATIENCE_S: Final = 120.0
 def print_pdf(page: Path, output: Path) -> None:
     """Print a page to PDF.
 
-    Parameters
-    ----------
-    page : Path
-        The page (HTML).
-    output : Path
-        The PDF.
+    Args:
+        page: The page (HTML).
+        output: The PDF.
 
-    Raises
-    ------
-    ConfigError
-        No Chromium is installed (RID-PDF-BROWSER).
-    RecordingError
-        It failed (RID-PDF-FAILED), or the file cannot be written.
+    Raises:
+        ConfigError: No Chromium is installed (RID-PDF-BROWSER).
+        RecordingError: It failed (RID-PDF-FAILED), or the file cannot be written.
     """
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:

@@ -26,17 +26,12 @@ from rid_daq.terminal.console import printable
 def render_report(result: Result, before: Result | None = None) -> str:
     """Return the report: every number is the result's, every text from outside is escaped.
 
-    Parameters
-    ----------
-    result : Result
-        What is shown; sections that it lacks are left out.
-    before : Result or None
-        What the run's file holds: sections that are the same were read from it.
+    Args:
+        result: What is shown; sections that it lacks are left out.
+        before: What the run's file holds: sections that are the same were read from it.
 
-    Raises
-    ------
-    RecordingError
-        A section holds numbers that cannot be shown.
+    Raises:
+        RecordingError: A section holds numbers that cannot be shown.
     """
     parts = []
     figures = LiveFigures()
@@ -60,10 +55,8 @@ def render_report(result: Result, before: Result | None = None) -> str:
 def render_certificate(certificate: Certificate) -> str:
     """Return the certificate of a payload as a page to print; the same gives the same bytes.
 
-    Parameters
-    ----------
-    certificate : Certificate
-        Its contents.
+    Args:
+        certificate: Its contents.
     """
     robot = certificate.payload.estimate.robot.name
     result = Result.new("rid-daq payload certificate", robot).updated(
@@ -137,10 +130,8 @@ def _visible(value: object) -> object:
 def _shown(section: str, *, read: bool) -> Iterator[None]:
     """Name the section that cannot be shown; one that was read from a file may have been edited.
 
-    Raises
-    ------
-    RecordingError
-        In place of what Python says of numbers that are not what they should be.
+    Raises:
+        RecordingError: In place of what Python says of numbers that are not what they should be.
     """
     try:
         yield

@@ -19,17 +19,11 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     Neither is written where the report cannot be drawn. A section that is new, or not as it was,
     gets the present time.
 
-    Parameters
-    ----------
-    folder : RunFolder
-        The run.
-    result : Result
-        Its result.
+    Args:
+        folder: The run.
 
-    Raises
-    ------
-    RecordingError
-        A file cannot be written, or a section not be shown.
+    Raises:
+        RecordingError: A file cannot be written, or a section not be shown.
     """
     from rid_daq.report_page.render import render_report  # it loads what draws: half a second
 

@@ -26,17 +26,12 @@ FACT = "simulated_flange"
 def note_flange(folder: RunFolder, loaded: LoadedCell, payload: str | None) -> dict[str, JsonValue]:
     """Write a simulated run's plant file with what hangs on its flange (`attached`).
 
-    Returns
-    -------
-    dict
+    Returns:
         What the run's manifest says of it.
 
-    Raises
-    ------
-    ConfigError
-        The plant has no such payload.
-    RecordingError
-        The file cannot be written.
+    Raises:
+        ConfigError: The plant has no such payload.
+        RecordingError: The file cannot be written.
     """
     if loaded.plant is None:
         return {}

@@ -29,21 +29,15 @@ def followed(
 ) -> FollowedMotion:
     """Compare what was reached with what was wanted, in one run or two of a motion.
 
-    Parameters
-    ----------
-    after : MotionRun
-        The run, with compensation.
-    before : MotionRun or None
-        The same motion without, where there is such a run.
-    robot : RobotDescription
-        The stiffness of its gears.
-    estimate : Estimate, optional
-        Model of the torques that the gears transmit; without it the measured ones of the motors.
+    Args:
+        after: The run, with compensation.
+        before: The same motion without, where there is such a run.
+        robot: The stiffness of its gears.
+        estimate: Model of the torques that the gears transmit; without it the measured ones of the
+            motors.
 
-    Raises
-    ------
-    DataQualityError
-        A run says nothing of where the robot should have been.
+    Raises:
+        DataQualityError: A run says nothing of where the robot should have been.
     """
     step_s = after.cell.cycle_time_s
 
@@ -64,10 +58,8 @@ def followed(
 def error_of(data: RunData) -> TrackingError:
     """Return the errors of a run's main part.
 
-    Raises
-    ------
-    DataQualityError
-        It has none, or does not say where the robot should have been.
+    Raises:
+        DataQualityError: It has none, or does not say where the robot should have been.
     """
     recording, main = data.recording, _main(data)
     if recording.target_position is None or not main.any():

@@ -17,12 +17,9 @@ _LARGEST: Final = 1 << 40
 class MadeFile:
     """A kind of file that jobs write.
 
-    Attributes
-    ----------
-    words : str
-        What it is, for messages.
-    mark : pattern
-        What stands in the first or last 64 KiB of each such file that rid-daq wrote.
+    Attributes:
+        words: What it is, for messages.
+        mark: What stands in the first or last 64 KiB of each such file that rid-daq wrote.
     """
 
     words: str
@@ -31,10 +28,8 @@ class MadeFile:
     def is_at(self, path: Path) -> bool:
         """Return whether a file is of this kind and by rid-daq.
 
-        Raises
-        ------
-        OSError
-            It cannot be read.
+        Raises:
+            OSError: It cannot be read.
         """
         with open_file(path, _LARGEST) as file:
             head = file.read(_LOOKED_AT)

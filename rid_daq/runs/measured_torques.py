@@ -12,10 +12,8 @@ from rid_daq.runs.run_data import RunData
 def require_torques(runs: Sequence[RunData]) -> None:
     """Refuse runs in which a joint moves while its torque is always the same.
 
-    Raises
-    ------
-    DataQualityError
-        There is one.
+    Raises:
+        DataQualityError: There is one.
     """
     for data in runs:
         dead = dead_torques(data.average if data.is_periodic else data.recording)

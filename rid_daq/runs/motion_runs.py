@@ -20,18 +20,12 @@ PLAIN: Final = "plain"
 class MotionRun:
     """A run of this program's own, with the motion that it drove.
 
-    Attributes
-    ----------
-    data : RunData
-        What was measured, and the robot.
-    cell : CellConfig
-        The cell as used.
-    motion : AnyMotion
-        The motion file as used.
-    file : FeedforwardFile or None
-        What pre-compensated it, where a file did.
-    streamed : bool
-        Whether it was compensated on line, by a feedforward that no file holds.
+    Attributes:
+        data: What was measured, and the robot.
+        cell: The cell as used.
+        motion: The motion file as used.
+        file: What pre-compensated it, where a file did.
+        streamed: Whether it was compensated on line, by a feedforward that no file holds.
     """
 
     data: RunData
@@ -48,10 +42,8 @@ class MotionRun:
     def samples(self) -> MotionSamples:
         """Return the motion as it was planned, with its feedforward.
 
-        Raises
-        ------
-        DataQualityError
-            The run was streamed.
+        Raises:
+            DataQualityError: The run was streamed.
         """
         if self.streamed:
             raise DataQualityError(
@@ -81,10 +73,8 @@ class MotionRun:
 def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun:
     """Read a run with its motion; `unfinished` as in `RunData.load`.
 
-    Raises
-    ------
-    ConfigError, DataQualityError, RecordingError
-        It has none, or cannot be read.
+    Raises:
+        ConfigError, DataQualityError, RecordingError: It has none, or cannot be read.
     """
     data = RunData.load(folder, unfinished=unfinished)
     cell, motion = data.cell, folder.file(MOTION)

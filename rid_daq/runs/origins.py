@@ -51,20 +51,12 @@ class _Document(ConfigModel):
 class FileLine:
     """Where a key stands, or where it is to be put.
 
-    Attributes
-    ----------
-    file : str
-        The file.
-    line : int
-        Counted from 1; where the key is not stated, what it belongs to begins there.
-    key : str
-        The key.
-    stated : bool
-        Whether the key stands there; else it is to be added.
-    text : str or None
-        What the line says, where the key is stated and the file is still the same.
-    remark : str
-        What a person should know of the file; empty where it is the one that the run was made with.
+    Attributes:
+        line: Counted from 1; where the key is not stated, what it belongs to begins there.
+        stated: Whether the key stands there; else it is to be added.
+        text: What the line says, where the key is stated and the file is still the same.
+        remark: What a person should know of the file; empty where it is the one that the run was
+            made with.
     """
 
     file: str
@@ -83,10 +75,8 @@ class FileLine:
 def note_cell(folder: RunFolder, loaded: LoadedCell) -> None:
     """Write down which files a run's cell and robot were.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be written.
+    Raises:
+        RecordingError: It cannot be written.
     """
     if loaded.path is None:
         files = {CELL: f"{loaded.config.name}.yaml{_BUNDLED}"}
@@ -101,12 +91,9 @@ def note_cell(folder: RunFolder, loaded: LoadedCell) -> None:
 def note_map(folder: RunFolder, reference: str) -> None:
     """Write down which files an imported run's map and robot were.
 
-    Raises
-    ------
-    ConfigError
-        They cannot be read any more.
-    RecordingError
-        It cannot be written.
+    Raises:
+        ConfigError: They cannot be read any more.
+        RecordingError: It cannot be written.
     """
     text, shown, beside = read_named(reference, "maps", None)
     found = {MAP: (_absolute(shown), text)}
@@ -120,10 +107,8 @@ def cell_of(folder: RunFolder, unknown: str = "CELL") -> str:
 
     `unknown` where no run says it, or the file is gone.
 
-    Raises
-    ------
-    RecordingError
-        The run cannot be read.
+    Raises:
+        RecordingError: The run cannot be read.
     """
     origin = _origins(folder).get(CELL)
     if origin is None:
@@ -146,19 +131,14 @@ def key_lines(
 ) -> tuple[FileLine, ...]:
     """Return in which lines of which files keys of a run stand; those not found are left out.
 
-    Parameters
-    ----------
-    folder : RunFolder
-        The run.
-    places : iterable of str
-        Name of the run's copy, and the path of keys and indices: `cell.yaml axes.1.direction`.
-    joint_names : sequence of str
-        The robot's joints, which a map of messages calls by their names.
+    Args:
+        folder: The run.
+        places: Name of the run's copy, and the path of keys and indices: `cell.yaml
+            axes.1.direction`.
+        joint_names: The robot's joints, which a map of messages calls by their names.
 
-    Raises
-    ------
-    RecordingError
-        The run cannot be read.
+    Raises:
+        RecordingError: The run cannot be read.
     """
     origins = _origins(folder)
 

@@ -18,21 +18,14 @@ _RESULTS: Final = (".json", ".pdf", ".html")
 def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
     """Refuse a file that cannot be written, or that was not meant to be replaced.
 
-    Parameters
-    ----------
-    output
-        The file; None, which is never refused, where the result has its place in a run.
-    overwrite
-        Whether a file that is there may be replaced; a part of a run may never be.
-    made
-        What is written: only such a file that rid-daq wrote is replaced.
+    Args:
+        output: The file; None, which is never refused, where the result has its place in a run.
+        overwrite: Whether a file that is there may be replaced; a part of a run may never be.
+        made: What is written: only such a file that rid-daq wrote is replaced.
 
-    Raises
-    ------
-    ConfigError
-        A file of that name is there, or belongs to a run.
-    RecordingError
-        No file of that name can be.
+    Raises:
+        ConfigError: A file of that name is there, or belongs to a run.
+        RecordingError: No file of that name can be.
     """
     if output is None:
         return
@@ -57,12 +50,9 @@ def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
 def require_writable(output: Path) -> None:
     """Refuse a file that cannot be written, or that is a part of a run.
 
-    Raises
-    ------
-    ConfigError
-        It belongs to a run.
-    RecordingError
-        No file of that name can be.
+    Raises:
+        ConfigError: It belongs to a run.
+        RecordingError: No file of that name can be.
     """
     if output.exists() and not output.is_file():
         raise RecordingError(

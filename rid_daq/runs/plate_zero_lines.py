@@ -21,14 +21,10 @@ FALLBACK_INDENT = 2
 def zero_lines(zero: PlateZero, comment: str = "", indent: int = FALLBACK_INDENT) -> str:
     """Return the lines of `plate.zero` as they stand in a cell file.
 
-    Parameters
-    ----------
-    zero
-        What was found.
-    comment
-        Put behind the key.
-    indent
-        Spaces before the key.
+    Args:
+        zero: What was found.
+        comment: Put behind the key.
+        indent: Spaces before the key.
     """
     space = " " * indent
     head = f"{space}zero:" + (f" # {comment}" if comment else "")
@@ -44,21 +40,15 @@ def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
 
     Everything else stays as it is, comments and order included; the result is read again.
 
-    Parameters
-    ----------
-    text
-        The file's text.
-    zero
-        What was found.
-    name
-        What to call the file in messages.
-    comment
-        Put behind the key.
+    Args:
+        text: The file's text.
+        zero: What was found.
+        name: What to call the file in messages.
+        comment: Put behind the key.
 
-    Raises
-    ------
-    ConfigError
-        The file has no `plate` in lines of its own, or would not say the same otherwise.
+    Raises:
+        ConfigError: The file has no `plate` in lines of its own, or would not say the same
+            otherwise.
     """
     before = parse_yaml(text.encode(), name)
     plate = _value(yaml.compose(text, Loader=yaml.SafeLoader), "plate")
@@ -92,12 +82,9 @@ def with_zero(text: str, zero: PlateZero, name: str, comment: str = "") -> str:
 def write_zero(path: Path, zero: PlateZero, comment: str = "") -> None:
     """Put a zero into a cell file; the file is replaced whole or left as it is.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or cannot take it safely.
-    RecordingError
-        It cannot be written.
+    Raises:
+        ConfigError: The file cannot be read, or cannot take it safely.
+        RecordingError: It cannot be written.
     """
     target = path.resolve()
     try:

@@ -67,24 +67,15 @@ READ = (
 class RunData:
     """A run's recording and robot.
 
-    Attributes
-    ----------
-    folder : RunFolder
-        Where they come from.
-    robot : RobotDescription
-        The robot as used in that run.
-    tally : RecordingTally
-        What was measured, or imported, as far as memory does not grow with it.
-    import_report : ImportReport or None
-        What the import left out, for an imported run.
-    damage : tuple of str
-        What the recording has lost, one sentence each.
-    held : Recording or None
-        All of it, where it was imported or has a force plate's side.
-    monitor : MonitorStream or None
-        What the drives told of themselves.
-    recorded_clock : ClockReport or None
-        Repeated rows of a run that was recorded here.
+    Attributes:
+        folder: Where they come from.
+        robot: The robot as used in that run.
+        tally: What was measured, or imported, as far as memory does not grow with it.
+        import_report: What the import left out, for an imported run.
+        damage: What the recording has lost, one sentence each.
+        held: All of it, where it was imported or has a force plate's side.
+        monitor: What the drives told of themselves.
+        recorded_clock: Repeated rows of a run that was recorded here.
     """
 
     folder: RunFolder
@@ -130,22 +121,15 @@ class RunData:
         An imported run keeps the file as it came, with its map, and is read by them every time.
         Where the drives told their temperatures, torques are those of warm torque constants.
 
-        Parameters
-        ----------
-        folder : RunFolder
-            The run.
-        unfinished : bool
-            Whether a run that was never finished will do.
+        Args:
+            folder: The run.
+            unfinished: Whether a run that was never finished will do.
 
-        Raises
-        ------
-        RecordingError
-            The folder holds no recording, or it cannot be read; or a file in it is not the run's
-            own.
-        LockedError
-            It is still being recorded.
-        DataQualityError
-            The run was never finished, and `unfinished` is not set.
+        Raises:
+            RecordingError: The folder holds no recording, or it cannot be read; or a file in it is
+                not the run's own.
+            LockedError: It is still being recorded.
+            DataQualityError: The run was never finished, and `unfinished` is not set.
         """
         recorded = _require_readable(folder, unfinished)
         require_own(folder)
@@ -181,10 +165,8 @@ class RunData:
     def parts(self) -> Iterator[Recording]:
         """Yield the recording in parts, of which few need be in memory at a time.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be read any more.
+        Raises:
+            RecordingError: It cannot be read any more.
         """
         if self.held is not None:
             yield self.held
@@ -202,10 +184,8 @@ class RunData:
     def cell(self) -> CellConfig | None:
         """The cell as used; None of a recording from elsewhere.
 
-        Raises
-        ------
-        ConfigError
-            Its file is damaged.
+        Raises:
+            ConfigError: Its file is damaged.
         """
         path = self.folder.file(CELL)
         return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
@@ -214,10 +194,8 @@ class RunData:
     def average(self) -> PeriodAverage:
         """The mean period.
 
-        Raises
-        ------
-        DataQualityError
-            The run is not periodic, or not good enough.
+        Raises:
+            DataQualityError: The run is not periodic, or not good enough.
         """
         return average_table(self.tally.cutter.table(), self.held)
 
@@ -225,9 +203,7 @@ class RunData:
 def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
     """Refuse a run that cannot be read yet, or not without being asked for.
 
-    Returns
-    -------
-    bool
+    Returns:
         Whether it was recorded here; otherwise it was imported.
     """
     recorded = folder.file(RECORDING).exists()
@@ -250,10 +226,9 @@ def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
 def require_own(folder: RunFolder) -> None:
     """Refuse a run with a file that is not the one it was made with.
 
-    Raises
-    ------
-    RecordingError
-        There is one; the message names it, whose it is where that is known, and what to do.
+    Raises:
+        RecordingError: There is one; the message names it, whose it is where that is known, and
+            what to do.
     """
     for name, what in folder.differences(READ).items():
         path = folder.file(name)
@@ -359,10 +334,8 @@ def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tup
 def note_output(folder: RunFolder, output: Path) -> None:
     """Note a file that was written in the manifest, where it is a file of the run's folder.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be read or noted.
+    Raises:
+        RecordingError: It cannot be read or noted.
     """
     if output.resolve().parent == folder.path.resolve():
         with contextlib.suppress(ConfigError):  # no name of a run's file: a stray
@@ -372,17 +345,12 @@ def note_output(folder: RunFolder, output: Path) -> None:
 def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
     """Return a run's result document, or a first one where it has none yet.
 
-    Parameters
-    ----------
-    data
-        The run.
-    notes
-        What the runs lack that the new part of the document rests on.
+    Args:
+        data: The run.
+        notes: What the runs lack that the new part of the document rests on.
 
-    Raises
-    ------
-    RecordingError
-        There is one, and it cannot be read.
+    Raises:
+        RecordingError: There is one, and it cannot be read.
     """
     result = read_result(data.folder) if data.folder.file(RESULT).exists() else _first_result(data)
     return result.updated(notes=tuple(notes) or None)

@@ -18,18 +18,12 @@ from config.errors import DataQualityError
 class RunQuality:
     """What a whole recording has lost.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Base to flange.
-    rows : int
-        Rows of the motion that were driven.
-    lost : tuple of int
-        How many of them hold no valid answer, of each joint.
-    average : PeriodAverage or None
-        Its mean period, where it is periodic and good enough.
-    trouble : str
-        Why it is not good enough; empty where it is.
+    Attributes:
+        joint_names: Base to flange.
+        rows: Rows of the motion that were driven.
+        lost: How many of them hold no valid answer, of each joint.
+        average: Its mean period, where it is periodic and good enough.
+        trouble: Why it is not good enough; empty where it is.
     """
 
     joint_names: tuple[str, ...]
@@ -80,12 +74,9 @@ def run_quality(tally: RecordingTally, averaged: Callable[[], PeriodAverage]) ->
     A periodic one is good enough where its periods can be averaged, any other where no joint's
     answers are missing in more than 2 % of the rows of the motion.
 
-    Parameters
-    ----------
-    tally : RecordingTally
-        What was measured by the program itself.
-    averaged : callable
-        Averages its periods.
+    Args:
+        tally: What was measured by the program itself.
+        averaged: Averages its periods.
     """
     names, rows, lost = tally.head.joint_names, tally.motion_rows, tally.lost
     average, trouble = None, ""

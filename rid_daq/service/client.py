@@ -45,14 +45,10 @@ Watch = Callable[[Job, AnyEvent], None]
 class JobResult:
     """A job that is over.
 
-    Attributes
-    ----------
-    job : Job
-        How it ended.
-    document : dict or None
-        Its result for programs, as the command's `--json`; None where it has none.
-    ended : Ended or None
-        Its own last word; None where its process died.
+    Attributes:
+        job: How it ended.
+        document: Its result for programs, as the command's `--json`; None where it has none.
+        ended: Its own last word; None where its process died.
     """
 
     job: Job
@@ -62,10 +58,8 @@ class JobResult:
     def require_done(self) -> Self:
         """Return this result where the job ended well.
 
-        Raises
-        ------
-        ServiceError
-            It did not.
+        Raises:
+            ServiceError: It did not.
         """
         if self.job.state is not JobState.DONE:
             raise ServiceError(
@@ -79,10 +73,8 @@ class JobResult:
 class ServiceClient:
     """A service, asked by a program.
 
-    Parameters
-    ----------
-    http : httpx.Client
-        Leads there, and shows a token where one is needed.
+    Args:
+        http: Leads there, and shows a token where one is needed.
     """
 
     def __init__(self, http: httpx.Client) -> None:
@@ -92,18 +84,13 @@ class ServiceClient:
     def at(cls, address: str, token: str | None = None) -> Self:
         """Return the client of a service.
 
-        Parameters
-        ----------
-        address : str
-            `local` for the only service of this user on this computer, the path of its socket, or
-            its address as https://HOST:PORT.
-        token : str, optional
-            What it wants to see; the environment variable RID_DAQ_TOKEN if not given.
+        Args:
+            address: `local` for the only service of this user on this computer, the path of its
+                socket, or its address as https://HOST:PORT.
+            token: What it wants to see; the environment variable RID_DAQ_TOKEN if not given.
 
-        Raises
-        ------
-        ConfigError
-            It is no address, or there is not exactly one local service.
+        Raises:
+            ConfigError: It is no address, or there is not exactly one local service.
         """
         headers = {"x-rid-daq": "client", "content-type": "application/json"}
         secret = token or os.environ.get(TOKEN_VARIABLE, "")
@@ -144,12 +131,9 @@ class ServiceClient:
     def ask(self, method: str, path: str, body: object = None, lease: str | None = None) -> Any:
         """Return what the service answers, as JSON has it.
 
-        Raises
-        ------
-        RidDaqError
-            It refused, by the error that it names.
-        ServiceError
-            It cannot be reached, or has not answered for a minute.
+        Raises:
+            RidDaqError: It refused, by the error that it names.
+            ServiceError: It cannot be reached, or has not answered for a minute.
         """
         headers = {} if lease is None else {LEASE_HEADER: lease}
         answer = self._send(
@@ -176,10 +160,8 @@ class ServiceClient:
     def stop(self, cell: str) -> None:
         """Stop what moves in a cell.
 
-        Raises
-        ------
-        ServiceError
-            As `ask`, but after 10 s without an answer.
+        Raises:
+            ServiceError: As `ask`, but after 10 s without an answer.
         """
         path = _api(f"/cells/{quote(cell)}/stop")
         self._send(self._http.build_request("POST", path, timeout=_patience(_STOP_PATIENCE_S)))
@@ -222,10 +204,8 @@ class ServiceClient:
     def lease(self, cell: str, note: str = "", seconds: float = LEASE_S) -> Iterator[LeasedCell]:
         """Have a cell for as long as the `with` lasts; it is renewed meanwhile.
 
-        Raises
-        ------
-        LockedError
-            Somebody else has it.
+        Raises:
+            LockedError: Somebody else has it.
         """
         wanted = {"note": note, "seconds": seconds}
         lease = HeldLease.model_validate(self.ask("POST", f"/cells/{quote(cell)}/lease", wanted))
@@ -264,27 +244,17 @@ class ServiceClient:
     ) -> JobResult:
         """Have a job done and wait for its end.
 
-        Parameters
-        ----------
-        cell : str
-            The cell's name.
-        kind : str
-            The kind of job.
-        request : dict, optional
-            What is asked for, as `/api/v1/requests` has it.
-        lease : str, optional
-            The key of the lease; a job that opens the cell needs it.
-        cleared : bool
-            Whether nobody is in the cell and the emergency stop is at hand.
-        on_lost_client : "stop" or "finish"
-            What happens to a motion where this program is gone.
-        watch : callable
-            Told what the job says.
+        Args:
+            cell: The cell's name.
+            kind: The kind of job.
+            request: What is asked for, as `/api/v1/requests` has it.
+            lease: The key of the lease; a job that opens the cell needs it.
+            cleared: Whether nobody is in the cell and the emergency stop is at hand.
+            on_lost_client: What happens to a motion where this program is gone.
+            watch: Told what the job says.
 
-        Raises
-        ------
-        RidDaqError
-            It was refused.
+        Raises:
+            RidDaqError: It was refused.
         """
         wanted = {
             "kind": JobKind(kind).value,
@@ -317,15 +287,7 @@ class ServiceClient:
 
 @dataclass(frozen=True)
 class LeasedCell:
-    """A cell that this program has.
-
-    Attributes
-    ----------
-    service : ServiceClient
-        Its service.
-    lease : HeldLease
-        Its lease.
-    """
+    """A cell that this program has."""
 
     service: ServiceClient
     lease: HeldLease

@@ -49,12 +49,9 @@ class DoorTickets:
     def issue(self, secret: str, path: str) -> str:
         """Return a ticket.
 
-        Parameters
-        ----------
-        secret : str
-            The secret of the token that it stands for.
-        path : str
-            The only path that it is good for.
+        Args:
+            secret: The secret of the token that it stands for.
+            path: The only path that it is good for.
         """
         now_s = safety_now_s()
         self._tickets = {key: each for key, each in self._tickets.items() if each.until_s > now_s}
@@ -75,25 +72,16 @@ class DoorTickets:
 class Doorkeeper:
     """Tells who somebody is.
 
-    Parameters
-    ----------
-    tokens : TokenStore
-        Who is let in.
-    port : int
-        Where pages are served: cookies do not know ports, so their name does.
-    secure : bool
-        Whether pages are served by TLS.
+    Args:
+        tokens: Who is let in.
+        port: Where pages are served: cookies do not know ports, so their name does.
+        secure: Whether pages are served by TLS.
 
-    Attributes
-    ----------
-    secure : bool
-        The same.
-    pairing : Pairing
-        The devices that wait.
-    tickets : DoorTickets
-        Tickets of single downloads.
-    link_secret : str
-        What the address shown in the terminal ends in; good as long as the service runs.
+    Attributes:
+        pairing: The devices that wait.
+        tickets: Tickets of single downloads.
+        link_secret: What the address shown in the terminal ends in; good as long as the service
+            runs.
     """
 
     def __init__(self, tokens: TokenStore, port: int, *, secure: bool) -> None:
@@ -109,17 +97,12 @@ class Doorkeeper:
     def identity(self, headers: Mapping[str, str], *, local: bool) -> Identity:
         """Return who asks.
 
-        Parameters
-        ----------
-        headers
-            Of the request.
-        local
-            Whether it came by the socket that only this user can open.
+        Args:
+            headers: Of the request.
+            local: Whether it came by the socket that only this user can open.
 
-        Raises
-        ------
-        NotKnownError
-            It shows no token that is known.
+        Raises:
+            NotKnownError: It shows no token that is known.
         """
         found = self.look(headers, local=local)
         if found is None:
@@ -148,17 +131,12 @@ class Doorkeeper:
     def log_in(self, link_secret: str, agent: str = "") -> str:
         """Return the session secret of a browser that has opened the address from the terminal.
 
-        Parameters
-        ----------
-        link_secret : str
-            What the address ends in.
-        agent : str
-            What the browser says of itself; its name is made of it, with a number.
+        Args:
+            link_secret: What the address ends in.
+            agent: What the browser says of itself; its name is made of it, with a number.
 
-        Raises
-        ------
-        NotAllowedError
-            It is another address.
+        Raises:
+            NotAllowedError: It is another address.
         """
         if not hmac.compare_digest(link_secret.encode(), self.link_secret.encode()):
             raise NotAllowedError(

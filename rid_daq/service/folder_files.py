@@ -39,12 +39,8 @@ _NOT_CHOSEN: Final = frozenset({"manifest.json", "result.json", "session.json"})
 def folder_files(service: CellService, robot: str) -> FilesOfCell:
     """Return the files of a service's folder, newest first; of runs, what commands put there.
 
-    Parameters
-    ----------
-    service : CellService
-        The service.
-    robot : str
-        The name of the cell's robot; what names another one is left out.
+    Args:
+        robot: The name of the cell's robot; what names another one is left out.
     """
     found: dict[str, list[NamedFile]] = {sort: [] for sort in FilesOfCell.model_fields}
     for path in sorted(_files(service), key=_changed_s, reverse=True):
@@ -86,10 +82,8 @@ class Putting:
     def taken(self, file: Path, shown: str) -> Iterator[None]:
         """Have a name for as long as the `with` lasts.
 
-        Raises
-        ------
-        ConfigError
-            A file of that name is there, or is just being put (`RID-FILE-EXISTS`).
+        Raises:
+            ConfigError: A file of that name is there, or is just being put (`RID-FILE-EXISTS`).
         """
         if file in self._names or os.path.lexists(file):
             raise ConfigError(

@@ -56,29 +56,18 @@ def serve_cells(
 ) -> None:
     """Serve cells until this process is told to end; then nothing moves any more.
 
-    Parameters
-    ----------
-    cells : sequence of str
-        Bundled names or cell files.
-    folder : Path
-        Folder of runs, motions and models.
-    access : Access
-        Where pages are served, and by which certificate.
-    pace : float
-        Times real time at which simulated cells run.
-    pages : sequence of APIRouter
-        Routes beside the API.
-    ready : callable
-        Told the address to open in a browser, and the socket for programs.
+    Args:
+        cells: Bundled names or cell files.
+        folder: Folder of runs, motions and models.
+        access: Where pages are served, and by which certificate.
+        pace: Times real time at which simulated cells run.
+        pages: Routes beside the API.
+        ready: Told the address to open in a browser, and the socket for programs.
 
-    Raises
-    ------
-    ConfigError
-        A cell file is wrong, or an address cannot be served at.
-    LockedError
-        Another service has one of the cells, or this folder.
-    RecordingError
-        What the service keeps cannot be read or written.
+    Raises:
+        ConfigError: A cell file is wrong, or an address cannot be served at.
+        LockedError: Another service has one of the cells, or this folder.
+        RecordingError: What the service keeps cannot be read or written.
     """
     folder = folder.resolve()
     if not folder.is_dir():

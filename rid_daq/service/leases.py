@@ -25,14 +25,10 @@ class Leases:
 
     A lease outlives a restart of the service, not one of the computer.
 
-    Parameters
-    ----------
-    store : LeaseStore
-        Where they are kept over a restart.
-    now_s : callable
-        The safety clock [s].
-    boot : str, optional
-        The start of the computer that `now_s` belongs to; this one if not given.
+    Args:
+        store: Where they are kept over a restart.
+        now_s: The safety clock [s].
+        boot: The start of the computer that `now_s` belongs to; this one if not given.
     """
 
     def __init__(
@@ -60,27 +56,17 @@ class Leases:
     ) -> HeldLease:
         """Give a cell to somebody.
 
-        Parameters
-        ----------
-        cell : str
-            The cell.
-        who : Identity
-            Who asks.
-        note : str
-            What for; others see it.
-        seconds : float
-            How long it holds unless it is renewed [s].
-        confirmed : str, optional
-            The cell's name, typed by a person who takes it over from somebody.
+        Args:
+            who: Who asks.
+            note: What for; others see it.
+            seconds: How long it holds unless it is renewed [s].
+            confirmed: The cell's name, typed by a person who takes it over from somebody.
 
-        Raises
-        ------
-        LockedError
-            Somebody has it.
-        NotAllowedError
-            A program wants to take it over.
-        ConfigError
-            The time is too short or too long, or the confirmation is not the cell's name.
+        Raises:
+            LockedError: Somebody has it.
+            NotAllowedError: A program wants to take it over.
+            ConfigError: The time is too short or too long, or the confirmation is not the cell's
+                name.
         """
         self._check(seconds)
         running = self._held(cell)
@@ -118,10 +104,8 @@ class Leases:
     def renew(self, cell: str, key: str, seconds: float) -> Lease:
         """Let a lease hold on.
 
-        Raises
-        ------
-        LockedError
-            It has run out, or somebody else has the cell.
+        Raises:
+            LockedError: It has run out, or somebody else has the cell.
         """
         self._check(seconds)
         held = self._require(cell, key)
@@ -132,20 +116,16 @@ class Leases:
     def require(self, cell: str, key: str | None) -> Lease:
         """Return the lease whose key this is.
 
-        Raises
-        ------
-        LockedError
-            It is no key of the lease that runs.
+        Raises:
+            LockedError: It is no key of the lease that runs.
         """
         return self._require(cell, key).lease
 
     def give_back(self, cell: str, key: str) -> None:
         """End a lease.
 
-        Raises
-        ------
-        LockedError
-            It is not this one.
+        Raises:
+            LockedError: It is not this one.
         """
         self._require(cell, key)
         self._store.remove(cell)

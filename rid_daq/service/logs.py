@@ -73,12 +73,9 @@ class Mishaps:
     def of(self, what: str, otherwise: Callable[[], None] = lambda: None) -> Iterator[None]:
         """Keep an exception inside the `with`, also one that nobody has thought of.
 
-        Parameters
-        ----------
-        what : str
-            What is watched, in the words of the log.
-        otherwise : callable
-            What is done where it went wrong.
+        Args:
+            what: What is watched, in the words of the log.
+            otherwise: What is done where it went wrong.
         """
         try:
             yield

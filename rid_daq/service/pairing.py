@@ -47,14 +47,10 @@ class _Waiting:
 class Pairing:
     """The devices that wait to be let in; nobody is told their codes but themselves.
 
-    Parameters
-    ----------
-    tokens : TokenStore
-        Gives a confirmed device its token.
-    ends : TokenEnd
-        When that token ends.
-    now_s : callable
-        The safety clock [s].
+    Args:
+        tokens: Gives a confirmed device its token.
+        ends: When that token ends.
+        now_s: The safety clock [s].
     """
 
     def __init__(
@@ -72,16 +68,12 @@ class Pairing:
     def begin(self, address: str) -> tuple[str, str]:
         """Return the code that a device shows, and the secret that it asks again with.
 
-        Parameters
-        ----------
-        address : str
-            The device's IP address; its places do not count for other addresses.
+        Args:
+            address: The device's IP address; its places do not count for other addresses.
 
-        Raises
-        ------
-        LockedError
-            Too many devices of this address wait (`RID-PAIR-ADDRESS-FULL`), or too many in all
-            (`RID-PAIR-FULL`).
+        Raises:
+            LockedError: Too many devices of this address wait (`RID-PAIR-ADDRESS-FULL`), or too
+                many in all (`RID-PAIR-FULL`).
         """
         self._forget_old()
         if Counter(each.address for each in self._waiting)[address] >= MOST_OF_ADDRESS:
@@ -115,23 +107,14 @@ class Pairing:
     def confirm(self, code: str, name: str, role: Role, by: str = "") -> Token:
         """Let in the device that shows a code.
 
-        Parameters
-        ----------
-        code : str
-            The code, as a person has typed it.
-        name : str
-            The device's name, given by that person.
-        role : Role
-            Its role.
-        by : str
-            The token of that person; wrong codes are counted for each.
+        Args:
+            code: The code, as a person has typed it.
+            name: The device's name, given by that person.
+            by: The token of that person; wrong codes are counted for each.
 
-        Raises
-        ------
-        UnknownError
-            No device that waits shows it (`RID-PAIR-CODE`).
-        LockedError
-            Too many codes were wrong (`RID-PAIR-ATTEMPTS`).
+        Raises:
+            UnknownError: No device that waits shows it (`RID-PAIR-CODE`).
+            LockedError: Too many codes were wrong (`RID-PAIR-ATTEMPTS`).
         """
         self._forget_old()
         if sum(each == by for _, each in self._wrong) >= MOST_WRONG:
@@ -153,10 +136,8 @@ class Pairing:
     def collect(self, secret: str) -> str | None:
         """Return the token of the device that asks again; None until it is confirmed.
 
-        Raises
-        ------
-        UnknownError
-            It does not wait any more: it must begin again (`RID-PAIR-OVER`).
+        Raises:
+            UnknownError: It does not wait any more: it must begin again (`RID-PAIR-OVER`).
         """
         self._forget_old()
         for each in self._waiting:

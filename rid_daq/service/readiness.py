@@ -41,12 +41,9 @@ class Readiness:
     A preflight counts in the service that has seen its end, and as long as that one goes on: the
     store keeps its lines for people.
 
-    Parameters
-    ----------
-    store : CellStore
-        Where preflights and faults are kept.
-    now_s : callable
-        The safety clock [s].
+    Args:
+        store: Where preflights and faults are kept.
+        now_s: The safety clock [s].
     """
 
     def __init__(self, store: CellStore, now_s: Callable[[], float] = safety_now_s) -> None:
@@ -71,12 +68,8 @@ class Readiness:
     def obstacle(self, cell: ServedCell, kind: JobKind | None = None) -> str:
         """Return why the cell is not ready to move, in a sentence; empty where it is.
 
-        Parameters
-        ----------
-        cell : ServedCell
-            The cell.
-        kind : JobKind, optional
-            The motion that is wanted: some need no axis test. Any motion if not given.
+        Args:
+            kind: The motion that is wanted: some need no axis test. Any motion if not given.
         """
         fault = self._store.fault(cell.name)
         if fault:

@@ -22,23 +22,13 @@ _NAME = re.compile(r"^name:\s*[\"']?([\w.-]+)", re.MULTILINE)
 def send(address: str, operation: Operation, request: Request, console: Console) -> None:
     """Send a request to a service, and show what the job says.
 
-    Parameters
-    ----------
-    address : str
-        The service's address.
-    operation : Operation
-        The operation.
-    request : Request
-        Its request.
-    console : Console
-        Where it is shown.
+    Args:
+        address: The service's address.
+        console: Where it is shown.
 
-    Raises
-    ------
-    SystemExit
-        With the exit code of the command, if that is not 0.
-    RidDaqError
-        As the command does; or the service refused, or cannot be reached.
+    Raises:
+        SystemExit: With the exit code of the command, if that is not 0.
+        RidDaqError: As the command does; or the service refused, or cannot be reached.
     """
     from rid_daq.service.client import JobResult, ServiceClient
 
@@ -71,12 +61,9 @@ def send(address: str, operation: Operation, request: Request, console: Console)
 def _end(reason: str, ended: Any) -> None:
     """End as the command would have.
 
-    Raises
-    ------
-    RidDaqError
-        What has ended it.
-    SystemExit
-        With its exit code.
+    Raises:
+        RidDaqError: What has ended it.
+        SystemExit: With its exit code.
     """
     if ended is None:
         raise ServiceError(reason, code="RID-JOB-NOT-DONE")
@@ -90,10 +77,8 @@ def _end(reason: str, ended: Any) -> None:
 def _cell_name(asked: str | None, names: list[str]) -> str:
     """Return which of a service's cells is meant: by its name, or by a file that has it.
 
-    Raises
-    ------
-    ConfigError
-        None of them.
+    Raises:
+        ConfigError: None of them.
     """
     if asked is None:
         return names[0]
@@ -111,10 +96,8 @@ def _cell_name(asked: str | None, names: list[str]) -> str:
 class _Shown:
     """Shows on a console what a job says, and asks there what it asks.
 
-    Parameters
-    ----------
-    console : Console
-        Where.
+    Args:
+        console: Where.
     """
 
     def __init__(self, console: Console) -> None:

@@ -48,21 +48,14 @@ def check_request(
 ) -> None:
     """Refuse what is no request of its kind, and files that a client may not name.
 
-    Parameters
-    ----------
-    kind : JobKind
-        The kind of the job.
-    request : dict
-        What is asked for.
-    folder : Path
-        The service's folder: files outside of it, and hidden ones, are not named.
-    of_cells : collection of Path
-        The files of cells: no job writes over them.
+    Args:
+        kind: The kind of the job.
+        request: What is asked for.
+        folder: The service's folder: files outside of it, and hidden ones, are not named.
+        of_cells: The files of cells: no job writes over them.
 
-    Raises
-    ------
-    ConfigError
-        It says what, and where.
+    Raises:
+        ConfigError: It says what, and where.
     """
     _refuse_unreadable(kind, request, ())
     _check_operation(kind, request)
@@ -82,10 +75,8 @@ def check_request(
 def require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
     """Refuse texts that are too long, and a request that is (`RID-REQUEST-LENGTH`).
 
-    Raises
-    ------
-    ConfigError
-        One of them is.
+    Raises:
+        ConfigError: One of them is.
     """
     for name, told in request.items():
         most = _MOST_OF.get(name, MOST_CHARACTERS)
@@ -106,10 +97,8 @@ def require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
 def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
     """Refuse an output whose name does not end as files of its kind do (`RID-OUTPUT-ENDING`).
 
-    Raises
-    ------
-    ConfigError
-        It ends otherwise.
+    Raises:
+        ConfigError: It ends otherwise.
     """
     for name, allowed in kind.operation.outputs.items():
         output = request.get(name)
@@ -135,19 +124,12 @@ def _check_operation(kind: JobKind, request: object) -> None:
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:
     """Return a path that a client has named, resolved inside the service's folder.
 
-    Parameters
-    ----------
-    path : str
-        The path.
-    folder : Path
-        The service's folder.
-    beside : Path, optional
-        Where the path begins; the service's folder where nothing is said.
+    Args:
+        folder: The service's folder.
+        beside: Where the path begins; the service's folder where nothing is said.
 
-    Raises
-    ------
-    ConfigError
-        It leads out of it, or to what is hidden.
+    Raises:
+        ConfigError: It leads out of it, or to what is hidden.
     """
     root = folder.resolve()
     shown = f"{path[:MOST_SHOWN]!r}"
@@ -190,19 +172,14 @@ def is_hidden(inside: Path) -> bool:
 def refuse_bad_file(file: Path, content: bytes, folder: Path) -> None:
     """Refuse JSON that no reader takes, and a motion whose table is outside the service's folder.
 
-    Parameters
-    ----------
-    file : Path
-        Where it is to lie.
-    content : bytes
-        The file.
-    folder : Path
-        The service's folder.
+    Args:
+        file: Where it is to lie.
+        content: The file.
+        folder: The service's folder.
 
-    Raises
-    ------
-    ConfigError
-        `RID-FILE-JSON`: it is no JSON, or nested too deeply; or as `refuse_table_outside`.
+    Raises:
+        ConfigError: `RID-FILE-JSON`: it is no JSON, or nested too deeply; or as
+            `refuse_table_outside`.
     """
     if file.suffix != ".json":
         refuse_table_outside(file, content, folder)
@@ -216,19 +193,13 @@ def refuse_bad_file(file: Path, content: bytes, folder: Path) -> None:
 def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
     """Refuse a motion whose positions stand in a file outside the service's folder.
 
-    Parameters
-    ----------
-    motion : Path
-        Where its file is to lie; its table is looked for from there.
-    content : bytes
-        The file; what is no motion has no table.
-    folder : Path
-        The service's folder.
+    Args:
+        motion: Where its file is to lie; its table is looked for from there.
+        content: The file; what is no motion has no table.
+        folder: The service's folder.
 
-    Raises
-    ------
-    ConfigError
-        The table leads out of it, or to what is hidden.
+    Raises:
+        ConfigError: The table leads out of it, or to what is hidden.
     """
     table = _table_of(content, motion.name)
     if table is not None:
@@ -238,12 +209,9 @@ def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
 def hashes_of_named(request: dict[str, Any], folder: Path) -> dict[str, str]:
     """Return the SHA-256 of the files that a request names, and of their tables, by their paths.
 
-    Parameters
-    ----------
-    request : dict
-        What is asked for, checked.
-    folder : Path
-        The service's folder.
+    Args:
+        request: What is asked for, checked.
+        folder: The service's folder.
     """
     found: dict[str, str] = {}
     waiting = [folder / text for text in _texts(request)]

@@ -40,10 +40,8 @@ MOST_WAITING_BYTES: Final = 1 << 15
 class EventTail:
     """Reads the events of a job as they are written.
 
-    Parameters
-    ----------
-    path : Path
-        The file of the events.
+    Args:
+        path: The file of the events.
     """
 
     def __init__(self, path: Path) -> None:
@@ -72,12 +70,9 @@ class EventTail:
 class WorkerProcess:
     """A worker, and the memory in which it sees that the service lives.
 
-    Attributes
-    ----------
-    process : asyncio.subprocess.Process
-        The worker.
-    beat : ServiceBeat
-        The memory.
+    Attributes:
+        process: The worker.
+        beat: The memory.
     """
 
     process: asyncio.subprocess.Process
@@ -87,29 +82,16 @@ class WorkerProcess:
 class RunningJob:
     """A job that runs.
 
-    Parameters
-    ----------
-    job : Job
-        As it is journalled.
-    cell : ServedCell
-        Its cell.
-    worker : WorkerProcess
-        Its worker.
-    events : Path
-        The file of its events.
+    Args:
+        job: As it is journalled.
+        events: The file of its events.
 
-    Attributes
-    ----------
-    job : Job
-        As it is journalled last.
-    beat : ServiceBeat
-        Where its worker sees that the service lives.
-    stopping : str
-        Why it was told to stop; empty where it was not.
-    question : Asked or None
-        What waits for an answer.
-    ended : Ended or None
-        Its own last word.
+    Attributes:
+        job: As it is journalled last.
+        beat: Where its worker sees that the service lives.
+        stopping: Why it was told to stop; empty where it was not.
+        question: What waits for an answer.
+        ended: Its own last word.
     """
 
     def __init__(self, job: Job, cell: ServedCell, worker: WorkerProcess, events: Path) -> None:
@@ -232,12 +214,9 @@ def _failed_verdict(blocks: Iterable[ToldBlock]) -> str:
 class StartingJob:
     """A job whose worker is on its way.
 
-    Attributes
-    ----------
-    job : Job
-        As it is journalled.
-    stopping : str
-        Why it is not to begin; empty where it is.
+    Attributes:
+        job: As it is journalled.
+        stopping: Why it is not to begin; empty where it is.
     """
 
     job: Job
@@ -251,10 +230,8 @@ class StartingJob:
 class WarmWorker:
     """A worker that is ready before there is a job: it has imported what jobs need.
 
-    Parameters
-    ----------
-    log : Path
-        Where workers write what is no event: mistakes of the program.
+    Args:
+        log: Where workers write what is no event: mistakes of the program.
     """
 
     def __init__(self, log: Path) -> None:

@@ -16,17 +16,12 @@ LOOK_S: Final = 1.0
 class ServedCell:
     """A cell file, looked at again where a file of it, or one beside it, has changed.
 
-    Parameters
-    ----------
-    reference : str
-        A bundled name or a path.
-    pace : float
-        How many times the clock's pace the cell keeps where it is simulated.
+    Args:
+        reference: A bundled name or a path.
+        pace: How many times the clock's pace the cell keeps where it is simulated.
 
-    Raises
-    ------
-    ConfigError
-        The cell cannot be loaded.
+    Raises:
+        ConfigError: The cell cannot be loaded.
     """
 
     def __init__(self, reference: str, pace: float) -> None:

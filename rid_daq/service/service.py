@@ -55,19 +55,12 @@ MOST_EVENTS: Final = 2000
 class CellService:
     """The cells that this process owns.
 
-    Parameters
-    ----------
-    folder : Path
-        Where runs, motions and models lie; what clients name is inside of it.
-    cells : sequence of ServedCell
-        The cells.
+    Args:
+        folder: Where runs, motions and models lie; what clients name is inside of it.
 
-    Raises
-    ------
-    ConfigError
-        Two cells have one name.
-    RecordingError
-        What the service keeps cannot be read or written.
+    Raises:
+        ConfigError: Two cells have one name.
+        RecordingError: What the service keeps cannot be read or written.
     """
 
     def __init__(self, folder: Path, cells: Sequence[ServedCell]) -> None:
@@ -109,10 +102,8 @@ class CellService:
     def cell(self, name: str) -> ServedCell:
         """Return a cell by its name.
 
-        Raises
-        ------
-        UnknownError
-            There is none.
+        Raises:
+            UnknownError: There is none.
         """
         found = self.cells.get(name)
         if found is None:
@@ -124,10 +115,8 @@ class CellService:
     def job(self, job_id: str) -> Job:
         """Return a job by its id.
 
-        Raises
-        ------
-        UnknownError
-            There is none.
+        Raises:
+            UnknownError: There is none.
         """
         found = self.jobs.get(job_id)
         if found is None:
@@ -177,33 +166,19 @@ class CellService:
     ) -> Job:
         """Journal a job and begin it; one that only computes may have to wait for its turn.
 
-        Parameters
-        ----------
-        cell : ServedCell
-            Its cell.
-        kind : JobKind
-            What is done.
-        request : dict
-            What is asked for, as the schema of its operation has it.
-        who : Identity
-            Who asks.
-        lease : str, optional
-            The key of the cell's lease.
-        cleared : bool
-            Whether a person has just said that nobody is in the cell.
-        on_lost_client : "stop" or "finish"
-            What happens to a motion whose lease ends.
+        Args:
+            kind: What is done.
+            request: What is asked for, as the schema of its operation has it.
+            who: Who asks.
+            lease: The key of the cell's lease.
+            cleared: Whether a person has just said that nobody is in the cell.
+            on_lost_client: What happens to a motion whose lease ends.
 
-        Raises
-        ------
-        ConfigError
-            It is no request of this kind.
-        LockedError
-            Somebody else has the cell, or another job has its bus open.
-        PreflightError
-            The cell is not ready to move, or nobody has said that it is clear.
-        NotAllowedError
-            Who asks may only look.
+        Raises:
+            ConfigError: It is no request of this kind.
+            LockedError: Somebody else has the cell, or another job has its bus open.
+            PreflightError: The cell is not ready to move, or nobody has said that it is clear.
+            NotAllowedError: Who asks may only look.
         """
         require_role(who, Role.OPERATOR)
         if self.workshop.closing:
@@ -247,10 +222,9 @@ class CellService:
     def cancel(self, job: Job, who: Identity) -> None:
         """End a job: one that waits does not begin, one that runs is stopped.
 
-        Raises
-        ------
-        NotAllowedError
-            Who asks may only look; a motion is stopped by `stop`, which everybody may.
+        Raises:
+            NotAllowedError: Who asks may only look; a motion is stopped by `stop`, which everybody
+                may.
         """
         require_role(who, Role.OPERATOR)
         self.audit.note(who.name, "cancelled", job.cell, f"job {job.id}")
@@ -259,12 +233,9 @@ class CellService:
     def answer(self, job: Job, question: int, text: str, who: Identity, lease: str | None) -> None:
         """Answer what a job asks.
 
-        Raises
-        ------
-        LockedError
-            It asks nothing of that number now, or who answers does not have the cell.
-        NotAllowedError
-            Who answers may only look.
+        Raises:
+            LockedError: It asks nothing of that number now, or who answers does not have the cell.
+            NotAllowedError: Who answers may only look.
         """
         require_role(who, Role.OPERATOR)
         running = self.workshop.get(job.id)
@@ -371,10 +342,8 @@ class CellService:
 def require_role(who: Identity, role: Role) -> None:
     """Refuse who may not do what a role may.
 
-    Raises
-    ------
-    NotAllowedError
-        The role is not enough.
+    Raises:
+        NotAllowedError: The role is not enough.
     """
     if not who.role.includes(role):
         raise NotAllowedError(

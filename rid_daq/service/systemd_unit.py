@@ -45,12 +45,9 @@ WantedBy={target}
 class SystemdUnit:
     """A unit of this program.
 
-    Attributes
-    ----------
-    path : Path
-        Where it lies.
-    text : str
-        What stands in it.
+    Attributes:
+        path: Where it lies.
+        text: What stands in it.
     """
 
     path: Path
@@ -60,14 +57,10 @@ class SystemdUnit:
     def of(cls, cells: Sequence[str], folder: Path, arguments: Sequence[str]) -> SystemdUnit:
         """Return the unit of a service: of the computer where root asks, else of the user.
 
-        Parameters
-        ----------
-        cells
-            What is served.
-        folder
-            Where.
-        arguments
-            The command line behind `rid-daq serve`.
+        Args:
+            cells: What is served.
+            folder: Where.
+            arguments: The command line behind `rid-daq serve`.
         """
         is_root = os.geteuid() == 0
         home = Path("/etc/systemd/system")
@@ -89,12 +82,9 @@ class SystemdUnit:
     def install(self) -> str:
         """Write it; return what a person does next.
 
-        Raises
-        ------
-        ConfigError
-            A unit of somebody else is there.
-        RecordingError
-            It cannot be written.
+        Raises:
+            ConfigError: A unit of somebody else is there.
+            RecordingError: It cannot be written.
         """
         with system_errors(
             RecordingError, f"{self.path}: cannot be written", code="RID-FILE-WRITE"
@@ -113,9 +103,7 @@ class SystemdUnit:
     def keep_current(self) -> bool:
         """Write it again where systemd has started this program from an older one of ours.
 
-        Returns
-        -------
-        bool
+        Returns:
             Whether it was written.
         """
         if "INVOCATION_ID" not in os.environ or not self.path.exists():

@@ -40,27 +40,19 @@ NICENESS: Final = 10
 class Workshop:
     """Starts workers, watches them, and writes what became of their jobs.
 
-    Parameters
-    ----------
-    folder, runs, state : Path
-        Where relative paths begin, where runs lie, where events of jobs are kept.
-    jobs : JobStore
-        The journal of jobs.
-    audit : AuditLog
-        Who did what.
-    leases : Leases
-        Who has which cell.
-    readiness : Readiness
-        Where checks and faults are kept.
-    feed : Feed
-        Tells everybody what happens.
+    Args:
+        folder, runs, state: Where relative paths begin, where runs lie, where events of jobs are
+            kept.
+        jobs: The journal of jobs.
+        audit: Who did what.
+        leases: Who has which cell.
+        readiness: Where checks and faults are kept.
+        feed: Tells everybody what happens.
 
-    Attributes
-    ----------
-    closing : bool
-        Whether nothing more is begun.
-    changed : callable
-        Told the process of every cell whose bus a job has open, 0 for one that is being started.
+    Attributes:
+        closing: Whether nothing more is begun.
+        changed: Told the process of every cell whose bus a job has open, 0 for one that is being
+            started.
     """
 
     closing = False
@@ -123,16 +115,10 @@ class Workshop:
     ) -> Job:
         """Journal a job and begin it; one that only computes may have to wait for its turn.
 
-        Parameters
-        ----------
-        job : Job
-            A new job.
-        cell : ServedCell
-            Its cell.
-        cleared : bool
-            Whether a person has just said that nobody is in the cell.
-        approved : mapping, optional
-            The SHA-256 of the files that the job was accepted with, by their paths.
+        Args:
+            job: A new job.
+            cleared: Whether a person has just said that nobody is in the cell.
+            approved: The SHA-256 of the files that the job was accepted with, by their paths.
         """
         self._jobs.add(job)
         self._publish(job)

@@ -24,18 +24,12 @@ if TYPE_CHECKING:
 class Simulation(Ranged):
     """How mock hardware that a command starts is.
 
-    Attributes
-    ----------
-    realtime : bool
-        Whether it runs in real time, and may be late, instead of in lock-step.
-    pace : float or None
-        How many times the clock's pace lock-step keeps; as fast as it can if None.
-    seed : int
-        Of its noise.
-    payload : str or None
-        What hangs at the robot's flange, by its name in the plant file.
-    faults : FaultScript
-        What goes wrong in it.
+    Attributes:
+        realtime: Whether it runs in real time, and may be late, instead of in lock-step.
+        pace: How many times the clock's pace lock-step keeps; as fast as it can if None.
+        seed: Of its noise.
+        payload: What hangs at the robot's flange, by its name in the plant file.
+        faults: What goes wrong in it.
     """
 
     realtime: bool = False
@@ -74,26 +68,17 @@ def mountable_cell(
     a simulated cell's mock hardware is started on a bus of this session's own, and yielded too:
     payloads can be mounted on it while it runs.
 
-    Parameters
-    ----------
-    loaded : LoadedCell
-        The cell file and what it names.
-    simulation : Simulation, optional
-        How mock hardware that is started here is.
-    any_eds : bool
-        Whether the caller itself says what the drives' data sheets lack.
+    Args:
+        loaded: The cell file and what it names.
+        simulation: How mock hardware that is started here is.
+        any_eds: Whether the caller itself says what the drives' data sheets lack.
 
-    Raises
-    ------
-    ConfigError
-        There is no such payload, or no mock hardware started here that it could be mounted on, or
-        that could have faults.
-    PreflightError
-        By its data sheet a drive cannot do what it is needed for.
-    LockedError
-        Another session holds the cell.
-    TransportError
-        The mock hardware does not start.
+    Raises:
+        ConfigError: There is no such payload, or no mock hardware started here that it could be
+            mounted on, or that could have faults.
+        PreflightError: By its data sheet a drive cannot do what it is needed for.
+        LockedError: Another session holds the cell.
+        TransportError: The mock hardware does not start.
     """
     simulation = simulation or Simulation()
     payload, faults = simulation.payload, simulation.faults
@@ -177,10 +162,8 @@ def _as_served(cell: CellConfig) -> CellConfig:
 def refuse_one_process(cell: CellConfig) -> None:
     """Refuse a bus that does not leave a process: sessions are several.
 
-    Raises
-    ------
-    ConfigError
-        The cell's interface is `virtual`.
+    Raises:
+        ConfigError: The cell's interface is `virtual`.
     """
     if cell.can.interface == "virtual":
         raise ConfigError(

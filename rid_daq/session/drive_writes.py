@@ -23,19 +23,13 @@ def new_write_log(runs: Path) -> WriteLog:
 def held_before(runs: Path, reference: str) -> tuple[SavedDrive, ...]:
     """Return what the drives held before a run, or before the command of a write log.
 
-    Parameters
-    ----------
-    runs : Path
-        The folder of all runs.
-    reference : str
-        A run, as commands name it, be it unfinished; or the path of a write log.
+    Args:
+        runs: The folder of all runs.
+        reference: A run, as commands name it, be it unfinished; or the path of a write log.
 
-    Raises
-    ------
-    ConfigError
-        There is no such run, it wrote nothing to drives, or its write_log is damaged.
-    RecordingError
-        The run's folder cannot be read.
+    Raises:
+        ConfigError: There is no such run, it wrote nothing to drives, or its write_log is damaged.
+        RecordingError: The run's folder cannot be read.
     """
     path = Path(reference)
     if path.suffix != ".jsonl":

@@ -17,12 +17,9 @@ from rid_daq.session.session import lock_path
 def owned(cell: CellConfig) -> Iterator[None]:
     """Own a cell for as long as the `with` lasts: others must ask this process.
 
-    Raises
-    ------
-    LockedError
-        Another service owns it.
-    RecordingError
-        The lock file cannot be opened.
+    Raises:
+        LockedError: Another service owns it.
+        RecordingError: The lock file cannot be opened.
     """
     path = _owner_file(cell)
     with contextlib.ExitStack() as stack:
@@ -44,10 +41,8 @@ def owned(cell: CellConfig) -> Iterator[None]:
 def refuse_owned(cell: CellConfig) -> None:
     """Refuse a cell that a service owns, unless that service has started this very process.
 
-    Raises
-    ------
-    LockedError
-        A service owns it.
+    Raises:
+        LockedError: A service owns it.
     """
     owner = file_holder(_owner_file(cell))
     if owner is not None and owner not in (os.getpid(), os.getppid()):

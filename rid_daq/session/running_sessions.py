@@ -29,14 +29,10 @@ _STARTED = 22 - 3
 class ProcessIdentity:
     """A process that lives: numbers are used again, a number with its start time is not.
 
-    Attributes
-    ----------
-    pid : int
-        Its number.
-    uid : int
-        The user on whose behalf it acts.
-    started : int
-        When it began, in clock ticks since the computer did.
+    Attributes:
+        pid: Its number.
+        uid: The user on whose behalf it acts.
+        started: When it began, in clock ticks since the computer did.
     """
 
     pid: int
@@ -47,9 +43,9 @@ class ProcessIdentity:
     def of(cls, pid: int) -> ProcessIdentity | None:
         """Return who bears a number now; None where nobody does, or this user may not see it.
 
-        Notes
-        -----
-        proc(5): field 22 of /proc/PID/stat; the second number behind ``Uid:`` in /proc/PID/status.
+        Note:
+            proc(5): field 22 of /proc/PID/stat; the second number behind ``Uid:`` in
+            /proc/PID/status.
         """
         folder = Path(f"/proc/{pid}")
         try:
@@ -72,18 +68,12 @@ _OF_ANOTHER_USER = "belongs to another user; only that user or root can stop it 
 class RunningSession:
     """A session that runs, or what passes itself off as one.
 
-    Attributes
-    ----------
-    file : Path
-        What it signed, and holds.
-    pid : int
-        Of the program, by the kernel's word.
-    command : str
-        The first words of its command line; empty where that is not known.
-    cell : str
-        The name of the cell that it holds; empty where that is not known.
-    refusal : str or None
-        Why it cannot be stopped from here; None where it can.
+    Attributes:
+        file: What it signed, and holds.
+        pid: Of the program, by the kernel's word.
+        command: The first words of its command line; empty where that is not known.
+        cell: The name of the cell that it holds; empty where that is not known.
+        refusal: Why it cannot be stopped from here; None where it can.
     """
 
     file: Path
@@ -101,10 +91,8 @@ class RunningSession:
     def control(self) -> ControlBlock | None:
         """Return the control block of the motion that is under way, None where none is.
 
-        Raises
-        ------
-        PermissionError
-            This process may not look into that one.
+        Raises:
+            PermissionError: This process may not look into that one.
         """
         control = ControlBlock.of_process(self.pid)
         return control if self.is_running else None  # else its number may be another's by now
@@ -143,10 +131,8 @@ def machine_lock_folders() -> tuple[Path, ...]:
 def running_sessions(cell: str | None = None) -> list[RunningSession]:
     """Return the sessions that run on this machine, simulated ones of this user included.
 
-    Parameters
-    ----------
-    cell
-        The name of a cell, where only its session is wanted.
+    Args:
+        cell: The name of a cell, where only its session is wanted.
     """
     found = [session for path in _session_files() if (session := _read(path)) is not None]
     return [session for session in found if cell is None or session.cell in (cell, "")]
@@ -163,17 +149,12 @@ def session_on(lock: Path, pid: int) -> RunningSession | None:
 def signed(lock: Path, cell: str) -> Iterator[None]:
     """Let this process be found as a session for as long as the `with` lasts.
 
-    Parameters
-    ----------
-    lock
-        The lock of its bus, which it holds.
-    cell
-        The name of its cell.
+    Args:
+        lock: The lock of its bus, which it holds.
+        cell: The name of its cell.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be written; it may be another user's.
+    Raises:
+        RecordingError: The file cannot be written; it may be another user's.
     """
     path = _session_file(lock, os.geteuid())
     this = ProcessIdentity.of(os.getpid())

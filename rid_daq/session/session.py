@@ -23,20 +23,14 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     The lock belongs to the operating system: it ends with this process, however that ends. A file
     beside it says to `rid-daq stop` what holds it.
 
-    Parameters
-    ----------
-    cell
-        The cell whose bus (interface and channel) nobody else may command meanwhile.
-    folder
-        Where lock files live. Unless told, the machine's lock folder, and for a simulated bus
-        the folder that its socket is in.
+    Args:
+        cell: The cell whose bus (interface and channel) nobody else may command meanwhile.
+        folder: Where lock files live. Unless told, the machine's lock folder, and for a simulated
+            bus the folder that its socket is in.
 
-    Raises
-    ------
-    LockedError
-        Another session holds the bus; the message says which.
-    RecordingError
-        The lock file cannot be opened, or the session's not be written.
+    Raises:
+        LockedError: Another session holds the bus; the message says which.
+        RecordingError: The lock file cannot be opened, or the session's not be written.
     """
     path = lock_path(cell, folder)
     with contextlib.ExitStack() as stack:

@@ -23,14 +23,10 @@ END_PATIENCE_S: Final = 30.0
 class Stopped:
     """What became of a session that was told to stop.
 
-    Attributes
-    ----------
-    seen : bool
-        Whether it was seen to have stopped.
-    sentence : str
-        What happened, with times.
-    rest_at : str or None
-        When the axes were at rest, where they moved and that was seen.
+    Attributes:
+        seen: Whether it was seen to have stopped.
+        sentence: What happened, with times.
+        rest_at: When the axes were at rest, where they moved and that was seen.
     """
 
     seen: bool

@@ -23,23 +23,15 @@ def require_cleared(
 ) -> None:
     """Ask whether a real cell is clear; of a simulated one only where that is practised.
 
-    Parameters
-    ----------
-    cell
-        The cell.
-    cleared
-        Whether that was said already.
-    context
-        Where a person is asked.
-    practise
-        Whether a simulated cell is asked about like a real one.
-    files
-        What the motion is made from, as its run keeps it; shown by hashes beside the question.
+    Args:
+        cleared: Whether that was said already.
+        context: Where a person is asked.
+        practise: Whether a simulated cell is asked about like a real one.
+        files: What the motion is made from, as its run keeps it; shown by hashes beside the
+            question.
 
-    Raises
-    ------
-    PreflightError
-        Nobody can be asked, or the cell is not clear.
+    Raises:
+        PreflightError: Nobody can be asked, or the cell is not clear.
     """
     if practise or not cell.simulated:
         if files:
@@ -56,10 +48,8 @@ def hashes_shown(files: Mapping[str, bytes]) -> str:
 def clear(cell: str, cleared: bool, context: Context, danger: str = "The robot will move.") -> bool:
     """Ask whether a cell is clear, question by question, unless that was said; return True.
 
-    Raises
-    ------
-    PreflightError
-        Nobody can be asked, or the cell is not clear.
+    Raises:
+        PreflightError: Nobody can be asked, or the cell is not clear.
     """
     if cleared:
         return True
@@ -85,10 +75,8 @@ def clear(cell: str, cleared: bool, context: Context, danger: str = "The robot w
 def require_yes(context: Context, question: str, answered: bool) -> None:
     """Ask a person, unless a flag answers.
 
-    Raises
-    ------
-    PreflightError
-        Nobody can be asked, or the answer is no.
+    Raises:
+        PreflightError: Nobody can be asked, or the answer is no.
     """
     if answered:
         context.say(f"{question} Answered by --yes.")

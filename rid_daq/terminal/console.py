@@ -105,10 +105,8 @@ def _cell(text: str) -> str:
 def _as_json(value: object) -> object:
     """Return a model as JSON has it.
 
-    Raises
-    ------
-    TypeError
-        It is none.
+    Raises:
+        TypeError: It is none.
     """
     from pydantic import BaseModel  # takes longer to import than all else that says something
 
@@ -177,12 +175,9 @@ class Console:
     ) -> None:
         """Write the result of an operation, for programs or for people.
 
-        Parameters
-        ----------
-        document
-            Its numbers, for programs; nothing is written for them if it is empty.
-        blocks
-            What people see of it.
+        Args:
+            document: Its numbers, for programs; nothing is written for them if it is empty.
+            blocks: What people see of it.
         """
         from rid_daq.terminal.shown_blocks import show  # blocks are models: a help needs none
 
@@ -205,16 +200,11 @@ class Console:
 
         On a terminal that is too narrow for it, in parts one under the other.
 
-        Parameters
-        ----------
-        columns
-            The head.
-        rows
-            One sequence of cells a row, as many as `columns`.
-        red
-            One truth value a row.
-        key
-            How many of the first columns say what a row is.
+        Args:
+            columns: The head.
+            rows: One sequence of cells a row, as many as `columns`.
+            red: One truth value a row.
+            key: How many of the first columns say what a row is.
         """
         if self.as_json:
             return
@@ -242,19 +232,12 @@ class Console:
     ) -> T:
         """Ask a person, beside what programs read, until an answer is understood.
 
-        Parameters
-        ----------
-        question
-            The question.
-        understood
-            Returns what an answer means; raises ConfigError where it means nothing.
-        choices
-            Answers that a page shows as buttons: what each says, and its text.
+        Args:
+            understood: Returns what an answer means; raises ConfigError where it means nothing.
+            choices: Answers that a page shows as buttons: what each says, and its text.
 
-        Raises
-        ------
-        PreflightError
-            There is no answer: the input has ended.
+        Raises:
+            PreflightError: There is no answer: the input has ended.
         """
 
         def meaning(text: str) -> T:
@@ -269,25 +252,19 @@ class Console:
     def confirm(self, question: str) -> bool:
         """Ask a person for yes or no, beside what programs read.
 
-        Raises
-        ------
-        PreflightError
-            There is no answer: the input has ended.
+        Raises:
+            PreflightError: There is no answer: the input has ended.
         """
         return _answered(lambda: click.confirm(question, err=True))
 
     def require_keys(self, *, simulated: bool) -> None:
         """Refuse to begin if no key can be held, or not safely.
 
-        Parameters
-        ----------
-        simulated
-            Whether the cell is: then a remote terminal will do.
+        Args:
+            simulated: Whether the cell is: then a remote terminal will do.
 
-        Raises
-        ------
-        PreflightError
-            There is no keyboard, or a network is between it and a real cell.
+        Raises:
+            PreflightError: There is no keyboard, or a network is between it and a real cell.
         """
         from rid_daq.terminal.keyboard import require_keyboard
         from rid_daq.terminal.remote_terminal import refuse_remote_terminal
@@ -299,15 +276,11 @@ class Console:
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
         """Return what says which key is held, for as long as its `with` lasts.
 
-        Parameters
-        ----------
-        tapped
-            Told of every key that comes, held or not.
+        Args:
+            tapped: Told of every key that comes, held or not.
 
-        Raises
-        ------
-        PreflightError
-            On entering: there is no keyboard.
+        Raises:
+            PreflightError: On entering: there is no keyboard.
         """
         from rid_daq.terminal.keyboard import Keyboard
 
@@ -316,16 +289,11 @@ class Console:
     def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
         """Be told that a motion begins; what a person sees of it is its progress.
 
-        Parameters
-        ----------
-        run
-            The id of its run.
-        title
-            What is done, in a sentence.
-        rows
-            How many cycles it has, 0 where nobody knows.
-        rows_per_period
-            Of a periodic motion.
+        Args:
+            run: The id of its run.
+            title: What is done, in a sentence.
+            rows: How many cycles it has, 0 where nobody knows.
+            rows_per_period: Of a periodic motion.
         """
 
     def warms_up(
@@ -333,14 +301,10 @@ class Console:
     ) -> None:
         """Be told of more periods of a warm-up; what a person sees of it is its progress.
 
-        Parameters
-        ----------
-        joints
-            Base to flange.
-        power_w
-            What friction takes of each joint, one row a period [W].
-        settled_percent
-            The change of a period that counts as warm [%].
+        Args:
+            joints: Base to flange.
+            power_w: What friction takes of each joint, one row a period [W].
+            settled_percent: The change of a period that counts as warm [%].
         """
 
     @contextmanager

@@ -60,12 +60,10 @@ _BY_STOP: dict[StopCode, ExitCode] = {
 def exit_code_of_stop(code: StopCode, interrupted_by: signal.Signals | None) -> ExitCode:
     """Return the exit code of a motion that was stopped.
 
-    Parameters
-    ----------
-    code
-        Why it was stopped.
-    interrupted_by
-        The signal that came, where one did: SIGINT is 130, SIGTERM and SIGHUP are 143.
+    Args:
+        code: Why it was stopped.
+        interrupted_by: The signal that came, where one did: SIGINT is 130, SIGTERM and SIGHUP are
+            143.
     """
     if code is StopCode.INTERRUPTED and interrupted_by not in (None, signal.SIGINT):
         return ExitCode.TERMINATED

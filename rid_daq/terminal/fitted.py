@@ -18,12 +18,9 @@ def fitted(text: str, columns: int) -> str:
     program or a path at a line's end stays whole, on a line of its own where it must, so that it
     can be pasted.
 
-    Parameters
-    ----------
-    text
-        Lines of any length.
-    columns
-        Width of the terminal.
+    Args:
+        text: Lines of any length.
+        columns: Width of the terminal.
     """
     return "\n".join(_fitted_line(line, columns) for line in text.split("\n"))
 

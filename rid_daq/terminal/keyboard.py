@@ -29,17 +29,12 @@ _ALIKE = {"=": "+", "_": "-"}
 class Keyboard:
     """A terminal's keys for as long as the `with` lasts, in which it shows none of them.
 
-    Parameters
-    ----------
-    tapped : callable
-        Told of every key that comes, held or not.
-    now_s : callable
-        The clock that keys are held by [s].
+    Args:
+        tapped: Told of every key that comes, held or not.
+        now_s: The clock that keys are held by [s].
 
-    Raises
-    ------
-    PreflightError
-        On entering: standard input is no terminal.
+    Raises:
+        PreflightError: On entering: standard input is no terminal.
     """
 
     def __init__(
@@ -117,10 +112,8 @@ class Keyboard:
 def require_keyboard() -> None:
     """Refuse to begin where no key can be held.
 
-    Raises
-    ------
-    PreflightError
-        Standard input is no terminal.
+    Raises:
+        PreflightError: Standard input is no terminal.
     """
     if not sys.stdin.isatty():
         raise PreflightError(

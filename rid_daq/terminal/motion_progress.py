@@ -54,19 +54,13 @@ def progress_shown(
 ) -> Callable[[Progress], None]:
     """Return what shows the cyclic task's progress, counted as `total_of` counts.
 
-    Parameters
-    ----------
-    samples : MotionSamples or None
-        The motion; None where no rows are planned.
-    joint_names : sequence of str
-        Base to flange.
-    show : callable
-        Takes how much is done, and a line about how it goes.
-    watched : callable
-        Says what is estimated meanwhile; empty where nothing is.
-    seen_enough : callable
-        Says whether the motion ends early: its run-out follows the period under way, and what it
-        leaves out is not counted as done.
+    Args:
+        samples: The motion; None where no rows are planned.
+        joint_names: Base to flange.
+        show: Takes how much is done, and a line about how it goes.
+        watched: Says what is estimated meanwhile; empty where nothing is.
+        seen_enough: Says whether the motion ends early: its run-out follows the period under way,
+            and what it leaves out is not counted as done.
     """
     done = 0.0
 

@@ -21,14 +21,10 @@ _BREAKS = re.compile(r"; |, | \(")
 class BarLine:
     """What one line of the display holds.
 
-    Attributes
-    ----------
-    title : str
-        What is done.
-    bar : int
-        Columns of the bar.
-    tail : str
-        How it goes.
+    Attributes:
+        title: What is done.
+        bar: Columns of the bar.
+        tail: How it goes.
     """
 
     title: str
@@ -39,12 +35,9 @@ class BarLine:
 def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
     """Lay a line out so that bar, count and time left are never lost.
 
-    Parameters
-    ----------
-    width
-        Columns of the terminal.
-    title, count, tail
-        What is done, how much of it, and how it goes, most important first.
+    Args:
+        width: Columns of the terminal.
+        title, count, tail: What is done, how much of it, and how it goes, most important first.
     """
     title = shortened(title, max(width // 4, 8))
     free = width - len(title) - len(count) - _TIME_LEFT - 4  # a column between each two

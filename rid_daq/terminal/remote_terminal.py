@@ -36,18 +36,13 @@ def refuse_remote_terminal(
 ) -> None:
     """Refuse to hold keys of a real cell if the terminal is reached over a network.
 
-    Parameters
-    ----------
-    environment : mapping
-        The variables of this process.
-    proc : Path
-        Where the kernel shows processes.
+    Args:
+        environment: The variables of this process.
+        proc: Where the kernel shows processes.
 
-    Raises
-    ------
-    PreflightError
-        It is, as far as variables, processes above this one and those that are attached to a
-        terminal multiplexer show.
+    Raises:
+        PreflightError: It is, as far as variables, processes above this one and those that are
+            attached to a terminal multiplexer show.
     """
     why = remote_terminal(environment, proc)
     if why:
@@ -109,9 +104,8 @@ def _attached(proc: Path) -> Iterator[int]:
 def _name_and_parent(proc: Path, process: int) -> tuple[str, int]:
     """Return a process's name and its parent's id; nothing and 0 if it has ended.
 
-    Notes
-    -----
-    proc_pid_stat(5): the name stands in brackets and may contain some.
+    Note:
+        proc_pid_stat(5): the name stands in brackets and may contain some.
     """
     try:
         text = (proc / str(process) / "stat").read_text(encoding="utf-8", errors="replace")

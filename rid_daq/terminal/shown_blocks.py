@@ -18,12 +18,9 @@ ROOMY: Final = 120
 def show(blocks: Iterable[AnyBlock], console: Console) -> None:
     """Write blocks for people.
 
-    Parameters
-    ----------
-    blocks : iterable of block
-        The blocks, in their order.
-    console : Console
-        Where they are written; a worker's console writes events.
+    Args:
+        blocks: The blocks, in their order.
+        console: Where they are written; a worker's console writes events.
     """
     for block in blocks:
         match block:

@@ -52,14 +52,10 @@ def print_table(
 def laid_out(table: Sequence[Sequence[str]], columns: int, key: int = 1) -> list[Part] | None:
     """Return the parts in which a table is shown; None where its words do not fit.
 
-    Parameters
-    ----------
-    table
-        The head and the rows, as many cells in each.
-    columns
-        Width of the terminal.
-    key
-        How many of the first columns say what a row is: every part begins with them.
+    Args:
+        table: The head and the rows, as many cells in each.
+        columns: Width of the terminal.
+        key: How many of the first columns say what a row is: every part begins with them.
     """
     cells = [[row[number] for row in table] for number in range(len(table[0]))]
     natural = [max(map(cell_len, column)) for column in cells]

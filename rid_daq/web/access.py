@@ -32,19 +32,13 @@ _FETCH_SITES = ("same-origin", "none")
 class Access:
     """Who may ask for what.
 
-    Attributes
-    ----------
-    address : str
-        The literal address that is listened on.
-    port : int
-        Its port, once it is known.
-    token : str
-        What a viewer must show; new at every start unless the user has given one.
-    certificate : Path or None
-        PEM file with certificate and key, for TLS.
-    session : str
-        The secret in the page's addresses. It ends with the program, so that a page that stays open
-        sends nothing of use to whichever program has the port afterwards.
+    Attributes:
+        address: The literal address that is listened on.
+        port: Its port, once it is known.
+        token: What a viewer must show; new at every start unless the user has given one.
+        certificate: PEM file with certificate and key, for TLS.
+        session: The secret in the page's addresses. It ends with the program, so that a page that
+            stays open sends nothing of use to whichever program has the port afterwards.
     """
 
     address: str
@@ -62,11 +56,9 @@ class Access:
     ) -> Access:
         """Return what the user's options say; a loopback address is all that goes without more.
 
-        Raises
-        ------
-        ConfigError
-            The address is none, or can be reached from other machines and has no token or no TLS;
-            a file is missing or too short.
+        Raises:
+            ConfigError: The address is none, or can be reached from other machines and has no token
+                or no TLS; a file is missing or too short.
         """
         address, port = _parse_listen(listen)
         if not ipaddress.ip_address(address).is_loopback and (token is None or certificate is None):
@@ -92,10 +84,8 @@ class Access:
     def of_service(cls, listen: str, certificate: Path | None) -> Access:
         """Return what the options of `rid-daq serve` say; its tokens are its own.
 
-        Raises
-        ------
-        ConfigError
-            The address is none, or can be reached from other machines and has no TLS.
+        Raises:
+            ConfigError: The address is none, or can be reached from other machines and has no TLS.
         """
         address, port = _parse_listen(listen)
         if not ipaddress.ip_address(address).is_loopback and certificate is None:
@@ -128,10 +118,8 @@ class Access:
     def tls(self) -> ssl.SSLContext | None:
         """Return how connections are encrypted, None where they are not.
 
-        Raises
-        ------
-        ConfigError
-            The file does not hold a certificate and its key.
+        Raises:
+            ConfigError: The file does not hold a certificate and its key.
         """
         if self.certificate is None:
             return None
@@ -173,10 +161,8 @@ class Access:
     def is_own_page(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request comes from our page, from the address bar, or from no browser.
 
-        Parameters
-        ----------
-        headers
-            By lower-case name; `host` has been found to be our own name.
+        Args:
+            headers: By lower-case name; `host` has been found to be our own name.
         """
         origin = headers.get("origin")
         if origin is not None and origin != f"{self.scheme}://{headers.get('host', '')}":

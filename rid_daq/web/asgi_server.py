@@ -37,16 +37,11 @@ class AsgiServer:
     gets a request when all of it is there. A WebSocket, or an answer of type `text/event-stream`,
     is a stream: `Limits.streams` of them may stay, another gets 503.
 
-    Parameters
-    ----------
-    app : ASGI application
-        What answers.
-    tls : ssl.SSLContext or None
-        How connections by TCP are encrypted, None where they are not.
-    limits : Limits
-        What clients may take.
-    reception : Reception or None
-        Decides about requests by their heads, before the application sees them.
+    Args:
+        app: What answers.
+        tls: How connections by TCP are encrypted, None where they are not.
+        limits: What clients may take.
+        reception: Decides about requests by their heads, before the application sees them.
     """
 
     def __init__(
@@ -82,19 +77,13 @@ class AsgiServer:
         From then on nobody is let in; answers and streams have `last_words_s` to end by themselves.
         A WebSocket that has not is told 1012, and the application's tasks are cancelled.
 
-        Parameters
-        ----------
-        listeners : sequence of socket
-            By TCP (with TLS where there is a context) and Unix sockets (without).
-        until : asyncio.Event
-            Ends it.
-        last_words_s : float
-            How long the end may take.
+        Args:
+            listeners: By TCP (with TLS where there is a context) and Unix sockets (without).
+            until: Ends it.
+            last_words_s: How long the end may take.
 
-        Raises
-        ------
-        RuntimeError
-            The application's start has failed.
+        Raises:
+            RuntimeError: The application's start has failed.
         """
         lifespan = self._uvicorn.lifespan()
         await lifespan.startup()
@@ -126,14 +115,10 @@ class AsgiServer:
     def adopt(self, line: socket.socket, peer: Peer, received: bytes) -> None:
         """Serve a connection that another process has accepted, and read so far.
 
-        Parameters
-        ----------
-        line : socket.socket
-            The connection, without TLS.
-        peer : Peer
-            The client.
-        received : bytes
-            What it has sent already.
+        Args:
+            line: The connection, without TLS.
+            peer: The client.
+            received: What it has sent already.
         """
         door = self._adopting.get(peer.local)
         if door is None:

@@ -28,21 +28,14 @@ _STREAM_BUFFER_BYTES = 32 << 10  # what a viewer who does not keep up may be beh
 class Connection(asyncio.Protocol):
     """One connection: what a client sends reaches the speaker once the request's head is whole.
 
-    Parameters
-    ----------
-    door : Door
-        Where it came in.
-    peer : Peer or None
-        The client, if another process has accepted it; else the socket tells.
-    received : bytes
-        What that process has read already.
+    Args:
+        door: Where it came in.
+        peer: The client, if another process has accepted it; else the socket tells.
+        received: What that process has read already.
 
-    Attributes
-    ----------
-    owner : str
-        Who is counted for it.
-    body_bytes : int
-        How large its request's body may be.
+    Attributes:
+        owner: Who is counted for it.
+        body_bytes: How large its request's body may be.
     """
 
     def __init__(self, door: Door, peer: Peer | None = None, received: bytes = b"") -> None:

@@ -22,28 +22,20 @@ class Limits:
     An owner is the token that a client shows, or else its address. Where there is no place, the
     oldest connection of the owner with the most goes for the new one.
 
-    Attributes
-    ----------
-    waiting : int
-        Connections whose request's head is not whole yet, TLS handshakes among them.
-    answering : int
-        Connections that are being answered.
-    streams, streams_of_one : int
-        WebSockets and streams of events, of all and of one owner, who gets 503 for one more.
-    leaving : int
-        Connections whose answer is given but not yet taken.
-    lines, lines_of_one : int
-        Lines of the reception (STOP), of all and of one owner.
-    head_bytes, body_bytes : int
-        Of a request; the reception may allow another body.
-    message_bytes : int
-        Of a WebSocket's message.
-    stream_bytes, stream_bytes_s : int
-        What a client may send over a WebSocket at once, and in a second.
-    request_s : float
-        From the connection to the request's last byte [s]; the reception may allow longer bodies.
-    answer_s, stream_s : float
-        How long a client may take nothing of what is there for it [s].
+    Attributes:
+        waiting: Connections whose request's head is not whole yet, TLS handshakes among them.
+        answering: Connections that are being answered.
+        streams, streams_of_one: WebSockets and streams of events, of all and of one owner, who gets
+            503 for one more.
+        leaving: Connections whose answer is given but not yet taken.
+        lines, lines_of_one: Lines of the reception (STOP), of all and of one owner.
+        head_bytes, body_bytes: Of a request; the reception may allow another body.
+        message_bytes: Of a WebSocket's message.
+        stream_bytes, stream_bytes_s: What a client may send over a WebSocket at once, and in a
+            second.
+        request_s: From the connection to the request's last byte [s]; the reception may allow
+            longer bodies.
+        answer_s, stream_s: How long a client may take nothing of what is there for it [s].
     """
 
     waiting: int = 128
@@ -66,18 +58,12 @@ class Limits:
 class Door:
     """A listener's connections, by what they are at.
 
-    Parameters
-    ----------
-    limits : Limits
-        How many there may be.
-    speaker : callable
-        Makes what speaks HTTP with a connection.
-    tls : ssl.SSLContext or None
-        How they are encrypted.
-    local : bool
-        Whether it is a Unix socket.
-    reception : Reception or None
-        Decides about requests by their heads, before the speaker sees them.
+    Args:
+        limits: How many there may be.
+        speaker: Makes what speaks HTTP with a connection.
+        tls: How they are encrypted.
+        local: Whether it is a Unix socket.
+        reception: Decides about requests by their heads, before the speaker sees them.
     """
 
     def __init__(

@@ -16,10 +16,8 @@ class Feed:
     event is kept for every viewer; one for whom too many wait is ended, so that it knows that it
     has missed something.
 
-    Parameters
-    ----------
-    most_events : int
-        How many events may wait for a viewer.
+    Args:
+        most_events: How many events may wait for a viewer.
     """
 
     def __init__(self, most_events: int = MOST_EVENTS) -> None:
@@ -63,12 +61,9 @@ class Feed:
     ) -> AsyncGenerator[bytes]:
         """Yield what one viewer is shown, from the last pictures on; events before pictures.
 
-        Parameters
-        ----------
-        first : sequence of bytes
-            Events that this viewer alone is told at first.
-        pause_s : float
-            The least time between two looks at what is new [s].
+        Args:
+            first: Events that this viewer alone is told at first.
+            pause_s: The least time between two looks at what is new [s].
         """
         viewer = _Viewer(first, self._pictures, self._over)
         self._viewers.add(viewer)

@@ -34,14 +34,10 @@ class Guard:
     refused before it is accepted. Every answer has headers that keep a browser from taking it for
     something else; a header that the application has set stays.
 
-    Parameters
-    ----------
-    app : ASGI application
-        What answers those who may ask.
-    access : Access
-        Under which names.
-    policy : str
-        The pages' content security policy.
+    Args:
+        app: What answers those who may ask.
+        access: Under which names.
+        policy: The pages' content security policy.
     """
 
     def __init__(self, app: ASGIApp, access: Access, policy: str = PAGE_POLICY) -> None:
@@ -107,14 +103,10 @@ def sender_refusal(
 ) -> HTTPStatus | None:
     """Return why a request is refused by its headers alone, None if it is not.
 
-    Parameters
-    ----------
-    access : Access
-        Our own names and pages.
-    lines : sequence of (str, str)
-        The headers, names in lower case.
-    local : bool
-        Whether it came by a Unix socket, which no browser reaches.
+    Args:
+        access: Our own names and pages.
+        lines: The headers, names in lower case.
+        local: Whether it came by a Unix socket, which no browser reaches.
     """
     counts = Counter(name for name, _ in lines)
     if any(counts[name] > 1 for name in _ONCE):

@@ -16,12 +16,9 @@ from rid_daq.web.request_head import RequestHead
 class Peer:
     """The client of a connection.
 
-    Attributes
-    ----------
-    local : bool
-        Whether it came by a Unix socket.
-    address : str
-        Its IP address; empty for a Unix socket.
+    Attributes:
+        local: Whether it came by a Unix socket.
+        address: Its IP address; empty for a Unix socket.
     """
 
     local: bool
@@ -32,14 +29,10 @@ class Peer:
 class Reply:
     """An answer that is given at once.
 
-    Attributes
-    ----------
-    status : HTTPStatus
-        Its status.
-    document : dict
-        Its body, as JSON.
-    patient : bool
-        Whether a long body is still read, and thrown away, so that the client sees the answer.
+    Attributes:
+        document: Its body, as JSON.
+        patient: Whether a long body is still read, and thrown away, so that the client sees the
+            answer.
     """
 
     status: HTTPStatus
@@ -64,12 +57,9 @@ class Reply:
 class Line:
     """A connection that stays, apart from the application's.
 
-    Attributes
-    ----------
-    owner : str
-        Whose it is: everybody has a few.
-    speaker : callable
-        Makes the protocol that speaks with the client, the head included.
+    Attributes:
+        owner: Whose it is: everybody has a few.
+        speaker: Makes the protocol that speaks with the client, the head included.
     """
 
     owner: str
@@ -80,14 +70,10 @@ class Line:
 class Admitted:
     """A request that the application may see.
 
-    Attributes
-    ----------
-    owner : str
-        Whose it is.
-    body_bytes : int
-        How large its body may be.
-    body_s : float or None
-        How long the body may take from now on [s]; None for the usual time.
+    Attributes:
+        owner: Whose it is.
+        body_bytes: How large its body may be.
+        body_s: How long the body may take from now on [s]; None for the usual time.
     """
 
     owner: str

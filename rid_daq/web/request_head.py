@@ -12,14 +12,10 @@ from urllib.parse import unquote
 class RequestHead:
     """Method, path and headers of a request.
 
-    Attributes
-    ----------
-    method : str
-        As sent.
-    path : str
-        Without its query, percent-decoded.
-    lines : sequence of (str, str)
-        Headers in their order, names in lower case.
+    Attributes:
+        method: As sent.
+        path: Without its query, percent-decoded.
+        lines: Headers in their order, names in lower case.
     """
 
     method: str
@@ -30,10 +26,8 @@ class RequestHead:
     def parse(cls, head: bytes) -> RequestHead | None:
         """Return the head of a request, None if it is malformed.
 
-        Parameters
-        ----------
-        head : bytes
-            All bytes before the empty line.
+        Args:
+            head: All bytes before the empty line.
         """
         first, *rest = head.decode("latin-1").split("\r\n")
         words = first.split(" ")

@@ -12,12 +12,9 @@ Member = TypeVar("Member")
 class Room(Generic[Member]):
     """Members by the key of their owner; the fullest owner makes room for others.
 
-    Parameters
-    ----------
-    most : int
-        Places in all.
-    most_of_one : int
-        Places of one owner.
+    Args:
+        most: Places in all.
+        most_of_one: Places of one owner.
     """
 
     def __init__(self, most: int, most_of_one: int | None = None) -> None:

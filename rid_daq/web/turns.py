@@ -20,12 +20,9 @@ class NoTurnError(Exception):
 class Turns:
     """Gives out turns in rotation between owners; one event loop's.
 
-    Parameters
-    ----------
-    at_once, of_one : int
-        Turns at the same time, of all and of one owner.
-    waiting_of_one : int
-        Requests of one owner that may wait.
+    Args:
+        at_once, of_one: Turns at the same time, of all and of one owner.
+        waiting_of_one: Requests of one owner that may wait.
     """
 
     def __init__(
@@ -40,10 +37,8 @@ class Turns:
     async def take(self, key: str) -> Turn:
         """Wait for a turn.
 
-        Raises
-        ------
-        NoTurnError
-            Too many of this owner wait already.
+        Raises:
+            NoTurnError: Too many of this owner wait already.
         """
         if self._is_free(key) and key not in self._waiting:
             self._taken[key] += 1

@@ -35,14 +35,10 @@ class HttpProtocol(H11Protocol):
 class Uvicorn:
     """Makes one protocol a connection for an application.
 
-    Parameters
-    ----------
-    app : ASGI application
-        What answers.
-    message_bytes : int
-        The largest WebSocket message.
-    ping_s : float
-        Period and timeout of WebSocket pings.
+    Args:
+        app: What answers.
+        message_bytes: The largest WebSocket message.
+        ping_s: Period and timeout of WebSocket pings.
     """
 
     def __init__(self, app: ASGIApp, message_bytes: int, ping_s: float) -> None:

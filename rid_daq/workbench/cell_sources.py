@@ -15,14 +15,10 @@ _PLACE = re.compile(r"(?:^|[\s/\\])([^\s/\\:]+):(\d+)(?::\d+)?: ")
 class CellSource:
     """A file of a cell.
 
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    lines : sequence of str
-        What it says.
-    wrong_line : int or None
-        The line that an error names, counted from 1.
+    Attributes:
+        name: What it is called.
+        lines: What it says.
+        wrong_line: The line that an error names, counted from 1.
     """
 
     name: str

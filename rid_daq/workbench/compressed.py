@@ -16,12 +16,9 @@ _LEVEL = 6
 class CompressedBody:
     """A body and the same in gzip.
 
-    Attributes
-    ----------
-    plain : bytes
-        The body.
-    gzipped : bytes
-        The body, compressed.
+    Attributes:
+        plain: The body.
+        gzipped: The body, compressed.
     """
 
     plain: bytes
@@ -37,14 +34,10 @@ class CompressedBody:
     ) -> Response:
         """Return the answer to a request, in the form that it accepts.
 
-        Parameters
-        ----------
-        request : Request
-            Its header `Accept-Encoding` decides.
-        media_type : str
-            Kind of the body.
-        headers : mapping, optional
-            Other headers of the answer.
+        Args:
+            request: Its header `Accept-Encoding` decides.
+            media_type: Kind of the body.
+            headers: Other headers of the answer.
         """
         named = {**(headers or {}), "vary": "accept-encoding"}
         accepted = request.headers.get("accept-encoding", "").lower().split(",")

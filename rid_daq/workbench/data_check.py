@@ -35,14 +35,10 @@ class Finding(BaseModel):
 class DataCheck(BaseModel):
     """What the check found.
 
-    Attributes
-    ----------
-    data, model : tuple of Finding
-        Of the runs; and of runs and model together.
-    parameters : int
-        Base parameters of the cell's robot.
-    friction : dict of str
-        The friction terms of each joint in the robot file, by its name.
+    Attributes:
+        data, model: Of the runs; and of runs and model together.
+        parameters: Base parameters of the cell's robot.
+        friction: The friction terms of each joint in the robot file, by its name.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -56,12 +52,8 @@ class DataCheck(BaseModel):
 def check_data(cell: LoadedCell, runs: Sequence[RunFolder]) -> DataCheck:
     """Return whether runs can be identified together; nothing of them is computed anew.
 
-    Parameters
-    ----------
-    cell : LoadedCell
-        The cell whose robot is identified.
-    runs : sequence of RunFolder
-        The runs.
+    Args:
+        cell: The cell whose robot is identified.
     """
     data: list[Finding] = []
     model: list[Finding] = []

@@ -10,12 +10,9 @@ from typing import Final
 class MenuEntry:
     """A page of a cell.
 
-    Attributes
-    ----------
-    path : str
-        What follows `/cells/CELL` in its address; empty for the cell's own page.
-    title : str
-        What it is called.
+    Attributes:
+        path: What follows `/cells/CELL` in its address; empty for the cell's own page.
+        title: What it is called.
     """
 
     path: str

@@ -24,16 +24,11 @@ COLD_OR_WARM: Final = "friction as cold or as warm, whichever takes more"
 class MotionFacts(BaseModel):
     """What a person should know of a motion.
 
-    Attributes
-    ----------
-    kind, sentence : str
-        Its kind, and what it is in a sentence.
-    duration_s : float
-        How long it takes [s].
-    periods : int or None
-        Of a periodic motion.
-    condition_number : float or None
-        Of an excitation.
+    Attributes:
+        kind, sentence: Its kind, and what it is in a sentence.
+        duration_s: How long it takes [s].
+        periods: Of a periodic motion.
+        condition_number: Of an excitation.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -48,10 +43,9 @@ class MotionFacts(BaseModel):
 def motion_facts(cell: LoadedCell, path: Path) -> MotionFacts:
     """Return what a person should know of a motion file.
 
-    Raises
-    ------
-    ConfigError, LimitError
-        The file is none, or is of another robot, or the motion breaks a limit.
+    Raises:
+        ConfigError, LimitError: The file is none, or is of another robot, or the motion breaks a
+            limit.
     """
     motion = motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
@@ -70,10 +64,8 @@ def motion_picture(cell: LoadedCell, path: Path, model: Path | None) -> GridPlot
 
     It is the one that `record` holds the limits by (`limit_torque`).
 
-    Raises
-    ------
-    ConfigError, LimitError
-        As `motion_facts`; or the model is of another robot.
+    Raises:
+        ConfigError, LimitError: As `motion_facts`; or the model is of another robot.
     """
     motion = motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)

@@ -28,27 +28,18 @@ _KINDS: Final[dict[object, FieldKind]] = {
 class FormField:
     """A field of a form.
 
-    Attributes
-    ----------
-    path : str
-        Where its value goes in the request, parts separated by dots.
-    label, hint : str
-        What it is called, with its unit; its description.
-    kind : str
-        What one value is.
-    many : str
-        How it holds several values: "" for one, "list" for one a line, "numbers" for a fixed
-        number of them in one line, "pairs" for NAME=VALUE, one a line.
-    default : str
-        What holds if nothing is given, as text.
-    is_required : bool
-        True if it must be given.
-    choices : tuple of str
-        What a choice may be.
-    offers : str
-        What is offered while somebody types: "files", "runs" or nothing.
-    parts : tuple of (str, str)
-        Name and kind of what one value consists of, written in one line; none for a plain value.
+    Attributes:
+        path: Where its value goes in the request, parts separated by dots.
+        label, hint: What it is called, with its unit; its description.
+        kind: What one value is.
+        many: How it holds several values: "" for one, "list" for one a line, "numbers" for a fixed
+            number of them in one line, "pairs" for NAME=VALUE, one a line.
+        default: What holds if nothing is given, as text.
+        is_required: True if it must be given.
+        choices: What a choice may be.
+        offers: What is offered while somebody types: "files", "runs" or nothing.
+        parts: Name and kind of what one value consists of, written in one line; none for a plain
+            value.
     """
 
     path: str
@@ -90,13 +81,7 @@ class FormField:
 
 
 def form_sections(operation: Operation) -> dict[str, tuple[FormField, ...]]:
-    """Return the fields that a client gives, by their sections; files come last.
-
-    Parameters
-    ----------
-    operation : Operation
-        The operation.
-    """
+    """Return the fields that a client gives, by their sections; files come last."""
     found: dict[str, list[FormField]] = {}
     for shown in shown_fields(operation.request):
         if shown.path[0] not in operation.owned:

@@ -19,14 +19,11 @@ KIND: Final = "payload session"
 class InterruptedSession:
     """A payload session that has not come to its end.
 
-    Attributes
-    ----------
-    run, label, created_utc : str
-        Its id, what people call it, and when it began.
-    done : tuple of str
-        The steps that count already.
-    choices : dict
-        What it was begun with, as a request has it; the model as seen from the service's folder.
+    Attributes:
+        run, label, created_utc: Its id, what people call it, and when it began.
+        done: The steps that count already.
+        choices: What it was begun with, as a request has it; the model as seen from the service's
+            folder.
     """
 
     run: str
@@ -39,14 +36,10 @@ class InterruptedSession:
 def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[InterruptedSession, ...]:
     """Return the sessions of a cell that have not come to their end, the newest first.
 
-    Parameters
-    ----------
-    runs : Path
-        The folder of the run folders.
-    cell : str
-        The cell's name.
-    folder : Path
-        The service's folder.
+    Args:
+        runs: The folder of the run folders.
+        cell: The cell's name.
+        folder: The service's folder.
     """
     found = []
     for run, manifest in list_runs(runs):

@@ -20,12 +20,9 @@ from rid_daq.service.api.runs import RESULT
 class HistoryEntry:
     """An estimate of one run.
 
-    Attributes
-    ----------
-    run_id, label, created_utc : str
-        Of which run.
-    value, std : float
-        The estimate and its standard deviation.
+    Attributes:
+        run_id, label, created_utc: Of which run.
+        value, std: The estimate and its standard deviation.
     """
 
     run_id: str
@@ -39,12 +36,9 @@ class HistoryEntry:
 class QuantityHistory:
     """One quantity of a robot over its runs, oldest first.
 
-    Attributes
-    ----------
-    title, unit : str
-        What it is.
-    entries : sequence of HistoryEntry
-        At least one.
+    Attributes:
+        title, unit: What it is.
+        entries: At least one.
     """
 
     title: str
@@ -72,12 +66,9 @@ def history_of(runs: Path, robot: str) -> tuple[QuantityHistory, ...]:
 
     Runs whose result cannot be read are left out: their own page tells why.
 
-    Parameters
-    ----------
-    runs : Path
-        The folder of the run folders.
-    robot : str
-        The robot's name.
+    Args:
+        runs: The folder of the run folders.
+        robot: The robot's name.
     """
     found: dict[tuple[str, str], list[HistoryEntry]] = {}
     for folder, manifest in list_runs(runs):

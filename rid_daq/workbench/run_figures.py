@@ -42,14 +42,10 @@ T = TypeVar("T")
 class Drawing:
     """A figure that a run has.
 
-    Attributes
-    ----------
-    name : str
-        As its address has it.
-    title : str
-        What it shows, in words.
-    make : callable
-        Makes it.
+    Attributes:
+        name: As its address has it.
+        title: What it shows, in words.
+        make: Makes it.
     """
 
     name: str
@@ -60,15 +56,11 @@ class Drawing:
 def run_drawings(folder: RunFolder) -> tuple[Drawing, ...]:
     """Return the figures that a run has, the result's first.
 
-    Parameters
-    ----------
-    folder : RunFolder
-        The run.
+    Args:
+        folder: The run.
 
-    Raises
-    ------
-    RidDaqError
-        One of its files cannot be read.
+    Raises:
+        RidDaqError: One of its files cannot be read.
     """
     found: list[Drawing] = []
     if folder.file(PAYLOAD).exists():

@@ -57,10 +57,8 @@ def static_version() -> str:
 def static_address(name: str) -> str:
     """Return where a page finds a file.
 
-    Raises
-    ------
-    UnknownError
-        There is none of this name.
+    Raises:
+        UnknownError: There is none of this name.
     """
     _content(name)
     return f"/static/{static_version()}/{name}"
@@ -69,10 +67,8 @@ def static_address(name: str) -> str:
 def require_current(version: str, name: str) -> None:
     """Raise an error if a page asks for the file of another version of the program.
 
-    Raises
-    ------
-    UnknownError
-        It does.
+    Raises:
+        UnknownError: It does.
     """
     if version != static_version():
         raise UnknownError(f"{name} has changed: reload the page", code="RID-PAGE-OUTDATED")

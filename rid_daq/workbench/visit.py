@@ -49,16 +49,9 @@ _TEMPLATES.globals["static"] = static_address
 class Visit:
     """Somebody who is known looks at a page of a cell.
 
-    Attributes
-    ----------
-    request : Request
-        What the browser asked for.
-    service : CellService
-        The service.
-    who : Identity
-        Who looks.
-    cell : ServedCell
-        The cell.
+    Attributes:
+        request: What the browser asked for.
+        who: Who looks.
     """
 
     request: Request
@@ -71,14 +64,10 @@ class Visit:
     ) -> HTMLResponse:
         """Return a page: a template that extends `base.html`; for routes that are `async`.
 
-        Parameters
-        ----------
-        template : str
-            Its name in the folder `templates`.
-        status : HTTPStatus
-            The answer's status.
-        **context
-            What it shows beside what the shell does (`cell`, `status`, `who`, `menu`).
+        Args:
+            template: Its name in the folder `templates`.
+            status: The answer's status.
+            **context: What it shows beside what the shell does (`cell`, `status`, `who`, `menu`).
         """
         cell = self.cell
         base = f"/cells/{cell.name}"
@@ -128,10 +117,8 @@ def door_page(key: str = "") -> HTMLResponse:
 
     Without TLS a browser cannot prove who it is when it goes to an address (see `Doorkeeper`).
 
-    Parameters
-    ----------
-    key : str
-        The session secret of a browser that has just been let in.
+    Args:
+        key: The session secret of a browser that has just been let in.
     """
     return bare_page("door.html", key=key)
 

@@ -46,10 +46,8 @@ PROGRESS_S: Final = 0.5
 class EventFile:
     """The events of a job, one line each, at the end of a file.
 
-    Parameters
-    ----------
-    path : Path
-        The file, open as long as the `with` lasts.
+    Args:
+        path: The file, open as long as the `with` lasts.
     """
 
     def __init__(self, path: Path) -> None:
@@ -73,12 +71,9 @@ class EventFile:
 class JobConsole(Console):
     """Says what a command says, as events.
 
-    Attributes
-    ----------
-    events : EventFile
-        Where they go.
-    orders : Orders
-        Where answers and held keys come from.
+    Attributes:
+        events: Where they go.
+        orders: Where answers and held keys come from.
     """
 
     events: EventFile

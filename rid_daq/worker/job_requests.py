@@ -20,25 +20,15 @@ def request_of(
 ) -> Request:
     """Return the request of a job.
 
-    Parameters
-    ----------
-    kind : JobKind
-        Its kind.
-    told : dict
-        What the client says of it.
-    cell : str
-        The cell, a bundled name or a file.
-    runs : Path
-        The folder of the run folders.
-    cleared : bool
-        Whether a person has just said that the cell is clear.
-    owner : str
-        Who has begun the job.
+    Args:
+        told: What the client says of it.
+        cell: The cell, a bundled name or a file.
+        runs: The folder of the run folders.
+        cleared: Whether a person has just said that the cell is clear.
+        owner: Who has begun the job.
 
-    Raises
-    ------
-    ConfigError
-        It is not a request of this kind, or a number in it is outside of its range.
+    Raises:
+        ConfigError: It is not a request of this kind, or a number in it is outside of its range.
     """
     require_bounded(kind, told)
     owned = {"cell": cell, "runs": str(runs), "cleared": cleared, "tester": owner}

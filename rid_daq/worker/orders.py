@@ -49,14 +49,10 @@ Refused = Callable[[str, float | None], None]
 class Orders:
     """Reads orders in a thread of its own.
 
-    Parameters
-    ----------
-    source : text stream
-        Where they come from; its first line has been taken.
-    now_s : callable
-        The clock by which the service issues challenges [s].
-    service : ServiceBeat, optional
-        Signs of life of the service.
+    Args:
+        source: Where they come from; its first line has been taken.
+        now_s: The clock by which the service issues challenges [s].
+        service: Signs of life of the service.
     """
 
     def __init__(
@@ -92,10 +88,9 @@ class Orders:
     def wait_for_answer(self, number: int) -> str | None:
         """Return the answer to a question; None where none can come any more.
 
-        Raises
-        ------
-        PreflightError
-            The service hangs, or the lease of the motion has ended: an answer comes too late.
+        Raises:
+            PreflightError: The service hangs, or the lease of the motion has ended: an answer comes
+                too late.
         """
         with self._changed:
             while True:
@@ -128,14 +123,10 @@ class Orders:
     ) -> Iterator[None]:
         """Take keys for as long as the `with` lasts; they count from `begin` on.
 
-        Parameters
-        ----------
-        tapped : callable
-            Told of every key that is tapped.
-        refused : callable
-            Told once a press why it does not count, or no longer.
-        asks : callable
-            Asks for keys, once they count.
+        Args:
+            tapped: Told of every key that is tapped.
+            refused: Told once a press why it does not count, or no longer.
+            asks: Asks for keys, once they count.
         """
         self._tapped, self._refused, self._asks = tapped, refused, asks
         try:

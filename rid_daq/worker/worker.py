@@ -28,24 +28,16 @@ from rid_daq.worker.orders import Orders
 class WorkOrder(BaseModel):
     """The first line that a worker is told.
 
-    Attributes
-    ----------
-    kind : JobKind
-        What is done.
-    request : dict
-        What the client says of it.
-    cell : str
-        The cell, a bundled name or a file.
-    runs, folder, events : Path
-        The folder of the run folders, the one that relative paths are of, the file of the events.
-    cleared : bool
-        Whether a person has just said that the cell is clear.
-    owner : str
-        Who has begun it.
-    niceness : int
-        How far it stands back for others.
-    approved : dict
-        The SHA-256 of the files that the job was accepted with, by their paths.
+    Attributes:
+        kind: What is done.
+        request: What the client says of it.
+        cell: The cell, a bundled name or a file.
+        runs, folder, events: The folder of the run folders, the one that relative paths are of, the
+            file of the events.
+        cleared: Whether a person has just said that the cell is clear.
+        owner: Who has begun it.
+        niceness: How far it stands back for others.
+        approved: The SHA-256 of the files that the job was accepted with, by their paths.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -94,16 +86,11 @@ def work(
 ) -> int:
     """Do a job; its end is the last of its events.
 
-    Parameters
-    ----------
-    order : WorkOrder
-        The job.
-    source : text stream
-        Where further orders come from.
-    service : ServiceBeat, optional
-        Signs of life of the service.
-    let_signals_in : callable
-        Called once a signal may end the job.
+    Args:
+        order: The job.
+        source: Where further orders come from.
+        service: Signs of life of the service.
+        let_signals_in: Called once a signal may end the job.
     """
     os.chdir(order.folder)
     approve_files(order.approved)

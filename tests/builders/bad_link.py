@@ -21,17 +21,12 @@ _LOOK_S = 0.01
 class BadLink:
     """A proxy on the loopback interface; its rules hold at once, for open connections too.
 
-    Parameters
-    ----------
-    port : int
-        Where the service listens.
+    Args:
+        port: Where the service listens.
 
-    Attributes
-    ----------
-    port : int
-        Where the proxy listens.
-    paths : list of str
-        The paths of all connections, in the order of their coming.
+    Attributes:
+        port: Where the proxy listens.
+        paths: The paths of all connections, in the order of their coming.
     """
 
     def __init__(self, port: int) -> None:

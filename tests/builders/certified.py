@@ -44,16 +44,11 @@ def certified_session(
 ) -> Session:
     """Write a payload session that has come to its verdict.
 
-    Parameters
-    ----------
-    runs : Path
-        The folder of the run folders.
-    label : str
-        What it is called.
-    simulated : bool
-        Whether its cell file says that the cell is simulated.
-    mass_percent : float
-        The limit of the mass.
+    Args:
+        runs: The folder of the run folders.
+        label: What it is called.
+        simulated: Whether its cell file says that the cell is simulated.
+        mass_percent: The limit of the mass.
     """
     loaded = load_cell("kr15")
     folder = RunFolder.create(runs, label, kind="payload session", software={"rid-daq": "0.1.0"})

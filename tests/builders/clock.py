@@ -6,10 +6,8 @@ from __future__ import annotations
 class Clock:
     """Tells the time that it was set to.
 
-    Parameters
-    ----------
-    now_s : float
-        What it tells at first [s].
+    Args:
+        now_s: What it tells at first [s].
     """
 
     def __init__(self, now_s: float = 1000.0) -> None:

@@ -18,14 +18,10 @@ _COMPILES = re.compile(rb"^@(kernel|njit)\b", re.MULTILINE)
 def forget_stale_kernels(root: Path) -> bool:
     """Delete everything compiled where any kernel's source has changed since the last time.
 
-    Parameters
-    ----------
-    root : Path
-        Where the packages lie; ``build/kernels`` below it keeps the digest of the sources.
+    Args:
+        root: Where the packages lie; ``build/kernels`` below it keeps the digest of the sources.
 
-    Returns
-    -------
-    bool
+    Returns:
         Whether they had changed.
     """
     files = sorted(file for package in PACKAGES for file in (root / package).rglob("*.py"))

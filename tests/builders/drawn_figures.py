@@ -60,12 +60,9 @@ def six_axes() -> MotionSamples:
 def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
     """Return a payload of 5 kg, its centre of gravity 20, -10 and 80 mm from the flange.
 
-    Parameters
-    ----------
-    held : str
-        A parameter that was known.
-    unseen : str
-        One that the motion does not show.
+    Args:
+        held: A parameter that was known.
+        unseen: One that the motion does not show.
     """
     body = PayloadBody(5.0, np.array([0.02, -0.01, 0.08]), np.diag([0.04, 0.05, 0.02]))
     names: list[str] = list(PARAMETERS)

@@ -45,12 +45,9 @@ def codes_in(module: ast.Module) -> set[str]:
 def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[int]:
     """Return the lines on which an error of ours is constructed without a code.
 
-    Parameters
-    ----------
-    module : ast.Module
-        The file.
-    classes : dict of str to bool
-        What `error_classes` returns.
+    Args:
+        module: The file.
+        classes: What `error_classes` returns.
     """
     return [
         node.lineno

@@ -46,12 +46,10 @@ THERE_AND_BACK = ReversedMotion(
 class ArmInMotion:
     """One period of an excitation of the bundled arm: times [s], position, velocity, acceleration.
 
-    Attributes
-    ----------
-    cell : LoadedCell
-        The arm's cell.
-    q, v, a : array of (samples, joints)
-        Position [rad], velocity [rad/s] and acceleration [rad/s2].
+    Attributes:
+        cell: The arm's cell.
+        q, v, a: Array of (samples, joints). Position [rad], velocity [rad/s] and acceleration
+            [rad/s2].
     """
 
     cell: LoadedCell
@@ -76,18 +74,12 @@ def identified_run(
 ) -> Estimate:
     """Write a run of noisy torques by true parameters, with its estimate.
 
-    Parameters
-    ----------
-    root : Path
-        The folder of the run folders.
-    arm : ArmInMotion
-        What is recorded.
-    label : str
-        The run's label.
-    seed : int
-        Of the noise.
-    **changes : float
-        Factors of single parameters, by their names.
+    Args:
+        root: The folder of the run folders.
+        arm: What is recorded.
+        label: The run's label.
+        seed: Of the noise.
+        **changes: Factors of single parameters, by their names.
     """
     cell = arm.cell
     model = RobotModel.from_description(cell.robot)
@@ -111,14 +103,10 @@ def identified_run(
 def friction_run(root: Path, label: str, seed: int) -> RunFolder:
     """Write a run of a path there and back, of noisy torques by true parameters.
 
-    Parameters
-    ----------
-    root : Path
-        The folder of the run folders.
-    label : str
-        The run's label.
-    seed : int
-        Of the noise.
+    Args:
+        root: The folder of the run folders.
+        label: The run's label.
+        seed: Of the noise.
     """
     cell = load_cell("ir361")
     samples = THERE_AND_BACK.plan(cell.robot, CYCLE_S)

@@ -17,10 +17,9 @@ STEP_RAD = 2.0 * np.pi / 2**19
 class LoggedArm:
     """Sums of sines without a common period, from a seed.
 
-    Attributes
-    ----------
-    amplitude, omega, phase : ndarray, shape (joints, sines)
-        Of each joint's position: amplitude * sin(omega * t + phase).
+    Attributes:
+        amplitude, omega, phase: Shape (joints, sines). Of each joint's position: amplitude *
+            sin(omega * t + phase).
     """
 
     amplitude: FloatArray

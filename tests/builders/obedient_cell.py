@@ -69,11 +69,9 @@ class Clock:
 class ObedientCell(can.BusABC):
     """A bus with simulated drives on it; time passes only where the master waits.
 
-    Attributes
-    ----------
-    trace
-        Time [s], position [rad], speed [rad/s] and whether there is power, of every axis by step,
-        since there was power first.
+    Attributes:
+        trace: Time [s], position [rad], speed [rad/s] and whether there is power, of every axis by
+            step, since there was power first.
     """
 
     channel_info = "obedient"

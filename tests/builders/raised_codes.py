@@ -19,14 +19,9 @@ E = TypeVar("E", bound=RidDaqError)
 def raises_code(kind: type[E], code: str, *details: str) -> Iterator[pytest.ExceptionInfo[E]]:
     """Expect an error.
 
-    Parameters
-    ----------
-    kind : type
-        Its class.
-    code : str
-        Its code.
-    *details : str
-        Positions, names and numbers that its text has to state.
+    Args:
+        kind: Its class.
+        *details: Positions, names and numbers that its text has to state.
     """
     with pytest.raises(kind) as caught:
         yield caught
@@ -39,12 +34,9 @@ def raises_code(kind: type[E], code: str, *details: str) -> Iterator[pytest.Exce
 def raises_invalid(key: str, *details: str) -> Iterator[pytest.ExceptionInfo[ValidationError]]:
     """Expect that a model refuses one value.
 
-    Parameters
-    ----------
-    key : str
-        The value's key, such as ``pdos.1``; empty for the model as a whole.
-    *details : str
-        Names and numbers that the text of the error has to state.
+    Args:
+        key: The value's key, such as ``pdos.1``; empty for the model as a whole.
+        *details: Names and numbers that the text of the error has to state.
     """
     with pytest.raises(ValidationError) as caught:
         yield caught

@@ -42,14 +42,10 @@ _TOKENS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|[\r\n]|[^\x1b\r\n]+")
 class Screen:
     """What one command shows at one width.
 
-    Attributes
-    ----------
-    words : tuple of str
-        The command line, without the program's name.
-    columns : int
-        Width of the terminal.
-    text : str
-        What is written there, colours and all.
+    Attributes:
+        words: The command line, without the program's name.
+        columns: Width of the terminal.
+        text: What is written there, colours and all.
     """
 
     words: tuple[str, ...]

@@ -54,12 +54,9 @@ def witness() -> Iterator[Witness]:
 def where_time_runs(attempt: Callable[[], T], stall_s: float) -> T:
     """Return what an attempt in real time comes to; only stalls of the computer earn another one.
 
-    Parameters
-    ----------
-    attempt
-        What asserts something, and can be done again.
-    stall_s
-        A shorter stall than this must not matter to it [s].
+    Args:
+        attempt: What asserts something, and can be done again.
+        stall_s: A shorter stall than this must not matter to it [s].
     """
     for _ in range(ATTEMPTS):
         try:

@@ -174,12 +174,9 @@ def _is(frame: Logged, word: int) -> bool:
 class Rig:
     """Hub, drives and their robot, served in threads; sessions and motions run in the test's own.
 
-    Attributes
-    ----------
-    config
-        The cell with the bus's address.
-    truth
-        What the axes did since the beginning.
+    Attributes:
+        config: The cell with the bus's address.
+        truth: What the axes did since the beginning.
     """
 
     def __init__(self, loaded: LoadedCell, folder: Path, script: FaultScript) -> None:

@@ -48,12 +48,9 @@ print("ended", os.waitstatus_to_exitcode(status), flush=True)
 class Shell:
     """A terminal with a program in its foreground that records a long motion in lock-step.
 
-    Attributes
-    ----------
-    terminal
-        The terminal's other side: what is typed, and what is shown.
-    program
-        Process id of the program, which is its group's too.
+    Attributes:
+        terminal: The terminal's other side: what is typed, and what is shown.
+        program: Process id of the program, which is its group's too.
     """
 
     def __init__(self, words: list[str], environment: dict[str, str]) -> None:

@@ -21,16 +21,11 @@ FOLDER: Final = Path(__file__).parent
 class Guard(BaseModel):
     """One guard.
 
-    Attributes
-    ----------
-    guard : str
-        What it refuses or stops, in a sentence.
-    file : str
-        The source file that it stands in.
-    code, without : str
-        Its text, and the text that takes its place when it is removed.
-    tests : tuple of str
-        Test functions of which at least one fails without it.
+    Attributes:
+        guard: What it refuses or stops, in a sentence.
+        file: The source file that it stands in.
+        code, without: Its text, and the text that takes its place when it is removed.
+        tests: Test functions of which at least one fails without it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -44,10 +39,8 @@ class Guard(BaseModel):
     def removed_from(self, text: str) -> str:
         """Return a source text without this guard.
 
-        Raises
-        ------
-        ValueError
-            The guard's code does not stand in it exactly once.
+        Raises:
+            ValueError: The guard's code does not stand in it exactly once.
         """
         found = text.count(self.code)
         if found != 1:

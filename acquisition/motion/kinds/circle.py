@@ -92,10 +92,8 @@ class CircleMotion(Motion):
         The arm's orientation stays free where it has three joints; with more, the flange keeps the
         orientation that it has at `near`.
 
-        Raises
-        ------
-        ConfigError
-            The circle cannot be reached, or has more harmonics than can be sampled.
+        Raises:
+            ConfigError: The circle cannot be reached, or has more harmonics than can be sampled.
         """
         n = len(robot.joints)
         if len(self.near) != n:

@@ -112,17 +112,13 @@ class ConstantVelocityMotion(Motion):
         A speed is reached and left along the polynomial 10 x^3 - 15 x^4 + 6 x^5, so the motion is
         of class C2.
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            Joints and limits.
-        sample_period_s : float
-            The cell's cycle time [s].
+        Args:
+            robot: Joints and limits.
+            sample_period_s: The cell's cycle time [s].
 
-        Raises
-        ------
-        ConfigError
-            The motion does not fit the robot, or a speed leaves no time between its ramps.
+        Raises:
+            ConfigError: The motion does not fit the robot, or a speed leaves no time between its
+                ramps.
         """
         if len(self.pose) != len(robot.joints):
             raise ConfigError(

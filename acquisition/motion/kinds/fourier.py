@@ -79,18 +79,13 @@ class FourierMotion(Motion):
     def trajectory(self, robot: RobotDescription, sample_period_s: float) -> FourierTrajectory:
         """Return the series, its joints in the robot's order.
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            The joints.
-        sample_period_s : float
-            Time between samples [s].
+        Args:
+            robot: The joints.
+            sample_period_s: Time between samples [s].
 
-        Raises
-        ------
-        ConfigError
-            A joint of the robot is missing, unknown or named twice, the period is not a whole
-            number of samples, or a harmonic is beyond half the sampling frequency.
+        Raises:
+            ConfigError: A joint of the robot is missing, unknown or named twice, the period is not
+                a whole number of samples, or a harmonic is beyond half the sampling frequency.
         """
         given = [joint.joint for joint in self.joints]
         if sorted(given) != sorted(robot.joint_names):
@@ -124,19 +119,13 @@ class FourierMotion(Motion):
 def refuse_endless(periods: int, period_s: float, ramp_s: float, parts: int = 1) -> None:
     """Refuse periodic motions that take longer than can be run.
 
-    Parameters
-    ----------
-    periods : int
-        Periods of each part, those to settle included.
-    period_s, ramp_s : float
-        The times of a period and of a ramp [s].
-    parts : int
-        How many such motions follow each other.
+    Args:
+        periods: Periods of each part, those to settle included.
+        period_s, ramp_s: The times of a period and of a ramp [s].
+        parts: How many such motions follow each other.
 
-    Raises
-    ------
-    ConfigError
-        They do.
+    Raises:
+        ConfigError: They do.
     """
     seconds = parts * (periods * period_s + 2 * ramp_s)
     refuse_longer(seconds, f"{parts * periods} periods of {period_s:.6g} s and its ramps")
@@ -149,19 +138,12 @@ def periodic_samples(
 
     They are lengthened beyond `ramp_s` where the limits ask for it.
 
-    Parameters
-    ----------
-    motion : FourierMotion
-        The motion.
-    robot : RobotDescription
-        Joints and limits.
-    sample_period_s : float
-        The cell's cycle time [s].
+    Args:
+        robot: Joints and limits.
+        sample_period_s: The cell's cycle time [s].
 
-    Raises
-    ------
-    ConfigError
-        As `FourierMotion.trajectory`, or the period or its ramps are beyond a limit.
+    Raises:
+        ConfigError: As `FourierMotion.trajectory`, or the period or its ramps are beyond a limit.
     """
     trajectory = motion.trajectory(robot, sample_period_s)
     times_s = trajectory.sample_times_s
@@ -197,21 +179,14 @@ def in_turn(
 ) -> MotionSamples:
     """Return periodic motions one after the other; as a whole they are not periodic.
 
-    Parameters
-    ----------
-    parts : sequence of FourierMotion
-        The motions.
-    robot : RobotDescription
-        Joints and limits.
-    sample_period_s : float
-        The cell's cycle time [s].
-    dwell_s : float
-        The rest between two of them, before the move to the next one [s].
+    Args:
+        parts: The motions.
+        robot: Joints and limits.
+        sample_period_s: The cell's cycle time [s].
+        dwell_s: The rest between two of them, before the move to the next one [s].
 
-    Raises
-    ------
-    ConfigError
-        As `periodic_samples`.
+    Raises:
+        ConfigError: As `periodic_samples`.
     """
     planned = [periodic_samples(part, robot, sample_period_s).whole() for part in parts]
     paths: list[JointTrajectory] = []

@@ -86,15 +86,11 @@ class JointTableMotion(Motion, Derived):
     def completed(self, folder: Path) -> JointTableMotion:
         """Return the motion with the rows of its CSV file in it.
 
-        Parameters
-        ----------
-        folder : Path
-            Where the motion file lies; the file is looked for there.
+        Args:
+            folder: Where the motion file lies; the file is looked for there.
 
-        Raises
-        ------
-        ConfigError
-            The file cannot be read, or a row of it is none; the text says which.
+        Raises:
+            ConfigError: The file cannot be read, or a row of it is none; the text says which.
         """
         if self.file is None:
             return self

@@ -30,23 +30,16 @@ class Motion(PhysicalFile):
     def plan(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         """Return the motion's verified samples; they start and end at rest.
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            Joints and limits.
-        sample_period_s : float
-            The cell's cycle time [s].
+        Args:
+            robot: Joints and limits.
+            sample_period_s: The cell's cycle time [s].
 
-        Returns
-        -------
-        MotionSamples
+        Returns:
             One row a cycle.
 
-        Raises
-        ------
-        ConfigError
-            The motion does not fit the robot, the cycle time or a limit; the text names the joint,
-            the value and the limit.
+        Raises:
+            ConfigError: The motion does not fit the robot, the cycle time or a limit; the text
+                names the joint, the value and the limit.
         """
         samples = self._samples(robot, sample_period_s)
         verify_limits(samples, robot)
@@ -89,17 +82,12 @@ class Motion(PhysicalFile):
     def require(cls, motion: Motion, refusal: str) -> Self:
         """Return a motion as one of this kind.
 
-        Parameters
-        ----------
-        motion : Motion
-            Of any kind.
-        refusal : str
-            What to say where it is of another one.
+        Args:
+            motion: Of any kind.
+            refusal: What to say where it is of another one.
 
-        Raises
-        ------
-        ConfigError
-            It is of another kind.
+        Raises:
+            ConfigError: It is of another kind.
         """
         found = cls.of(motion)
         if found is None:
@@ -110,17 +98,12 @@ class Motion(PhysicalFile):
 def refuse_longer(seconds: float, what: str) -> None:
     """Refuse a motion that takes longer than can be run.
 
-    Parameters
-    ----------
-    seconds : float
-        How long it takes, before any sample of it is computed [s].
-    what : str
-        What takes so long.
+    Args:
+        seconds: How long it takes, before any sample of it is computed [s].
+        what: What takes so long.
 
-    Raises
-    ------
-    ConfigError
-        It takes longer than `LONGEST_MOTION_S`.
+    Raises:
+        ConfigError: It takes longer than `LONGEST_MOTION_S`.
     """
     if seconds > LONGEST_MOTION_S:
         raise ConfigError(

@@ -53,15 +53,11 @@ class MultipointMotion(Motion):
 
         Each joint is drawn evenly from the middle `range_fraction` of its limits.
 
-        Returns
-        -------
-        ndarray, shape (points, joints)
-            Poses [rad or m].
+        Returns:
+            Shape (points, joints). Poses [rad or m].
 
-        Raises
-        ------
-        ConfigError
-            Too few of many draws are clear of the robot's own bodies.
+        Raises:
+            ConfigError: Too few of many draws are clear of the robot's own bodies.
         """
         low = np.array([joint.limits.position_min for joint in robot.joints])
         high = np.array([joint.limits.position_max for joint in robot.joints])

@@ -107,11 +107,9 @@ class MultisineMotion(Motion):
     def excited_lines(self, robot: RobotDescription) -> tuple[IntArray, ...]:
         """Return the harmonics that each joint's multisine has, base to flange.
 
-        Raises
-        ------
-        ConfigError
-            The motion's joints are not the robot's, or the band has too many lines, or none for one
-            of them.
+        Raises:
+            ConfigError: The motion's joints are not the robot's, or the band has too many lines, or
+                none for one of them.
         """
         order = self._in_order(robot)
         first = math.ceil(self.lowest_hz * self.period_s - 1e-9)
@@ -147,10 +145,8 @@ class MultisineMotion(Motion):
 
         The speed is the real part of the sum of phasor times exp(j k omega t).
 
-        Returns
-        -------
-        tuple of ndarray of complex, one a joint, shape (realisations, lines)
-            rad/s or m/s.
+        Returns:
+            Tuple of ndarray of complex, one a joint, shape (realisations, lines). rad/s or m/s.
         """
         lines, order = self.excited_lines(robot), self._in_order(robot)
         found = []
@@ -176,10 +172,8 @@ class MultisineMotion(Motion):
         what depends on the position (tachometer ripple, cogging) differs between realisations and
         counts in the variance, instead of being the same in all and passing for the response.
 
-        Raises
-        ------
-        ConfigError
-            As `excited_lines`.
+        Raises:
+            ConfigError: As `excited_lines`.
         """
         lines, order = self.excited_lines(robot), self._in_order(robot)
         phasors = self.speed_phasors(robot)

@@ -78,10 +78,9 @@ class PathMotion(Motion):
     def sections(self) -> tuple[PathSection, ...]:
         """Return the path as its parts from rest to rest.
 
-        Raises
-        ------
-        ConfigError
-            A segment is no curve, or turns back where it is to be blended; the text names it.
+        Raises:
+            ConfigError: A segment is no curve, or turns back where it is to be blended; the text
+                names it.
         """
         return path_sections(self.start_m, self.segments, self.speed_m_s, self.blend_m)
 
@@ -174,24 +173,14 @@ class PathMotion(Motion):
 class _Way:
     """How the arm follows a section of a path.
 
-    Attributes
-    ----------
-    section : PathSection
-        The section.
-    chain : Chain
-        The arm.
-    rotation : ndarray, shape (3, 3), or None
-        The orientation that the flange keeps, if any.
-    near : CubicSpline
-        Poses near those on the path, by its length.
-    end : ndarray, shape (n,)
-        The pose that the section ends in.
-    grid : ndarray, shape (m,)
-        Lengths at which it is looked at [m].
-    points : PathPoints
-        The section there.
-    on_grid : PathSlopes
-        The joints there.
+    Attributes:
+        chain: The arm.
+        rotation: Shape (3, 3). The orientation that the flange keeps, if any.
+        near: Poses near those on the path, by its length.
+        end: Shape (n,). The pose that the section ends in.
+        grid: Shape (m,). Lengths at which it is looked at [m].
+        points: The section there.
+        on_grid: The joints there.
     """
 
     section: PathSection

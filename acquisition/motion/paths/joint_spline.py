@@ -10,12 +10,9 @@ from config.arrays import FloatArray
 def joint_spline(knots: FloatArray, points: FloatArray) -> CubicSpline:
     """Return the cubic spline through poses; the straight way between two.
 
-    Parameters
-    ----------
-    knots : ndarray, shape (m,)
-        The length at each pose, increasing.
-    points : ndarray, shape (m, n)
-        The poses, two at least.
+    Args:
+        knots: Shape (m,). The length at each pose, increasing.
+        points: Shape (m, n). The poses, two at least.
     """
     if len(points) > 2:
         return CubicSpline(knots, points)

@@ -26,10 +26,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 class PathPoints(NamedTuple):
     """A path at some of its lengths; each of shape (len(s), 3).
 
-    Attributes
-    ----------
-    point_m, direction, curvature : ndarray
-        Where, the unit vector that way, and how that changes [1/m].
+    Attributes:
+        point_m, direction, curvature: Where, the unit vector that way, and how that changes [1/m].
     """
 
     point_m: FloatArray
@@ -41,16 +39,11 @@ class PathPoints(NamedTuple):
 class Piece:
     """One curve, measured by its length.
 
-    Attributes
-    ----------
-    label : str
-        What a message calls it.
-    curve : callable
-        The curve over its parameter.
-    knots, lengths : ndarray
-        Parameters, and the lengths from the first of them up to each [m].
-    speed_m_s : float
-        The speed asked for.
+    Attributes:
+        label: What a message calls it.
+        curve: The curve over its parameter.
+        knots, lengths: Parameters, and the lengths from the first of them up to each [m].
+        speed_m_s: The speed asked for.
     """
 
     label: str
@@ -142,19 +135,15 @@ def path_sections(
 ) -> tuple[PathSection, ...]:
     """Return a path as its parts from rest to rest.
 
-    Parameters
-    ----------
-    start_m : sequence of 3 floats
-        Where it begins [m].
-    segments : sequence of Segment
-        What it is made of.
-    speed_m_s, blend_m : float
-        The speed, and the reach of a blend [m], of segments that say none of their own.
+    Args:
+        start_m: Where it begins [m].
+        segments: What it is made of.
+        speed_m_s, blend_m: The speed, and the reach of a blend [m], of segments that say none of
+            their own.
 
-    Raises
-    ------
-    ConfigError
-        A segment is no curve, or turns back where it is to be blended; the text names it.
+    Raises:
+        ConfigError: A segment is no curve, or turns back where it is to be blended; the text names
+            it.
     """
     whole, at = [], np.array(start_m)
     for number, segment in enumerate(segments, start=1):

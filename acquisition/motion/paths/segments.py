@@ -29,12 +29,9 @@ Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 class KnottedCurve(NamedTuple):
     """A curve over a parameter, and the knots between which its length is integrated.
 
-    Attributes
-    ----------
-    knots : ndarray, shape (knots,)
-        Parameters, increasing.
-    curve : callable
-        The curve over its parameter.
+    Attributes:
+        knots: Shape (knots,). Parameters, increasing.
+        curve: The curve over its parameter.
     """
 
     knots: FloatArray
@@ -55,17 +52,12 @@ class PathSegment(ConfigModel):
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
         """Return the segment's curve.
 
-        Parameters
-        ----------
-        start_m : ndarray, shape (3,)
-            Where the segment before it ends [m].
-        label : str
-            What a message calls it.
+        Args:
+            start_m: Shape (3,). Where the segment before it ends [m].
+            label: What a message calls it.
 
-        Raises
-        ------
-        ConfigError
-            It is no curve; the text names it.
+        Raises:
+            ConfigError: It is no curve; the text names it.
         """
 
 

@@ -42,17 +42,12 @@ class SpeedProfile(NamedTuple):
 class SpeedLimits:
     """What bounds the speed on a grid along a path; the unit of length is the path's own.
 
-    Attributes
-    ----------
-    length : ndarray, shape (m,)
-        The grid, from 0 on.
-    speed : ndarray, shape (m,)
-        The largest speed, per second.
-    steady, per_speed : ndarray, shape (m, n)
-        The largest change of the speed is the smallest of `steady - per_speed * speed^2`, per
-        second squared.
-    smoothing_s : float
-        Time over which the change of the speed is averaged.
+    Attributes:
+        length: Shape (m,). The grid, from 0 on.
+        speed: Shape (m,). The largest speed, per second.
+        steady, per_speed: Shape (m, n). The largest change of the speed is the smallest of `steady
+            - per_speed * speed^2`, per second squared.
+        smoothing_s: Time over which the change of the speed is averaged.
     """
 
     length: FloatArray
@@ -91,22 +86,14 @@ def speed_limits(
 ) -> SpeedLimits:
     """Return the limits of a path: those asked for, and the joints'.
 
-    Parameters
-    ----------
-    length : ndarray, shape (m,)
-        The grid.
-    speed : ndarray, shape (m,)
-        What is asked for.
-    slope, bend : ndarray, shape (m, n)
-        First and second derivative of the joint positions by the length.
-    robot : RobotDescription
-        The limits.
-    smoothing_s : float
-        Time over which the change of the speed is averaged.
-    acceleration : float
-        Largest change of the speed that is asked for.
-    fraction : float
-        Share of the joints' limits to use.
+    Args:
+        length: Shape (m,). The grid.
+        speed: Shape (m,). What is asked for.
+        slope, bend: Shape (m, n). First and second derivative of the joint positions by the length.
+        robot: The limits.
+        smoothing_s: Time over which the change of the speed is averaged.
+        acceleration: Largest change of the speed that is asked for.
+        fraction: Share of the joints' limits to use.
     """
     joints = np.minimum(joint_speed(slope, robot, fraction), bend_speed(bend, robot, fraction))
     size = np.maximum(np.abs(slope), TINY)
@@ -123,16 +110,11 @@ def speed_limits(
 def speed_profile(limits: SpeedLimits, sample_period_s: float) -> SpeedProfile:
     """Return the fastest way along a path within its limits, from rest to rest.
 
-    Parameters
-    ----------
-    limits : SpeedLimits
-        What bounds the speed.
-    sample_period_s : float
-        Time between rows [s].
+    Args:
+        limits: What bounds the speed.
+        sample_period_s: Time between rows [s].
 
-    Returns
-    -------
-    SpeedProfile
+    Returns:
         The last row is at rest at the end of the path.
     """
     speed = _passes(limits)
@@ -170,20 +152,13 @@ def driven(
 ) -> tuple[SpeedProfile, JointTrajectory]:
     """Return the way along a path, slowed down until the joints' limits hold between rows too.
 
-    Parameters
-    ----------
-    limits : SpeedLimits
-        What bounds the speed to begin with.
-    joints_at : callable
-        The joint positions, and their derivatives by the length, at lengths of the path.
-    robot : RobotDescription
-        The joints' limits.
-    sample_period_s : float
-        The cell's cycle time [s].
+    Args:
+        limits: What bounds the speed to begin with.
+        joints_at: The joint positions, and their derivatives by the length, at lengths of the path.
+        robot: The joints' limits.
+        sample_period_s: The cell's cycle time [s].
 
-    Returns
-    -------
-    SpeedProfile, JointTrajectory
+    Returns:
         One row a cycle. After `ATTEMPTS` a limit may still be broken.
     """
     attempts = 0

@@ -59,22 +59,15 @@ def load_data(
 ) -> str:
     """Return a payload in a maker's format, with no more digits than are known.
 
-    Parameters
-    ----------
-    body : PayloadBody
-        The payload, from the flange.
-    to : LoadFormat
-        The format.
-    origin : tuple of str
-        Lines about where the numbers come from; control characters are left out.
-    sure : float
-        How far the text may differ from the body, as `deviation` has it: `rounding` of its
-        interval. All digits are written where it is 0.
+    Args:
+        body: The payload, from the flange.
+        to: The format.
+        origin: Lines about where the numbers come from; control characters are left out.
+        sure: How far the text may differ from the body, as `deviation` has it: `rounding` of its
+            interval. All digits are written where it is 0.
 
-    Raises
-    ------
-    EstimationError
-        No body can have these values, or the controller would refuse them.
+    Raises:
+        EstimationError: No body can have these values, or the controller would refuse them.
     """
     if not body.can_exist:
         raise EstimationError(
@@ -105,12 +98,9 @@ def rounding(body: PayloadBody, sigma: FloatArray) -> float:
     It is a twentieth of the interval of what is known best, at most half of what `read-back`
     tolerates.
 
-    Parameters
-    ----------
-    body : PayloadBody
-        The payload.
-    sigma : (10,) array
-        Standard deviations of `REPORTED`; 0 of what was known before.
+    Args:
+        body: The payload.
+        sigma: Shape (10,). Standard deviations of `REPORTED`; 0 of what was known before.
     """
     sizes = np.array(
         [
@@ -138,10 +128,8 @@ _UNREADABLE: Final = (
 def read_load_data(text: str, form: LoadFormat) -> PayloadBody:
     """Return the payload that stands in a text of a maker's format.
 
-    Raises
-    ------
-    ConfigError
-        The text is not of this format.
+    Raises:
+        ConfigError: The text is not of this format.
     """
     if len(text) > LARGEST_TEXT:
         raise ConfigError(

@@ -27,17 +27,12 @@ def simulated_plant(
     Gains and rotors are `Workload`'s; rotors are plain armatures. The robot stands at zero, or
     where its validation motion begins if it may not stand there.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot, with its `cad`.
-    motors : sequence of UrdfMotor, optional
-        Friction that is known; what is not is a share of the torque limit.
+    Args:
+        robot: The robot, with its `cad`.
+        motors: Friction that is known; what is not is a share of the torque limit.
 
-    Raises
-    ------
-    ConfigError
-        The robot has no `cad`.
+    Raises:
+        ConfigError: The robot has no `cad`.
     """
     load = Workload.of(robot)
     known: Sequence[UrdfMotor | None] = motors or [None] * len(robot.joints)

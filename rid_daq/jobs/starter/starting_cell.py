@@ -15,12 +15,8 @@ VALIDATION_LIMIT_PERCENT: Final = 15.0
 def starting_cell(robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None) -> CellConfig:
     """Return a cell of drives at node ids 1, 2, ... with the robot's name, simulated at first.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    motors : sequence of UrdfMotor, optional
-        Which way its motors turn; with their joints if not given.
+    Args:
+        motors: Which way its motors turn; with their joints if not given.
     """
     directions: list[Direction] = [motor.direction for motor in motors or ()]
     directions = directions or [1] * len(robot.joints)

@@ -30,12 +30,8 @@ def without_touching(
 
     Bodies closer than what motions are planned with count as touching.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    rest : (n,) array
-        The pose where it stands at first [rad or m].
+    Args:
+        rest: Shape (n,). The pose where it stands at first [rad or m].
     """
     clearances = Clearances.of(robot, Workspace(clearance_m=PLANNED_CLEARANCE_M))
     if not len(clearances):

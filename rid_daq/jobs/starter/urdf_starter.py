@@ -40,10 +40,8 @@ class UrdfRequest:
 def starting_robot(request: UrdfRequest) -> UrdfRobot:
     """Return the robot of a URDF, with limits that its motors hold.
 
-    Raises
-    ------
-    ConfigError
-        The URDF cannot be read or makes no robot.
+    Raises:
+        ConfigError: The URDF cannot be read or makes no robot.
     """
     path = request.file
     try:

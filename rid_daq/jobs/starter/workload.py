@@ -35,12 +35,9 @@ ERROR_AT_LIMIT_M: Final = 0.005
 class Workload:
     """A robot's drawings in random poses.
 
-    Attributes
-    ----------
-    inertia : (n,) array
-        The largest inertia of the links about each joint [kg m² or kg].
-    gravity_nm : (n,) array
-        The largest torque at rest [N m or N].
+    Attributes:
+        inertia: Shape (n,). The largest inertia of the links about each joint [kg m² or kg].
+        gravity_nm: Shape (n,). The largest torque at rest [N m or N].
     """
 
     inertia: FloatArray
@@ -50,10 +47,8 @@ class Workload:
     def of(cls, robot: RobotDescription) -> Workload:
         """Take a robot's `cad` and its range; the same robot gives the same poses.
 
-        Raises
-        ------
-        ConfigError
-            The robot has no `cad`.
+        Raises:
+            ConfigError: The robot has no `cad`.
         """
         model, values = _links(robot)
         limits = [joint.limits for joint in robot.joints]
@@ -103,10 +98,8 @@ def held_by_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str
     than there is, speed and acceleration of all joints are lowered together, so that its path is
     the same: every torque but gravity's goes with the square of the speed.
 
-    Raises
-    ------
-    ConfigError
-        The robot has no `cad`, or its bodies leave no room for the validation motion.
+    Raises:
+        ConfigError: The robot has no `cad`, or its bodies leave no room for the validation motion.
     """
     load = Workload.of(robot)
     notes: list[str] = []

@@ -57,12 +57,9 @@ class AxesRequest(Request):
 class AxesResult:
     """Result of an axis test.
 
-    Attributes
-    ----------
-    request : AxesRequest
-        What was asked for.
-    tested : AxesTested
-        The verdict of each axis, and the run that was stopped.
+    Attributes:
+        request: What was asked for.
+        tested: The verdict of each axis, and the run that was stopped.
     """
 
     request: AxesRequest

@@ -40,16 +40,11 @@ HOLD, QUIT = " ", "q"
 class AxesTested:
     """Verdicts of an axis test.
 
-    Attributes
-    ----------
-    cell : str
-        The cell's name.
-    verdicts : sequence of AxisVerdict
-        One an axis that was tested.
-    stopped : RecordedRun or None
-        The run that was stopped, after which no axis was tested.
-    signed : Path or None
-        Where the axes that passed are signed; None for a bundled cell.
+    Attributes:
+        cell: The cell's name.
+        verdicts: One an axis that was tested.
+        stopped: The run that was stopped, after which no axis was tested.
+        signed: Where the axes that passed are signed; None for a bundled cell.
     """
 
     cell: str
@@ -70,14 +65,11 @@ Eyes = Callable[[], FloatArray]
 def check_axes(request: AxesRequest, context: Context) -> AxesTested:
     """Test a cell's axes, one after the other, each in a run folder of its own.
 
-    Raises
-    ------
-    ConfigError
-        The cell has no such joint.
-    PreflightError
-        There is no keyboard, nobody answered, or it was refused before anything moved.
-    RidDaqError
-        As `RunSession.recording`.
+    Raises:
+        ConfigError: The cell has no such joint.
+        PreflightError: There is no keyboard, nobody answered, or it was refused before anything
+            moved.
+        RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     names = loaded.robot.joint_names
@@ -122,14 +114,10 @@ def check_axes(request: AxesRequest, context: Context) -> AxesTested:
 class AxisBench:
     """Moves the axes of one cell and asks what was seen.
 
-    Parameters
-    ----------
-    session : RunSession
-        The cell.
-    context : Context
-        Where a person reads what will move.
-    unattended : bool
-        Whether the simulated robot's truth is the answer.
+    Args:
+        session: The cell.
+        context: Where a person reads what will move.
+        unattended: Whether the simulated robot's truth is the answer.
     """
 
     last: RecordedRun
@@ -208,10 +196,8 @@ class AxisBench:
     def _small(self, number: int, pose: FloatArray) -> Line:
         """Return a small way of one joint, towards the middle of its range.
 
-        Raises
-        ------
-        PreflightError
-            There is no room for it.
+        Raises:
+            PreflightError: There is no room for it.
         """
         joint = self._robot.joints[number]
         middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
@@ -233,10 +219,8 @@ class AxisBench:
     def _answered(self, motion: AxisMotion, number: int, line: Line) -> Seen:
         """Ask a person what was seen.
 
-        Raises
-        ------
-        PreflightError
-            Nobody answered.
+        Raises:
+            PreflightError: Nobody answered.
         """
         names = self._robot.joint_names
 

@@ -60,12 +60,9 @@ class CheckRequest(Request):
 class CheckResult:
     """Result of a preflight.
 
-    Attributes
-    ----------
-    request : CheckRequest
-        What was asked for.
-    checked : CheckedCell
-        Its lines, and the error that ended it early.
+    Attributes:
+        request: What was asked for.
+        checked: Its lines, and the error that ended it early.
     """
 
     request: CheckRequest

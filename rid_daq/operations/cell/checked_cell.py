@@ -26,16 +26,11 @@ POWER: Final = "The drives will be switched on, at rest, and their brakes open."
 class CheckedCell:
     """Lines of a preflight.
 
-    Attributes
-    ----------
-    cell, files_hash : str
-        The cell's name, and the hash of the files that were read.
-    lines : sequence of CheckLine
-        All lines.
-    problem : RidDaqError or None
-        What ended the preflight early.
-    write_log : Path or None
-        Log of what was written to the drives; None if they were started here.
+    Attributes:
+        cell, files_hash: The cell's name, and the hash of the files that were read.
+        lines: All lines.
+        problem: What ended the preflight early.
+        write_log: Log of what was written to the drives; None if they were started here.
     """
 
     cell: str
@@ -53,12 +48,9 @@ class CheckedCell:
 def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
     """Check a cell; each device is shown as soon as its lines are there.
 
-    Raises
-    ------
-    ConfigError, LockedError
-        The cell cannot be opened.
-    PreflightError
-        Power is needed, and a person did not clear the cell.
+    Raises:
+        ConfigError, LockedError: The cell cannot be opened.
+        PreflightError: Power is needed, and a person did not clear the cell.
     """
     loaded = load_cell(request.cell)
     name = loaded.config.name

@@ -52,13 +52,7 @@ class JogRequest(Request):
 
 @dataclass(frozen=True)
 class JogResult:
-    """A run in which a person moved the robot.
-
-    Attributes
-    ----------
-    run : RecordedRun
-        The run.
-    """
+    """A run in which a person moved the robot."""
 
     run: RecordedRun
 

@@ -26,14 +26,10 @@ FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 def jog(request: JogRequest, context: Context) -> RecordedRun:
     """Let a person jog a cell's robot, and record it into a new run folder.
 
-    Raises
-    ------
-    ConfigError
-        The home pose was asked for, and the cell file has none.
-    PreflightError
-        There is no keyboard, or it was refused before anything moved.
-    RidDaqError
-        As `RunSession.recording`.
+    Raises:
+        ConfigError: The home pose was asked for, and the cell file has none.
+        PreflightError: There is no keyboard, or it was refused before anything moved.
+        RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     require_label(request.label)
@@ -98,16 +94,11 @@ def _homing(
 class Jogging:
     """What the keys of a jog mean.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        Its joints.
-    home : ndarray, shape (joints,), or None
-        The home pose, where there is one.
-    check : LineCheck
-        Looks at the lines.
-    context : Context
-        Where a person reads what is chosen and what stands in the way.
+    Args:
+        robot: Its joints.
+        home: Shape (joints,). The home pose, where there is one.
+        check: Looks at the lines.
+        context: Where a person reads what is chosen and what stands in the way.
     """
 
     def __init__(

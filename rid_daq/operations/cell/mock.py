@@ -89,14 +89,10 @@ class MockRequest(Request):
 class EdsFiles:
     """EDS files that were written.
 
-    Attributes
-    ----------
-    cell : str
-        The cell's name.
-    folder : Path
-        Their folder.
-    files : tuple of str
-        Their names.
+    Attributes:
+        cell: The cell's name.
+        folder: Their folder.
+        files: Their names.
     """
 
     cell: str
@@ -118,12 +114,8 @@ class EdsFiles:
 class MockServed:
     """A cell whose devices are served.
 
-    Attributes
-    ----------
-    request : MockRequest
-        The request.
-    served : ServedCell
-        The cell.
+    Attributes:
+        served: The cell.
     """
 
     request: MockRequest

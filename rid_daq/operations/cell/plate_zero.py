@@ -59,10 +59,8 @@ class PlateZeroRequest(Request):
 class PlateZeroResult:
     """Offsets of a plate.
 
-    Attributes
-    ----------
-    zeroed : ZeroedPlate
-        The run, and the zero if the motion was not stopped.
+    Attributes:
+        zeroed: The run, and the zero if the motion was not stopped.
     """
 
     zeroed: ZeroedPlate

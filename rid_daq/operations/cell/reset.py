@@ -30,14 +30,10 @@ class ResetRequest(Request):
 class ResetResult:
     """State of each drive after its fault was reset.
 
-    Attributes
-    ----------
-    request : ResetRequest
-        What was asked for.
-    cell : str
-        The cell's name.
-    drives : tuple of FaultReset
-        One a drive.
+    Attributes:
+        request: What was asked for.
+        cell: The cell's name.
+        drives: One a drive.
     """
 
     request: ResetRequest

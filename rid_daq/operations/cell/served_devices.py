@@ -35,14 +35,10 @@ LOOK_S: Final = 2.0
 class ServedCell:
     """A cell whose simulated devices are served.
 
-    Attributes
-    ----------
-    loaded : LoadedCell
-        The devices' cell and its files, on the bus that commands join.
-    cell : CellConfig
-        The cell as it is served.
-    channel, address : str
-        Of its bus, and of its plate's serial port; empty without one.
+    Attributes:
+        loaded: The devices' cell and its files, on the bus that commands join.
+        cell: The cell as it is served.
+        channel, address: Of its bus, and of its plate's serial port; empty without one.
     """
 
     loaded: LoadedCell
@@ -75,10 +71,8 @@ class ServedCell:
     def wait(self) -> None:
         """Wait for a signal to end; a hang-up that is ignored (nohup) stays ignored.
 
-        Raises
-        ------
-        TransportError
-            The simulated bus is not served any more.
+        Raises:
+            TransportError: The simulated bus is not served any more.
         """
         ending = set(ending_signals())
         came: list[int] = []
@@ -98,12 +92,9 @@ class ServedCell:
 def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
     """Serve a cell's simulated devices as long as the `with` lasts.
 
-    Raises
-    ------
-    ConfigError, LockedError
-        The cell is not simulated, cannot be served, or is served already.
-    RidDaqError
-        As `SimulatedCell`.
+    Raises:
+        ConfigError, LockedError: The cell is not simulated, cannot be served, or is served already.
+        RidDaqError: As `SimulatedCell`.
     """
     loaded, plant = _devices(request)
     script = NO_SCRIPT if request.faults is None else load_faults(request.faults, loaded.config)
@@ -137,17 +128,12 @@ def serve_cell(request: MockRequest) -> Iterator[ServedCell]:
 def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
     """Write the data sheet of every simulated drive of a cell; nothing is overwritten.
 
-    Returns
-    -------
-    tuple
+    Returns:
         The cell's name, and the names of the files.
 
-    Raises
-    ------
-    ConfigError
-        The cell is not simulated, or there are such files already.
-    RecordingError
-        They cannot be written.
+    Raises:
+        ConfigError: The cell is not simulated, or there are such files already.
+        RecordingError: They cannot be written.
     """
     loaded, plant = _simulated(cell)
     created = datetime.now()

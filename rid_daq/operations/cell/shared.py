@@ -83,10 +83,8 @@ class Simulation(Request):
     def with_faults(self, faults: FaultScript = NO_SCRIPT) -> SimulatedCell:
         """Return the options with a fault script.
 
-        Raises
-        ------
-        ConfigError
-            Both real time and a pace are asked for.
+        Raises:
+            ConfigError: Both real time and a pace are asked for.
         """
         from rid_daq.session.cells import Simulation as SimulatedCell
 

@@ -51,14 +51,10 @@ class StopRequest(Request):
 class StopOutcome:
     """The sessions that were asked to stop.
 
-    Attributes
-    ----------
-    cell : str or None
-        Name of the cell that was to be stopped; None for any.
-    results : sequence of tuple
-        Every session and what came of the stop.
-    running : sequence of RunningSession
-        Sessions that still run, if none was asked to stop.
+    Attributes:
+        cell: Name of the cell that was to be stopped; None for any.
+        results: Every session and what came of the stop.
+        running: Sessions that still run, if none was asked to stop.
     """
 
     cell: str | None
@@ -149,10 +145,8 @@ def _advice(session: RunningSession) -> str:
 def _chosen(sessions: list[RunningSession], context: Context) -> list[RunningSession]:
     """Return the only session that can be stopped, or the one that a person chooses.
 
-    Raises
-    ------
-    ConfigError
-        Several run and nobody can be asked, or none of them was chosen.
+    Raises:
+        ConfigError: Several run and nobody can be asked, or none of them was chosen.
     """
     several = [session for session in sessions if session.refusal is None]
     if len(several) < 2:

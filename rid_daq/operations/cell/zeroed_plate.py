@@ -42,18 +42,13 @@ STAND_S: Final = 0.5
 class ZeroedPlate:
     """Offsets of a plate, and the run that showed them.
 
-    Attributes
-    ----------
-    run : RecordedRun
-        The turn; the way to its first pose where that was stopped.
-    zero : PlateZero or None
-        The zero; None where the motion was stopped.
-    lines : str
-        It as the cell file has it.
-    written : Path or None
-        The cell file that it was written into.
-    approach_only : bool
-        Whether the robot was stopped on its way to the first pose, which is not kept.
+    Attributes:
+        run: The turn; the way to its first pose where that was stopped.
+        zero: The zero; None where the motion was stopped.
+        lines: It as the cell file has it.
+        written: The cell file that it was written into.
+        approach_only: Whether the robot was stopped on its way to the first pose, which is not
+            kept.
     """
 
     run: RecordedRun
@@ -66,12 +61,10 @@ class ZeroedPlate:
 def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
     """Find the plate's offsets, and write them into the cell file where that is asked.
 
-    Raises
-    ------
-    ConfigError, PreflightError
-        It was refused before anything moved.
-    DataQualityError, RidDaqError
-        The plate's side of the recording cannot be used; or as `RunSession.recording`.
+    Raises:
+        ConfigError, PreflightError: It was refused before anything moved.
+        DataQualityError, RidDaqError: The plate's side of the recording cannot be used; or as
+            `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     plate = loaded.config.plate
@@ -158,10 +151,8 @@ def _offset(
 ) -> PlateOffset:
     """Return what the recorded turn shows.
 
-    Raises
-    ------
-    DataQualityError
-        The plate's side of it cannot be used.
+    Raises:
+        DataQualityError: The plate's side of it cannot be used.
     """
     if data is None:
         raise DataQualityError(

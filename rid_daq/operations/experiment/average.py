@@ -32,16 +32,11 @@ class AverageRequest(Request):
 class AverageResult:
     """The averaged periods of a run.
 
-    Attributes
-    ----------
-    run_id : str
-        The run.
-    section : AverageSection
-        Its periods and their noise.
-    notes : list of str
-        What the run lacks.
-    report : Path
-        The run's report.
+    Attributes:
+        run_id: The run.
+        section: Its periods and their noise.
+        notes: What the run lacks.
+        report: The run's report.
     """
 
     run_id: str

@@ -206,10 +206,9 @@ class DesignRequest(Request):
     def refuse_useless(self) -> None:
         """Refuse options that have no effect on this kind of motion, or with this method.
 
-        Raises
-        ------
-        ConfigError
-            One is set (RID-OPTION-NO-EFFECT), or both --for and --criterion (RID-OPTION-EXCLUSIVE).
+        Raises:
+            ConfigError: One is set (RID-OPTION-NO-EFFECT), or both --for and --criterion
+                (RID-OPTION-EXCLUSIVE).
         """
         useless, because = self._useless
         for each in shown_fields(type(self)):
@@ -243,12 +242,9 @@ class DesignRequest(Request):
 class DesignResult:
     """A motion that was designed and written.
 
-    Attributes
-    ----------
-    request : DesignRequest
-        What was asked for.
-    designed : Designed
-        The motion, and how it was found.
+    Attributes:
+        request: What was asked for.
+        designed: The motion, and how it was found.
     """
 
     request: DesignRequest

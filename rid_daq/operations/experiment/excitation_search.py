@@ -77,10 +77,8 @@ def search(
     many processes take part; a budget ends the search early, so that then the machine's speed has a
     say. An interruption (Ctrl-C) ends it with the best so far.
 
-    Raises
-    ------
-    ConfigError
-        No motion of any start holds every limit, or there is no pose to start from.
+    Raises:
+        ConfigError: No motion of any start holds every limit, or there is no pose to start from.
     """
     work = _Work(cell, options, context, time.monotonic(), scheduler)
     work.refine(problem, options.starts)
@@ -105,14 +103,10 @@ def search(
 class _Work:
     """A search under way: every trial so far, and the best.
 
-    Parameters
-    ----------
-    cell, options, context : CellConfig, Excitation, Context
-        As for `search`.
-    began_s : float
-        When it began [s], by the monotonic clock.
-    scheduler : str, optional
-        Address of a Dask scheduler to compute on.
+    Args:
+        cell, options, context: As for `search`.
+        began_s: When it began [s], by the monotonic clock.
+        scheduler: Address of a Dask scheduler to compute on.
     """
 
     def __init__(

@@ -22,15 +22,11 @@ if TYPE_CHECKING:
 def first_and_last(rows: str) -> tuple[int, int | None]:
     """Return the numbers of a range of rows; the last is None if it is left out.
 
-    Parameters
-    ----------
-    rows : str
-        Such as 355-5090, or 355-.
+    Args:
+        rows: Such as 355-5090, or 355-.
 
-    Raises
-    ------
-    ValueError
-        It is no range.
+    Raises:
+        ValueError: It is no range.
     """
     found = re.fullmatch(r"([1-9]\d{0,8})-(\d{1,9})?", rows)
     first, last = map(int, found.groups("0")) if found else (0, 0)
@@ -85,10 +81,8 @@ class ImportRequest(Request):
 class ImportResult:
     """Runs that were made of a recording.
 
-    Attributes
-    ----------
-    runs : tuple of ImportedRun
-        One for each range of rows.
+    Attributes:
+        runs: One for each range of rows.
     """
 
     runs: tuple[ImportedRun, ...]

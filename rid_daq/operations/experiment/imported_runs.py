@@ -39,15 +39,11 @@ class ImportedRun:
 def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
     """Import files; every part is read before the first run folder is made.
 
-    Raises
-    ------
-    ConfigError
-        A file or the map cannot be read, they do not fit, or labels and rows do not; or no run
-        can have a label.
-    DataQualityError
-        The recording is not good enough.
-    RecordingError
-        A run cannot be written.
+    Raises:
+        ConfigError: A file or the map cannot be read, they do not fit, or labels and rows do not;
+            or no run can have a label.
+        DataQualityError: The recording is not good enough.
+        RecordingError: A run cannot be written.
     """
     import_map, robot = load_import_map(request.map)
     ranges = [_range(rows) for rows in request.rows] or [import_map.rows]

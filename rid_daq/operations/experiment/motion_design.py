@@ -41,22 +41,14 @@ REALISATIONS: Final = 4
 class Designed:
     """A motion that was written.
 
-    Attributes
-    ----------
-    cell : LoadedCell
-        The cell that it is for.
-    motion : AnyMotion
-        The motion.
-    samples : MotionSamples
-        The same as planned.
-    condition : float or None
-        Condition number of an excitation.
-    found : Search or None
-        How the search for it went, where there was one.
-    use : ndarray, shape (joints, 3), or None
-        Largest share of speed, acceleration and torque limit that a multisine uses.
-    notes : tuple of str
-        What a person should know of it.
+    Attributes:
+        cell: The cell that it is for.
+        samples: The same as planned.
+        condition: Condition number of an excitation.
+        found: How the search for it went, where there was one.
+        use: Shape (joints, 3). Largest share of speed, acceleration and torque limit that a
+            multisine uses.
+        notes: What a person should know of it.
     """
 
     cell: LoadedCell
@@ -71,20 +63,14 @@ class Designed:
 def design_motion(request: DesignRequest, context: Context) -> Designed:
     """Choose a motion, verify it within every limit, ramps included, and write it.
 
-    Parameters
-    ----------
-    request : DesignRequest
-        What is wanted.
-    context : Context
-        Shows progress.
+    Args:
+        request: What is wanted.
+        context: Shows progress.
 
-    Raises
-    ------
-    ConfigError
-        No such motion holds the limits, or a model is of another robot; or a motion of this kind
-        has no so many periods.
-    RecordingError
-        The file cannot be written.
+    Raises:
+        ConfigError: No such motion holds the limits, or a model is of another robot; or a motion of
+            this kind has no so many periods.
+        RecordingError: The file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)
     _require_periods(request)

@@ -97,10 +97,8 @@ class RecordRequest(Request):
 class RecordResult:
     """A motion that was driven and recorded.
 
-    Attributes
-    ----------
-    recorded : RecordedMotion
-        The run, and the accuracy that was followed.
+    Attributes:
+        recorded: The run, and the accuracy that was followed.
     """
 
     recorded: RecordedMotion

@@ -36,16 +36,11 @@ REHEARSAL_ALONE = "That was the rehearsal; nothing else was driven."
 class RecordedMotion:
     """A motion that was driven and recorded.
 
-    Attributes
-    ----------
-    run : RecordedRun
-        The run; that of the rehearsal where the motion was stopped there.
-    motion : AnyMotion
-        What was asked for.
-    accuracy : AccuracyWatch or None
-        What followed the periods.
-    rehearsal_only : bool
-        Whether the rehearsal was stopped, and nothing else was driven.
+    Attributes:
+        run: The run; that of the rehearsal where the motion was stopped there.
+        motion: What was asked for.
+        accuracy: What followed the periods.
+        rehearsal_only: Whether the rehearsal was stopped, and nothing else was driven.
     """
 
     run: RecordedRun
@@ -63,12 +58,9 @@ class RecordedMotion:
 def record_motion_file(request: RecordRequest, context: Context) -> RecordedMotion:
     """Record a motion on a cell into a new run folder.
 
-    Raises
-    ------
-    ConfigError, PreflightError
-        It was refused before anything moved.
-    RidDaqError
-        As `RunSession.recording`.
+    Raises:
+        ConfigError, PreflightError: It was refused before anything moved.
+        RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     motion, text = motion_and_bytes(request.motion, loaded)

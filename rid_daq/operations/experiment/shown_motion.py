@@ -54,12 +54,9 @@ class _ExcitationAxis:
 def motion_document(designed: Designed, output: Path) -> dict[str, object]:
     """Return the numbers of a motion.
 
-    Parameters
-    ----------
-    designed : Designed
-        The motion.
-    output : Path
-        Its file.
+    Args:
+        designed: The motion.
+        output: Its file.
     """
     motion, found = designed.motion, designed.found
     shown: dict[str, object] = {"motion": str(output), "duration_s": designed.samples.duration_s}
@@ -90,12 +87,9 @@ def motion_document(designed: Designed, output: Path) -> dict[str, object]:
 def motion_blocks(designed: Designed, request: DesignRequest) -> Iterator[AnyBlock]:
     """Yield what is in a motion file, how it was found, and the next commands.
 
-    Parameters
-    ----------
-    designed : Designed
-        The motion.
-    request : DesignRequest
-        What was asked for.
+    Args:
+        designed: The motion.
+        request: What was asked for.
     """
     motion, duration_s = designed.motion, designed.samples.duration_s
     for note in designed.notes:

@@ -50,10 +50,8 @@ class CompareRequest(Request):
 class CompareResult:
     """The differences of two estimates.
 
-    Attributes
-    ----------
-    compared : Compared
-        The differences, and the torque errors of both.
+    Attributes:
+        compared: The differences, and the torque errors of both.
     """
 
     compared: Compared

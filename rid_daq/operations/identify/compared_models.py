@@ -22,15 +22,11 @@ from rid_daq.terminal.choices import MODEL
 class RunPrediction:
     """How well both models predict one run.
 
-    Attributes
-    ----------
-    data : RunData
-        The run.
-    seen : (bool, bool)
-        Whether each was identified from it.
-    percent : ndarray, shape (2, n)
-        Relative torque errors on samples that count for both [%]; not a number of an axis that did
-        not move.
+    Attributes:
+        data: The run.
+        seen: Whether each was identified from it.
+        percent: Shape (2, n). Relative torque errors on samples that count for both [%]; not a
+            number of an axis that did not move.
     """
 
     data: RunData
@@ -42,16 +38,11 @@ class RunPrediction:
 class Compared:
     """What came of it.
 
-    Attributes
-    ----------
-    names : (str, str)
-        What the two are called.
-    difference : EstimateDifference
-        How far their parameters differ.
-    predictions : list of RunPrediction
-        One a run.
-    notes : list of str
-        What the runs lack.
+    Attributes:
+        names: What the two are called.
+        difference: How far their parameters differ.
+        predictions: One a run.
+        notes: What the runs lack.
     """
 
     names: tuple[str, str]
@@ -63,12 +54,9 @@ class Compared:
 def compare_models(request: CompareRequest) -> Compared:
     """Compare two estimates, and predict runs with both.
 
-    Raises
-    ------
-    ConfigError
-        A run was not identified, or the two are of different robots.
-    RidDaqError
-        A run or a model cannot be used.
+    Raises:
+        ConfigError: A run was not identified, or the two are of different robots.
+        RidDaqError: A run or a model cannot be used.
     """
     first, one, own = _side(request, request.first)
     second, other, others = _side(request, request.second)

@@ -79,16 +79,10 @@ class ExportRequest(Request):
 class ExportedModel:
     """A model that was written.
 
-    Attributes
-    ----------
-    request : ExportRequest
-        What was asked for.
-    robot : str
-        Its robot.
-    sentence : str
-        How far the written parameters are from the identified ones.
-    test : ConsistencyTest or None
-        The test of the consistent parameters against the data.
+    Attributes:
+        request: What was asked for.
+        sentence: How far the written parameters are from the identified ones.
+        test: The test of the consistent parameters against the data.
     """
 
     request: ExportRequest
@@ -120,16 +114,11 @@ class ExportedModel:
 class ExportedRecording:
     """A recording that was written.
 
-    Attributes
-    ----------
-    request : ExportRequest
-        What was asked for.
-    data : RunData
-        The run.
-    table : RecordingTable
-        Its columns.
-    notes : list of str
-        What the run lacks.
+    Attributes:
+        request: What was asked for.
+        data: The run.
+        table: Its columns.
+        notes: What the run lacks.
     """
 
     request: ExportRequest

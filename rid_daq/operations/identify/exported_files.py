@@ -47,12 +47,9 @@ NEED_NO_LINKS: Final = (*FUNCTIONS, *TABLES)
 def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
     """Write the model or the recording that a request names.
 
-    Raises
-    ------
-    ConfigError
-        The file exists, or an option has no effect on what is exported.
-    RidDaqError
-        As `export_model` and `export_recording`.
+    Raises:
+        ConfigError: The file exists, or an option has no effect on what is exported.
+        RidDaqError: As `export_model` and `export_recording`.
     """
     refuse_output(request.output, request.overwrite, made_file.EXPORT)
     found = file_or_run(request.runs, request.what)
@@ -77,15 +74,11 @@ def _refuse_useless(request: ExportRequest, names: tuple[str, ...], because: str
 def export_model(request: ExportRequest) -> ExportedModel:
     """Write an identified model.
 
-    Raises
-    ------
-    ConfigError
-        The format is not for models, or not for parameters as identified.
-    EstimationError
-        The model does not explain its own data, no robot that can exist does, or the format cannot
-        say the model.
-    RecordingError
-        The file cannot be written.
+    Raises:
+        ConfigError: The format is not for models, or not for parameters as identified.
+        EstimationError: The model does not explain its own data, no robot that can exist does, or
+            the format cannot say the model.
+        RecordingError: The file cannot be written.
     """
     to, as_identified = request.to, request.as_identified
     if to not in NEED_NO_LINKS and to not in DESCRIPTIONS:
@@ -133,12 +126,9 @@ def export_model(request: ExportRequest) -> ExportedModel:
 def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecording:
     """Write everything that a run has recorded, row by row.
 
-    Raises
-    ------
-    ConfigError
-        The format is for models, or needs a library that is not installed.
-    RidDaqError
-        The run cannot be used, or the file not be written.
+    Raises:
+        ConfigError: The format is for models, or needs a library that is not installed.
+        RidDaqError: The run cannot be used, or the file not be written.
     """
     to = request.to
     if to not in RECORDINGS:

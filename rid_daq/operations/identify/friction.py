@@ -41,10 +41,8 @@ class FrictionRequest(Request):
 class FrictionResult:
     """Friction that was measured, and its report.
 
-    Attributes
-    ----------
-    found : FrictionMeasured
-        The friction, and the files with it.
+    Attributes:
+        found: The friction, and the files with it.
     """
 
     found: FrictionMeasured

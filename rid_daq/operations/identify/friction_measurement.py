@@ -25,16 +25,11 @@ from rid_daq.runs.run_data import RunData, lacks, result_of
 class FrictionMeasured:
     """Friction that was measured.
 
-    Attributes
-    ----------
-    run_id : str
-        The first run.
-    section : FrictionSection
-        Its section of a report.
-    report : Path
-        The report of the first run.
-    notes : list of str
-        What the runs lack.
+    Attributes:
+        run_id: The first run.
+        section: Its section of a report.
+        report: The report of the first run.
+        notes: What the runs lack.
     """
 
     run_id: str
@@ -46,12 +41,9 @@ class FrictionMeasured:
 def measure_friction(request: FrictionRequest) -> FrictionMeasured:
     """Measure friction joint by joint, and fit models to it.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of several robots, or of motions that do not measure friction.
-    RidDaqError
-        A run cannot be used.
+    Raises:
+        ConfigError: The runs are of several robots, or of motions that do not measure friction.
+        RidDaqError: A run cannot be used.
     """
     folders = find_runs(request.runs, request.run)
     data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]

@@ -68,22 +68,13 @@ MISTAKEN = "Failed: a file of this run is probably wrong"
 class IdentifiedRuns:
     """A model that was identified and written.
 
-    Attributes
-    ----------
-    model : Path
-        The model file.
-    result : Result
-        The first run's result.
-    report : Path
-        Its report.
-    notes : list of str
-        What the runs lack.
-    gains : DriveGains or None
-        Drive gains; None if no load mass was given.
-    plate_unused : bool
-        True if the runs have a force plate that the model does not use.
-    clocks : list of ClockSection
-        Repeated, missing and jittered rows of each run, and where its times come from.
+    Attributes:
+        model: The model file.
+        result: The first run's result.
+        notes: What the runs lack.
+        gains: Drive gains; None if no load mass was given.
+        plate_unused: True if the runs have a force plate that the model does not use.
+        clocks: Repeated, missing and jittered rows of each run, and where its times come from.
     """
 
     model: Path
@@ -122,21 +113,14 @@ class IdentifiedRuns:
 def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     """Estimate a robot from runs; write the model file and the first run's report.
 
-    Parameters
-    ----------
-    request : IdentifyRequest
-        What is asked for.
-    context : Context
-        Shows progress, and what the runs lack.
+    Args:
+        request: What is asked for.
+        context: Shows progress, and what the runs lack.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of different robots or kinds, or the options exclude one another.
-    DataQualityError, EstimationError
-        The data do not show the parameters.
-    RecordingError
-        A run cannot be read, or a file not be written.
+    Raises:
+        ConfigError: The runs are of different robots or kinds, or the options exclude one another.
+        DataQualityError, EstimationError: The data do not show the parameters.
+        RecordingError: A run cannot be read, or a file not be written.
     """
     request.refuse_contradictions()
     refuse_output(request.output, request.overwrite, made_file.MODEL)

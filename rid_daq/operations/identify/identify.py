@@ -142,10 +142,8 @@ class IdentifyRequest(Request):
     def refuse_contradictions(self) -> None:
         """Refuse friction options beside --choose, which chooses the friction terms itself.
 
-        Raises
-        ------
-        ConfigError
-            One of them is set.
+        Raises:
+            ConfigError: One of them is set.
         """
         terms = self.how.options.model
         if self.choose and (terms.friction_terms is not None or not terms.friction):
@@ -159,10 +157,8 @@ class IdentifyRequest(Request):
 class IdentifyResult:
     """A model that was identified and written.
 
-    Attributes
-    ----------
-    identified : IdentifiedRuns
-        The model, and the files with it.
+    Attributes:
+        identified: The model, and the files with it.
     """
 
     identified: IdentifiedRuns

@@ -50,24 +50,16 @@ OF_RUNS: Final = ("limits", "band_hz", "standstill_rad_s", "unfinished")
 class Validated:
     """A prediction and the verdict on it.
 
-    Attributes
-    ----------
-    verdict : Verdict
-        Whether the limits hold.
-    validation : ValidationSection or None
-        Torques; None of a motion file, which nobody has run.
-    reaction : ReactionSection or None
-        The reaction on the base against the plate's.
-    base_load : BaseLoadSection or None
-        The largest reaction on the base, where it is judged.
-    notes : list of str, or None
-        What the run lacks.
-    clocks : list of ClockSection, or None
-        Repeated, missing and jittered rows of the run, and where its times come from.
-    report : Path or None
-        The run's report.
-    not_compared : str
-        Why the reaction on the base is not compared; empty if it is, or there is none.
+    Attributes:
+        verdict: Whether the limits hold.
+        validation: Torques; None of a motion file, which nobody has run.
+        reaction: The reaction on the base against the plate's.
+        base_load: The largest reaction on the base, where it is judged.
+        notes: What the run lacks.
+        clocks: Repeated, missing and jittered rows of the run, and where its times come from.
+        report: The run's report.
+        not_compared: Why the reaction on the base is not compared; empty if it is, or there is
+            none.
     """
 
     verdict: Verdict
@@ -83,14 +75,11 @@ class Validated:
 def validate_run(request: ValidateRequest) -> Validated:
     """Predict a run with a model, judge the error, and put it into the run's report.
 
-    Raises
-    ------
-    ConfigError
-        The limits are invalid, or are missing, or the model is of another robot.
-    DataQualityError
-        The run allows no verdict: the model was identified from it, or it is too short.
-    RidDaqError
-        The run or the model cannot be used.
+    Raises:
+        ConfigError: The limits are invalid, or are missing, or the model is of another robot.
+        DataQualityError: The run allows no verdict: the model was identified from it, or it is too
+            short.
+        RidDaqError: The run or the model cannot be used.
     """
     if not request.model.exists() and Path(request.run).is_file():
         turned = as_command("validate", request.run, request.model)
@@ -180,13 +169,10 @@ def validate_run(request: ValidateRequest) -> Validated:
 def predict_motion(request: ValidateRequest) -> Validated:
     """Predict the reaction of a motion that nobody has run, and judge it.
 
-    Raises
-    ------
-    ConfigError
-        The reaction was not asked for, no cell is named or it has no limits, or the motion is for
-        another robot or cannot be run.
-    EstimationError
-        The model is an internal one.
+    Raises:
+        ConfigError: The reaction was not asked for, no cell is named or it has no limits, or the
+            motion is for another robot or cannot be run.
+        EstimationError: The model is an internal one.
     """
     motion = Path(request.run)
     refuse_unused(request, OF_RUNS, "with a motion file")

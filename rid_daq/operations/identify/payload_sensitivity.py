@@ -43,12 +43,9 @@ from rid_daq.runs.output_file import refuse_output
 class DrawnPayloads:
     """Estimates with noise and uncertainties.
 
-    Attributes
-    ----------
-    values : ndarray, shape (draws, 10)
-        The estimates.
-    off_percent : ndarray, shape (10,)
-        Errors of their mean [%].
+    Attributes:
+        values: Shape (draws, 10). The estimates.
+        off_percent: Shape (10,). Errors of their mean [%].
     """
 
     values: FloatArray
@@ -59,14 +56,10 @@ class DrawnPayloads:
 class Sensitivity:
     """Deviations of a payload's estimate.
 
-    Attributes
-    ----------
-    problem : SensitivityProblem
-        The robot that carries its payload with the axes of the wrist's side.
-    rows : list of SensitivityRow
-        One for each wrong assumption.
-    drawn : DrawnPayloads or None
-        Estimates with noise and uncertainties; None without draws.
+    Attributes:
+        problem: The robot that carries its payload with the axes of the wrist's side.
+        rows: One for each wrong assumption.
+        drawn: Estimates with noise and uncertainties; None without draws.
     """
 
     problem: SensitivityProblem
@@ -77,15 +70,11 @@ class Sensitivity:
 def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensitivity:
     """Estimate the payload with each wrong assumption and by draws, and write the table.
 
-    Raises
-    ------
-    ConfigError
-        The robot's true parameters are not known, a file is of another robot or exists already, or
-        the scheduler cannot be reached.
-    EstimationError
-        The motion does not show all ten parameters.
-    RecordingError
-        The table cannot be written.
+    Raises:
+        ConfigError: The robot's true parameters are not known, a file is of another robot or exists
+            already, or the scheduler cannot be reached.
+        EstimationError: The motion does not show all ten parameters.
+        RecordingError: The table cannot be written.
     """
     if request.draws == 1:
         raise ConfigError(

@@ -27,12 +27,8 @@ class ReportRequest(Request):
 class ReportResult:
     """A report that was written.
 
-    Attributes
-    ----------
-    result : Result
-        The result of the run.
-    report : Path
-        Its report.
+    Attributes:
+        result: The result of the run.
     """
 
     result: Result

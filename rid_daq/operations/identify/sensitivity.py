@@ -112,12 +112,8 @@ class SensitivityRequest(Request):
 class SensitivityResult:
     """Deviations of a payload's estimate.
 
-    Attributes
-    ----------
-    request : SensitivityRequest
-        The request.
-    found : Sensitivity
-        The table, and the draws if there are any.
+    Attributes:
+        found: The table, and the draws if there are any.
     """
 
     request: SensitivityRequest

@@ -96,12 +96,8 @@ class ValidateRequest(Request):
 class ValidateResult:
     """A model that was judged.
 
-    Attributes
-    ----------
-    request : ValidateRequest
-        The request.
-    validated : Validated
-        The prediction and the verdict.
+    Attributes:
+        validated: The prediction and the verdict.
     """
 
     request: ValidateRequest

@@ -60,12 +60,9 @@ class CompensateRequest(Request):
 class CompensateResult:
     """A feedforward that was written.
 
-    Attributes
-    ----------
-    request : CompensateRequest
-        What was asked for.
-    made : Compensated
-        Its size, and what the reference run showed.
+    Attributes:
+        request: What was asked for.
+        made: Its size, and what the reference run showed.
     """
 
     request: CompensateRequest

@@ -44,16 +44,11 @@ STALLED: Final = 0.9
 class Compensated:
     """A feedforward that was written.
 
-    Attributes
-    ----------
-    rows : int
-        Rows of the motion.
-    largest : dict
-        The largest correction of each joint's speed, by its name [rad/s or m/s].
-    tuning : TuningEntry or None
-        What the reference run tuned.
-    notes : list of str
-        What that run lacks, and how warm joints are taken to be.
+    Attributes:
+        rows: Rows of the motion.
+        largest: The largest correction of each joint's speed, by its name [rad/s or m/s].
+        tuning: What the reference run tuned.
+        notes: What that run lacks, and how warm joints are taken to be.
     """
 
     rows: int
@@ -66,20 +61,13 @@ class Compensated:
 class Refined:
     """A feedforward that was refined, or needs no more of it.
 
-    Attributes
-    ----------
-    measured : RepeatedError
-        What the robot missed.
-    found : Refinement
-        What that asks for.
-    stalled : bool
-        Whether the error no longer shrinks.
-    notes : list of str
-        What the runs lack, and how warm joints are taken to be.
-    cell : str
-        The runs' cell, as commands take it.
-    motion : Path
-        The motion file of one of the runs.
+    Attributes:
+        measured: What the robot missed.
+        found: What that asks for.
+        stalled: Whether the error no longer shrinks.
+        notes: What the runs lack, and how warm joints are taken to be.
+        cell: The runs' cell, as commands take it.
+        motion: The motion file of one of the runs.
     """
 
     measured: RepeatedError
@@ -98,12 +86,9 @@ class Refined:
 def compensate_motion(request: CompensateRequest) -> Compensated:
     """Compute a motion's feedforward and write it.
 
-    Raises
-    ------
-    ConfigError
-        Files do not belong together, or the file is there already.
-    RidDaqError
-        The reference run cannot be used, or the motion takes more than the limits.
+    Raises:
+        ConfigError: Files do not belong together, or the file is there already.
+        RidDaqError: The reference run cannot be used, or the motion takes more than the limits.
     """
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     loaded = load_cell(request.cell)
@@ -141,12 +126,9 @@ def compensate_motion(request: CompensateRequest) -> Compensated:
 def refine_feedforward(request: RefineRequest) -> Refined:
     """Correct a feedforward by what the robot missed with it, and write the next one.
 
-    Raises
-    ------
-    ConfigError
-        Runs differ in motion or feedforward, or the file is there already.
-    DataQualityError
-        The error has grown since the last refinement.
+    Raises:
+        ConfigError: Runs differ in motion or feedforward, or the file is there already.
+        DataQualityError: The error has grown since the last refinement.
     """
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     folders = find_runs(request.runs, request.run)
@@ -232,10 +214,8 @@ def _refuse_mixed(driven: list[MotionRun]) -> None:
 def _refuse_growth(measured: RepeatedError, origin: Origin) -> None:
     """Refuse to go on where the last refinement has made things worse.
 
-    Raises
-    ------
-    DataQualityError
-        It has; the text says in which joint, and what to do.
+    Raises:
+        DataQualityError: It has; the text says in which joint, and what to do.
     """
     if not origin.refinements:
         return

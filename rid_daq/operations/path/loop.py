@@ -50,10 +50,8 @@ class LoopRequest(Request):
 class LoopResult:
     """Velocity loops that were measured and written.
 
-    Attributes
-    ----------
-    found : LoopsMeasured
-        The loops, and the files with them.
+    Attributes:
+        found: The loops, and the files with them.
     """
 
     found: LoopsMeasured

@@ -27,18 +27,12 @@ from rid_daq.runs.run_data import RunData, lacks, note_output, result_of
 class LoopsMeasured:
     """Loops that were written.
 
-    Attributes
-    ----------
-    run_id : str
-        The run.
-    section : VelocityLoopsSection
-        What was found.
-    output, report : Path
-        Where loops and report are.
-    notes : list of str
-        What the run lacks.
-    cell : str
-        The run's cell, as commands take it.
+    Attributes:
+        run_id: The run.
+        section: What was found.
+        output, report: Where loops and report are.
+        notes: What the run lacks.
+        cell: The run's cell, as commands take it.
     """
 
     run_id: str
@@ -52,12 +46,9 @@ class LoopsMeasured:
 def measure_velocity_loops(request: LoopRequest) -> LoopsMeasured:
     """Measure how the drives' velocity loops answer, and write what was found.
 
-    Raises
-    ------
-    ConfigError
-        The run is of another motion, or the file is there already.
-    RidDaqError
-        The run cannot be used.
+    Raises:
+        ConfigError: The run is of another motion, or the file is there already.
+        RidDaqError: The run cannot be used.
     """
     refuse_output(request.output, request.overwrite, made_file.LOOPS)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)

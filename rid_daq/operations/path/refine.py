@@ -48,12 +48,9 @@ class _Axis(NamedTuple):
 class RefineResult:
     """A feedforward that was refined, or needs no more of it.
 
-    Attributes
-    ----------
-    request : RefineRequest
-        What was asked for.
-    refined : Refined
-        The remaining error and its correction.
+    Attributes:
+        request: What was asked for.
+        refined: The remaining error and its correction.
     """
 
     request: RefineRequest

@@ -104,12 +104,9 @@ class RetimeRequest(Request):
 class RetimeResult:
     """A motion that was timed and written.
 
-    Attributes
-    ----------
-    request : RetimeRequest
-        What was asked for.
-    made : Retimed
-        The motion, its section of a report, and notes.
+    Attributes:
+        request: What was asked for.
+        made: The motion, its section of a report, and notes.
     """
 
     request: RetimeRequest

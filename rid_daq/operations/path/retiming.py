@@ -47,14 +47,10 @@ BY_TIME: Final = {
 class Retimed:
     """A motion that was timed and written.
 
-    Attributes
-    ----------
-    timed : TimedMotion
-        The motion.
-    section : RetimingSection
-        Its part of a report.
-    notes : list of str
-        How warm joints are taken to be, where that matters.
+    Attributes:
+        timed: The motion.
+        section: Its part of a report.
+        notes: How warm joints are taken to be, where that matters.
     """
 
     timed: TimedMotion
@@ -65,15 +61,11 @@ class Retimed:
 def retime_motion(request: RetimeRequest) -> Retimed:
     """Time a motion's path to its limits, and write the motion.
 
-    Raises
-    ------
-    ConfigError
-        Files do not belong together, an option is none, or a file is there already; or motion and
-        page are to be one file.
-    EstimationError
-        The payload did not pass its verdict.
-    LimitError
-        A limit cannot be kept to; the text names it, and where.
+    Raises:
+        ConfigError: Files do not belong together, an option is none, or a file is there already; or
+            motion and page are to be one file.
+        EstimationError: The payload did not pass its verdict.
+        LimitError: A limit cannot be kept to; the text names it, and where.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)
     refuse_output(request.report, request.overwrite, made_file.REPORT)

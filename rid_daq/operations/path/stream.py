@@ -79,12 +79,8 @@ class StreamRequest(Request):
 class StreamResult:
     """A path that was driven and recorded.
 
-    Attributes
-    ----------
-    request : StreamRequest
-        What was asked for.
-    run : RecordedRun
-        The run.
+    Attributes:
+        request: What was asked for.
     """
 
     request: StreamRequest

@@ -27,12 +27,9 @@ from rid_daq.session.session import as_label
 def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     """Stream a path and record it into a new run folder.
 
-    Raises
-    ------
-    ConfigError, PreflightError
-        It was refused before anything moved.
-    RidDaqError
-        As `RunSession.recording`.
+    Raises:
+        ConfigError, PreflightError: It was refused before anything moved.
+        RidDaqError: As `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     words, samples, files = _planned(request, loaded)

@@ -23,16 +23,11 @@ from rid_daq.terminal.console import as_command
 class Tracked:
     """How closely motions were followed.
 
-    Attributes
-    ----------
-    pairs : list of (MotionRun, MotionRun or None)
-        Each run, with the one that it is compared with.
-    section : TrackingSection
-        How closely, in their order.
-    notes : list of str
-        What the runs lack.
-    report : Path
-        The first run's report.
+    Attributes:
+        pairs: Each run, with the one that it is compared with.
+        section: How closely, in their order.
+        notes: What the runs lack.
+        report: The first run's report.
     """
 
     pairs: list[tuple[MotionRun, MotionRun | None]]
@@ -44,15 +39,13 @@ class Tracked:
 def track_runs(request: TrackingRequest) -> Tracked:
     """Compare positions reached with positions wanted, and put it into the first run's report.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of several robots, or one of `against` is of another motion; or before and
-        after are the same run, or were taken for each other. The model is of another robot.
-    DataQualityError
-        Two of `against` are of one motion, or a run does not say where the robot should have been.
-    EstimationError
-        A joint stood still when the model was identified.
+    Raises:
+        ConfigError: The runs are of several robots, or one of `against` is of another motion; or
+            before and after are the same run, or were taken for each other. The model is of another
+            robot.
+        DataQualityError: Two of `against` are of one motion, or a run does not say where the robot
+            should have been.
+        EstimationError: A joint stood still when the model was identified.
     """
     driven, others = (
         [
@@ -133,10 +126,8 @@ def _with_stiffness(
 def _require_order(after: MotionRun, before: MotionRun | None) -> None:
     """Refuse a run that is compared with itself, or a plain one with a compensated one.
 
-    Raises
-    ------
-    ConfigError
-        It is so.
+    Raises:
+        ConfigError: It is so.
     """
     if before is None:
         return
@@ -157,10 +148,8 @@ def _require_order(after: MotionRun, before: MotionRun | None) -> None:
 def _before(run: MotionRun, others: list[MotionRun]) -> MotionRun | None:
     """Return the run to compare with: the one of the same motion.
 
-    Raises
-    ------
-    DataQualityError
-        There are several.
+    Raises:
+        DataQualityError: There are several.
     """
     same = [other for other in others if other.motion == run.motion]
     if len(same) > 1:

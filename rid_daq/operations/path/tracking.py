@@ -52,10 +52,8 @@ class TrackingRequest(Request):
 class TrackingResult:
     """Path errors of runs.
 
-    Attributes
-    ----------
-    tracked : Tracked
-        The runs in pairs, their section of a report, notes.
+    Attributes:
+        tracked: The runs in pairs, their section of a report, notes.
     """
 
     tracked: Tracked

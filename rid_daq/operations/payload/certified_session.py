@@ -39,14 +39,10 @@ _LISTED: Final = (STATE, PAYLOAD, RESULT, *READ, DRIVE_WRITES)
 def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, Path]:
     """Write a payload's certificate; return what it says, and the file.
 
-    Raises
-    ------
-    ConfigError
-        No run is meant.
-    DataQualityError
-        It is not finished, or has no payload with a verdict.
-    RecordingError
-        A file is not what was written, cannot be read, or cannot be written.
+    Raises:
+        ConfigError: No run is meant.
+        DataQualityError: It is not finished, or has no payload with a verdict.
+        RecordingError: A file is not what was written, cannot be read, or cannot be written.
     """
     if request.output is not None and request.output.suffix not in (".html", ".pdf"):
         raise ConfigError(
@@ -72,17 +68,12 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
 def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
     """Return what the certificate of a payload says; every file that it lists has been compared.
 
-    Parameters
-    ----------
-    folder : RunFolder
-        A payload session, or a run that `payload identify` has written a payload into.
-    by : str or None
-        Who answers for it.
+    Args:
+        folder: A payload session, or a run that `payload identify` has written a payload into.
+        by: Who answers for it.
 
-    Raises
-    ------
-    DataQualityError, RecordingError, ConfigError
-        As `write_certificate`.
+    Raises:
+        DataQualityError, RecordingError, ConfigError: As `write_certificate`.
     """
     manifest = folder.manifest()
     state = SessionState.read(folder) if folder.file(STATE).exists() else None
@@ -127,10 +118,8 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
 def _require_finished(folder: RunFolder, manifest: Manifest, state: SessionState | None) -> None:
     """Refuse a session that has not come to its payload.
 
-    Raises
-    ------
-    DataQualityError
-        It has not.
+    Raises:
+        DataQualityError: It has not.
     """
     has_payload = PAYLOAD in manifest.files
     if state is None:
@@ -153,10 +142,8 @@ def _require_finished(folder: RunFolder, manifest: Manifest, state: SessionState
 def _require_ended(folder: RunFolder, manifest: Manifest) -> None:
     """Refuse a run whose recording has no SHA-256.
 
-    Raises
-    ------
-    DataQualityError
-        It was never finished.
+    Raises:
+        DataQualityError: It was never finished.
     """
     if manifest.status == RunStatus.UNFINISHED or manifest.finished_utc is None:
         raise DataQualityError(
@@ -172,12 +159,9 @@ def _payload_of(
 ) -> tuple[PayloadResult, Result]:
     """Return a payload and the result that was written with it.
 
-    Raises
-    ------
-    DataQualityError
-        Nothing was judged, or files are of different payloads.
-    RecordingError
-        A file is not what was written.
+    Raises:
+        DataQualityError: Nothing was judged, or files are of different payloads.
+        RecordingError: A file is not what was written.
     """
     folder.read(PAYLOAD)  # refused where it is not what was written
     payload, result = read_payload(folder.file(PAYLOAD)), read_result(folder)
@@ -217,10 +201,8 @@ def _payload_of(
 def _files(folder: RunFolder) -> list[CertifiedFile]:
     """Return a folder's files that matter, each compared with its entry in the manifest.
 
-    Raises
-    ------
-    RecordingError
-        One of them is not what was written.
+    Raises:
+        RecordingError: One of them is not what was written.
     """
     found = []
     for name in _LISTED:

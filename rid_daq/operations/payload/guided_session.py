@@ -48,18 +48,12 @@ PERIOD_S: Final = 7.2
 class SessionIdentified:
     """The payload of a session.
 
-    Attributes
-    ----------
-    state : SessionState
-        What was done.
-    judged : PayloadResult
-        The payload.
-    section : PayloadSection
-        The payload as the report has it.
-    verdict : Verdict
-        Whether it is as certain as was asked for.
-    file, report : Path
-        Where payload and report are.
+    Attributes:
+        state: What was done.
+        judged: The payload.
+        section: The payload as the report has it.
+        verdict: Whether it is as certain as was asked for.
+        file, report: Where payload and report are.
     """
 
     state: SessionState
@@ -75,15 +69,11 @@ def run_payload_session(
 ) -> SessionIdentified | StepFailed:
     """Lead through a session, or go on with an interrupted one.
 
-    Raises
-    ------
-    ConfigError, PreflightError
-        It was refused before anything moved, also for a model of another robot, or a person said
-        no.
-    LimitError
-        The payload is said to be heavier than the robot can carry.
-    RidDaqError
-        As `RunSession.recording` and `payload_from_runs`.
+    Raises:
+        ConfigError, PreflightError: It was refused before anything moved, also for a model of
+            another robot, or a person said no.
+        LimitError: The payload is said to be heavier than the robot can carry.
+        RidDaqError: As `RunSession.recording` and `payload_from_runs`.
     """
     loaded = load_cell(request.cell)
     state: SessionState | None = None

@@ -45,13 +45,10 @@ class LoadData:
 def export_payload(request: PayloadExportRequest) -> LoadData:
     """Write a payload for a controller; what was written has been read back and compared.
 
-    Raises
-    ------
-    EstimationError
-        Its verdict is not passed: a controller with wrong load data stops without need, or does
-        not stop when it should. Or no body can have these values.
-    ConfigError, RecordingError
-        The payload cannot be read, or the file not be written.
+    Raises:
+        EstimationError: Its verdict is not passed: a controller with wrong load data stops without
+            need, or does not stop when it should. Or no body can have these values.
+        ConfigError, RecordingError: The payload cannot be read, or the file not be written.
     """
     refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)
     path = payload_file(request.runs, request.payload)
@@ -73,14 +70,10 @@ def export_payload(request: PayloadExportRequest) -> LoadData:
 class ReadBack:
     """Load data that were compared.
 
-    Attributes
-    ----------
-    source : str
-        The file, or a description of the text.
-    measured, found : PayloadBody
-        The payload as measured, and as it was read.
-    verdict : Verdict
-        If they are the same.
+    Attributes:
+        source: The file, or a description of the text.
+        measured, found: The payload as measured, and as it was read.
+        verdict: If they are the same.
     """
 
     source: str
@@ -92,11 +85,9 @@ class ReadBack:
 def read_back_payload(request: PayloadReadBackRequest) -> ReadBack:
     """Parse load data and compare them with a payload.
 
-    Raises
-    ------
-    ConfigError
-        A file cannot be read or is not of this format; or file and text are both given, or
-        neither.
+    Raises:
+        ConfigError: A file cannot be read or is not of this format; or file and text are both
+            given, or neither.
     """
     file, text = _source(request), request.text
     body = read_payload(payload_file(request.runs, request.payload)).estimate.body
@@ -135,10 +126,8 @@ def _source(request: PayloadReadBackRequest) -> str:
 def payload_file(runs: Path, reference: Path) -> Path:
     """Return a payload file by its path, or of the session or run that has one.
 
-    Raises
-    ------
-    ConfigError, RecordingError
-        As `file_or_run`.
+    Raises:
+        ConfigError, RecordingError: As `file_or_run`.
     """
     found = file_or_run(runs, str(reference), having=PAYLOAD)
     return found if isinstance(found, Path) else found.file(PAYLOAD)

@@ -67,12 +67,8 @@ class PayloadCertificateRequest(Request):
 class PayloadCertificateResult:
     """A certificate that was written.
 
-    Attributes
-    ----------
-    certificate : Certificate
-        Its contents.
-    file : Path
-        The file.
+    Attributes:
+        certificate: Its contents.
     """
 
     certificate: Certificate

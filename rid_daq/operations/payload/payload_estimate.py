@@ -32,14 +32,10 @@ from rid_daq.runs.run_data import RunData
 class PayloadRequest:
     """What a person may choose.
 
-    Attributes
-    ----------
-    how : PayloadOptions
-        The procedure, the model's terms, what is known.
-    limits : PayloadLimits
-        How sure the payload must be.
-    band_hz, standstill_rad_s : float
-        Highest frequency and lowest speed used.
+    Attributes:
+        how: The procedure, the model's terms, what is known.
+        limits: How sure the payload must be.
+        band_hz, standstill_rad_s: Highest frequency and lowest speed used.
     """
 
     how: PayloadOptions = field(default_factory=PayloadOptions)
@@ -70,12 +66,9 @@ def payload_runs(
     What a model of the robot says of late and low-passed torques and of joints that warm up holds
     for them too; the last two hold in time, not in a mean period.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of different robots, or of both kinds.
-    DataQualityError
-        A run is too short or too damaged.
+    Raises:
+        ConfigError: The runs are of different robots, or of both kinds.
+        DataQualityError: A run is too short or too damaged.
     """
     one_robot(data)
     model = payload_request.how.robot
@@ -106,21 +99,14 @@ def payload_from_runs(
 ) -> tuple[PayloadResult, Repeats | None]:
     """Estimate a payload from runs, judge it, and estimate it from each loaded run alone.
 
-    Parameters
-    ----------
-    data : sequence of RunData
-        The runs.
-    loaded : sequence of bool
-        Which of them carried the payload.
-    payload_request : PayloadRequest
-        How.
+    Args:
+        data: The runs.
+        loaded: Which of them carried the payload.
+        payload_request: How.
 
-    Raises
-    ------
-    ConfigError
-        The runs are of different robots, or of both kinds.
-    DataQualityError, EstimationError
-        The data do not show a payload.
+    Raises:
+        ConfigError: The runs are of different robots, or of both kinds.
+        DataQualityError, EstimationError: The data do not show a payload.
     """
     how = payload_request.how
     runs = payload_runs(data, loaded, payload_request)

@@ -52,12 +52,9 @@ class PayloadExportRequest(Request):
 class PayloadExportResult:
     """Load data that were written.
 
-    Attributes
-    ----------
-    request : PayloadExportRequest
-        What was asked for.
-    written : LoadData
-        The payload and the text.
+    Attributes:
+        request: What was asked for.
+        written: The payload and the text.
     """
 
     request: PayloadExportRequest

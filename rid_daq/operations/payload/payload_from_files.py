@@ -29,18 +29,12 @@ from rid_daq.terminal.choices import PAYLOAD
 class PayloadIdentified:
     """What was found.
 
-    Attributes
-    ----------
-    section : PayloadSection
-        The payload.
-    verdict : Verdict
-        Whether it is as sure as was asked for.
-    file, report : Path
-        Where payload and report are.
-    notes : list of str
-        What the runs lack.
-    fits : bool
-        Whether the residual of every axis kept its limit.
+    Attributes:
+        section: The payload.
+        verdict: Whether it is as sure as was asked for.
+        file, report: Where payload and report are.
+        notes: What the runs lack.
+        fits: Whether the residual of every axis kept its limit.
     """
 
     section: PayloadSection
@@ -54,14 +48,10 @@ class PayloadIdentified:
 def identify_payload_runs(request: PayloadIdentifyRequest) -> PayloadIdentified:
     """Identify a payload by runs; write its file and the first loaded run's report.
 
-    Raises
-    ------
-    ConfigError
-        The procedure does not go with the model, or the runs not together.
-    DataQualityError, EstimationError
-        The data do not show a payload.
-    RecordingError
-        A run cannot be read, or a file not be written.
+    Raises:
+        ConfigError: The procedure does not go with the model, or the runs not together.
+        DataQualityError, EstimationError: The data do not show a payload.
+        RecordingError: A run cannot be read, or a file not be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
     known = tuple(each.known() for each in request.known)

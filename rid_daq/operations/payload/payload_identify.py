@@ -68,10 +68,8 @@ class KnownQuantity(Request):
     def known(self) -> Known:
         """Return it as the estimators take it.
 
-        Raises
-        ------
-        ConfigError
-            There is no such quantity, or its value is not possible.
+        Raises:
+            ConfigError: There is no such quantity, or its value is not possible.
         """
         from identification.payload.known import Known
 
@@ -192,10 +190,8 @@ class PayloadIdentifyRequest(Request):
 class PayloadIdentifyResult:
     """A payload that was identified.
 
-    Attributes
-    ----------
-    found : PayloadIdentified
-        The payload, its verdict, and the files.
+    Attributes:
+        found: The payload, its verdict, and the files.
     """
 
     found: PayloadIdentified

@@ -48,12 +48,9 @@ class PayloadReadBackRequest(Request):
 class PayloadReadBackResult:
     """Load data that were compared.
 
-    Attributes
-    ----------
-    request : PayloadReadBackRequest
-        What was asked for.
-    compared : ReadBack
-        Measured and read values, and the verdict.
+    Attributes:
+        request: What was asked for.
+        compared: Measured and read values, and the verdict.
     """
 
     request: PayloadReadBackRequest

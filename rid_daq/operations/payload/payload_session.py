@@ -147,10 +147,8 @@ class PayloadSessionRequest(Request):
     def as_begun(self, asked: Mapping[str, object]) -> PayloadSessionRequest:
         """Return the request of a session that was begun with `asked`; what is given now counts.
 
-        Raises
-        ------
-        ConfigError
-            `asked` is not of a payload session (RID-SESSION-STATE).
+        Raises:
+            ConfigError: `asked` is not of a payload session (RID-SESSION-STATE).
         """
         begun = {name: value for name, value in asked.items() if name in _OF_SESSION}
         now = self.model_dump(mode="json", exclude_unset=True)
@@ -179,12 +177,9 @@ class PayloadSessionRequest(Request):
 class StoppedSession:
     """A session that can be resumed: a step was stopped, or its run is not good enough.
 
-    Attributes
-    ----------
-    failed : StepFailed
-        The step and its run.
-    resume : tuple of str
-        The command that continues the session.
+    Attributes:
+        failed: The step and its run.
+        resume: The command that continues the session.
     """
 
     failed: StepFailed
@@ -220,10 +215,8 @@ class StoppedSession:
 class FinishedSession:
     """A session that came to its end.
 
-    Attributes
-    ----------
-    found : SessionIdentified
-        The payload, its verdict, and the files.
+    Attributes:
+        found: The payload, its verdict, and the files.
     """
 
     found: SessionIdentified

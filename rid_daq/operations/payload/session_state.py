@@ -36,18 +36,12 @@ class _State(ConfigModel):
 class SessionState:
     """Which steps of a session are done: step to run id; written after every step.
 
-    Attributes
-    ----------
-    folder : RunFolder
-        The session's own folder.
-    cell : str
-        Name of the cell.
-    done : dict
-        Step to id of its run, in the order of recording.
-    facts : dict
-        What was measured on the way: drift, skipped steps.
-    asked : dict
-        What was asked for when it was begun and is not the usual.
+    Attributes:
+        folder: The session's own folder.
+        cell: Name of the cell.
+        done: Step to id of its run, in the order of recording.
+        facts: What was measured on the way: drift, skipped steps.
+        asked: What was asked for when it was begun and is not the usual.
     """
 
     folder: RunFolder
@@ -70,10 +64,8 @@ class SessionState:
     def runs(self) -> list[RunData]:
         """Return the runs of those steps.
 
-        Raises
-        ------
-        RidDaqError
-            One of them cannot be used.
+        Raises:
+            RidDaqError: One of them cannot be used.
         """
         root = self.folder.path.parent
         return [RunData.load(find_run_inside(root, self.done[name])) for name in self.measurements]
@@ -91,10 +83,8 @@ class SessionState:
     def write(self) -> None:
         """Write the state into the session's folder.
 
-        Raises
-        ------
-        RecordingError
-            It cannot be written.
+        Raises:
+            RecordingError: It cannot be written.
         """
         document = {
             "schema": SCHEMA,
@@ -109,10 +99,8 @@ class SessionState:
     def read(cls, folder: RunFolder) -> SessionState:
         """Read the state of an interrupted session.
 
-        Raises
-        ------
-        ConfigError
-            The folder is not of a payload session.
+        Raises:
+            ConfigError: The folder is not of a payload session.
         """
         if not folder.file(STATE).exists():
             raise ConfigError(

@@ -60,20 +60,13 @@ class StepFailed:
 class PayloadGuide:
     """Does the steps of a session, and keeps what is done.
 
-    Attributes
-    ----------
-    request : PayloadSessionRequest
-        What was asked for.
-    session : RunSession
-        Records the motions.
-    state : SessionState
-        What is done.
-    motion : FourierMotion
-        What is asked about the payload.
-    payload_request : PayloadRequest
-        How it will be estimated.
-    context : Context
-        Where it is told, and a person asked.
+    Attributes:
+        request: What was asked for.
+        session: Records the motions.
+        state: What is done.
+        motion: What is asked about the payload.
+        payload_request: How it will be estimated.
+        context: Where it is told, and a person asked.
     """
 
     request: PayloadSessionRequest
@@ -134,10 +127,8 @@ class PayloadGuide:
     def _empty_flange(self) -> EmptyFlange:
         """Ask whether nothing hangs on the flange: the torques of two runs alone cannot tell.
 
-        Raises
-        ------
-        PreflightError
-            Something hangs there, or nobody can be asked.
+        Raises:
+            PreflightError: Something hangs there, or nobody can be asked.
         """
         if not self._asks:
             return EmptyFlange.SIMULATED

@@ -28,12 +28,10 @@ class WarmUpWatch:
     Over a period that begins and ends alike, the mechanical power of a joint is what its friction
     takes, and that falls as a motor warms up.
 
-    Parameters
-    ----------
-    drift_percent : float
-        Settled where no joint's power changes by more in a period.
-    told : callable, optional
-        Told the joints' names, the power of more periods, one row each [W], and `drift_percent`.
+    Args:
+        drift_percent: Settled where no joint's power changes by more in a period.
+        told: Told the joints' names, the power of more periods, one row each [W], and
+            `drift_percent`.
     """
 
     def __init__(self, drift_percent: float, told: WarmUpTold | None = None) -> None:
@@ -84,16 +82,10 @@ class MassWatch:
     By a model that says what no mean period shows the mass is not followed: the watch says so,
     and ends nothing.
 
-    Parameters
-    ----------
-    robot : RobotDescription
-        The robot.
-    before : PeriodicRuns or None
-        The runs recorded until now.
-    payload_request : PayloadRequest
-        How it will be estimated.
-    goal_kg : float or None
-        2 sigma that are enough; None follows only.
+    Args:
+        before: The runs recorded until now.
+        payload_request: How it will be estimated.
+        goal_kg: 2 sigma that are enough; None follows only.
     """
 
     def __init__(

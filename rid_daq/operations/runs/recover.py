@@ -49,12 +49,9 @@ class RecoverRequest(Request):
 class RecoverResult:
     """A recording or a run that was recovered.
 
-    Attributes
-    ----------
-    recovery : Recovery
-        What was kept and what is lost.
-    is_run : bool
-        True for a run folder, False for a file.
+    Attributes:
+        recovery: What was kept and what is lost.
+        is_run: True for a run folder, False for a file.
     """
 
     recovery: Recovery

@@ -29,18 +29,12 @@ _FACTS = ("robot", "simulated_flange", "why")  # the others are results
 class Recovery:
     """What became of a recording or a run.
 
-    Attributes
-    ----------
-    source : Path
-        The old one; it is as it was.
-    target : Path or None
-        The new one; None where nothing was wrong with the old one.
-    repairs : dict of str to Repair
-        What was kept of each journal.
-    notes : tuple of str
-        What else a person should know, one sentence each.
-    rows_gone : int
-        Rows of journals that are missing, or not readable at all.
+    Attributes:
+        source: The old one; it is as it was.
+        target: The new one; None where nothing was wrong with the old one.
+        repairs: What was kept of each journal.
+        notes: What else a person should know, one sentence each.
+        rows_gone: Rows of journals that are missing, or not readable at all.
     """
 
     source: Path
@@ -63,12 +57,9 @@ class Recovery:
 def recover_file(source: Path, target: Path) -> Recovery:
     """Write what is readable of one journal as a new file.
 
-    Raises
-    ------
-    LockedError
-        The journal is still being written.
-    RecordingError
-        It holds nothing readable, or the new file cannot be written.
+    Raises:
+        LockedError: The journal is still being written.
+        RecordingError: It holds nothing readable, or the new file cannot be written.
     """
     _refuse_open(source)
     repair = examine_journal(source)
@@ -100,13 +91,10 @@ def recover_run(source: Path, root: Path) -> Recovery:
     file that differs from it is left out, and only the original will be taken in its place. Results
     are not copied: they rest on rows that may be lost.
 
-    Raises
-    ------
-    LockedError
-        The run is still being recorded.
-    RecordingError
-        Nothing of it is readable, a recording belongs to another run, or the new one cannot be
-        written.
+    Raises:
+        LockedError: The run is still being recorded.
+        RecordingError: Nothing of it is readable, a recording belongs to another run, or the new
+            one cannot be written.
     """
     source = source.resolve()
     names, notes = _files(source)
@@ -189,10 +177,8 @@ def _rows(manifest: Manifest | None, name: str) -> int | None:
 def _refuse_foreign(source: Path, manifest: Manifest | None, readable: dict[str, Repair]) -> None:
     """Refuse a folder whose recordings are not all of its own run.
 
-    Raises
-    ------
-    RecordingError
-        One is not; the message says whose it is.
+    Raises:
+        RecordingError: One is not; the message says whose it is.
     """
     own = {r.run_id for r in readable.values()} if manifest is None else {manifest.run_id}
     own -= {""}

@@ -51,14 +51,9 @@ class ListedRun:
 class RunsResult:
     """The runs of a folder.
 
-    Attributes
-    ----------
-    request : RunsRequest
-        The request.
-    listed : tuple of ListedRun
-        The runs, oldest first.
-    damaged : tuple of tuple
-        Name and problem of every run whose manifest cannot be read.
+    Attributes:
+        listed: The runs, oldest first.
+        damaged: Name and problem of every run whose manifest cannot be read.
     """
 
     request: RunsRequest

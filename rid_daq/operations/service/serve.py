@@ -102,14 +102,10 @@ class UnitWritten:
 class ServiceReady:
     """A service that serves.
 
-    Attributes
-    ----------
-    url : str
-        Address of its workbench.
-    socket : Path
-        Its socket for programs of this computer.
-    cells : tuple of str
-        What it serves.
+    Attributes:
+        url: Address of its workbench.
+        socket: Its socket for programs of this computer.
+        cells: What it serves.
     """
 
     url: str

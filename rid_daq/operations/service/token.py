@@ -48,12 +48,8 @@ class TokenRequest(Request):
 class TokenResult:
     """A program or device that is let in.
 
-    Attributes
-    ----------
-    request : TokenRequest
-        The request.
-    secret : str or None
-        The token of a program; None for a device.
+    Attributes:
+        secret: The token of a program; None for a device.
     """
 
     request: TokenRequest

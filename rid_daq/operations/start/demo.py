@@ -52,10 +52,8 @@ class DemoRequest(Request):
 class DemoResult:
     """The demo's result and report.
 
-    Attributes
-    ----------
-    done : Demo
-        What the demo made.
+    Attributes:
+        done: What the demo made.
     """
 
     done: Demo

@@ -41,12 +41,8 @@ class DocsRequest(Request):
 class DocsResult:
     """A page of the documentation.
 
-    Attributes
-    ----------
-    page : Path
-        The page.
-    is_shown : bool
-        False if a browser was to show it and none could be opened.
+    Attributes:
+        is_shown: False if a browser was to show it and none could be opened.
     """
 
     page: Path
@@ -74,17 +70,12 @@ def run(request: DocsRequest, context: Context) -> DocsResult:
 def find_page(site: Path, topic: str | None) -> Path:
     """Return the page of a topic.
 
-    Parameters
-    ----------
-    site : Path
-        The folder of the site.
-    topic : str or None
-        How the page's name begins, or a word of it; None for the start page.
+    Args:
+        site: The folder of the site.
+        topic: How the page's name begins, or a word of it; None for the start page.
 
-    Raises
-    ------
-    ConfigError
-        There is no site, no such page, or more than one.
+    Raises:
+        ConfigError: There is no site, no such page, or more than one.
     """
     start = site / "index.html"
     if not start.is_file():

@@ -86,18 +86,12 @@ class InitRequest(Request):
 class InitResult:
     """The files that were written.
 
-    Attributes
-    ----------
-    folder : Path
-        Their folder.
-    files : tuple of str
-        Their names.
-    notes : tuple of str
-        Assumptions about the robot, one sentence each.
-    rehearsed : bool
-        True if the cell was tried.
-    obstacle : str
-        What stopped the rehearsal; empty if nothing did.
+    Attributes:
+        folder: Their folder.
+        files: Their names.
+        notes: Assumptions about the robot, one sentence each.
+        rehearsed: True if the cell was tried.
+        obstacle: What stopped the rehearsal; empty if nothing did.
     """
 
     folder: Path
@@ -201,10 +195,8 @@ def _refuse_present(folder: Path, names: Iterable[str]) -> None:
 def _numbers(option: str, text: str | None) -> tuple[float, ...]:
     """Return the positive numbers of an option; none if it is not given.
 
-    Raises
-    ------
-    ConfigError
-        It has something else.
+    Raises:
+        ConfigError: It has something else.
     """
     try:
         values = parse_numbers(text) if text is not None else ()

@@ -16,12 +16,9 @@ if TYPE_CHECKING:
 class RejectedPeriod(Section):
     """A period that was not averaged.
 
-    Attributes
-    ----------
-    index : int
-        Counted from 0.
-    reason : str
-        Why.
+    Attributes:
+        index: Counted from 0.
+        reason: Why.
     """
 
     index: int
@@ -31,12 +28,9 @@ class RejectedPeriod(Section):
 class AxisNoise(Section):
     """The noise of one sample of an axis, as the scatter between periods shows it (1 sigma).
 
-    Attributes
-    ----------
-    joint, unit, torque_unit : str
-        Its name, and the units of its position and torque.
-    torque_noise, position_noise : float
-        In these units.
+    Attributes:
+        joint, unit, torque_unit: Its name, and the units of its position and torque.
+        torque_noise, position_noise: In these units.
     """
 
     joint: str
@@ -49,16 +43,12 @@ class AxisNoise(Section):
 class AverageSection(Section):
     """How many periods were averaged, which were rejected and why, and the noise.
 
-    Attributes
-    ----------
-    sentence : str
-        All of it in a sentence.
-    periods_kept, samples_per_period, missing_samples : int
-        Averaged; of one; single rows that were left out of the mean.
-    rejected : tuple of RejectedPeriod
-        The other periods.
-    axes : tuple of AxisNoise
-        One an axis.
+    Attributes:
+        sentence: All of it in a sentence.
+        periods_kept, samples_per_period, missing_samples: Averaged; of one; single rows that were
+            left out of the mean.
+        rejected: The other periods.
+        axes: One an axis.
     """
 
     sentence: str

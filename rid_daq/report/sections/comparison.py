@@ -16,14 +16,10 @@ if TYPE_CHECKING:
 class MemoryTrial(Section):
     """What friction with memory is worth, standstill and reversal included.
 
-    Attributes
-    ----------
-    distance : tuple of float or None
-        Presliding distance of each joint that has it [rad or m].
-    without, with_memory : tuple of float
-        RMS error of each joint on what the fit left out [N m or N].
-    share : tuple of float
-        Share of each joint's friction that gives way so.
+    Attributes:
+        distance: Presliding distance of each joint that has it [rad or m].
+        without, with_memory: RMS error of each joint on what the fit left out [N m or N].
+        share: Share of each joint's friction that gives way so.
     """
 
     distance: tuple[float | None, ...]
@@ -43,14 +39,11 @@ class MemoryTrial(Section):
 class ChannelTrial(Section):
     """Delay and filter of the recorded torque.
 
-    Attributes
-    ----------
-    kind : str
-        Kind of channel.
-    delay_s, delay_sigma_s, lag_s, lag_sigma_s, width_s, width_sigma_s : tuple of float
-        Of each joint, as in `TorqueChannel`; 0 if nothing was found [s].
-    order : int
-        Order of the zero-phase filter.
+    Attributes:
+        kind: Kind of channel.
+        delay_s, delay_sigma_s, lag_s, lag_sigma_s, width_s, width_sigma_s: Of each joint, as in
+            `TorqueChannel`; 0 if nothing was found [s].
+        order: Order of the zero-phase filter.
     """
 
     kind: str
@@ -90,10 +83,9 @@ class ChannelTrial(Section):
 class WarmingTrial(Section):
     """How joints warm up by their own friction, where no temperature was measured.
 
-    Attributes
-    ----------
-    time_constant_s, time_constant_sigma_s : tuple of float
-        Of each joint, with its standard deviation; 0 where its friction does not show it [s].
+    Attributes:
+        time_constant_s, time_constant_sigma_s: Of each joint, with its standard deviation; 0 where
+            its friction does not show it [s].
     """
 
     time_constant_s: Numbers
@@ -114,26 +106,17 @@ class WarmingTrial(Section):
 class ComparisonSection(Section):
     """The chosen model, and what it gains over Coulomb and viscous friction.
 
-    Attributes
-    ----------
-    joints : tuple of str
-        The joints' names.
-    chosen : dict of tuple of str
-        The friction terms of each joint, by its name.
-    plain, with_terms : tuple of float
-        RMS error of each joint on parts left out of the fit, with Coulomb and viscous friction and
-        with the chosen terms [N m or N].
-    stribeck_speed : tuple of float or None
-        Stribeck speed of each joint that has one [rad/s or m/s].
-    memory : MemoryTrial or None
-        Presliding; None if the data do not identify it.
-    channel : ChannelTrial or None
-        Delay and filter of the recorded torque; None if nothing was found.
-    warming : WarmingTrial or None
-        How joints warm up; None where no friction shows it.
-    refused_delay_s : tuple of float or None
-        Delays of each joint's torque that no bus explains and that are not in the model, 0 for the
-        other joints [s]; None if there is no such delay.
+    Attributes:
+        joints: The joints' names.
+        chosen: The friction terms of each joint, by its name.
+        plain, with_terms: RMS error of each joint on parts left out of the fit, with Coulomb and
+            viscous friction and with the chosen terms [N m or N].
+        stribeck_speed: Stribeck speed of each joint that has one [rad/s or m/s].
+        memory: Presliding; None if the data do not identify it.
+        channel: Delay and filter of the recorded torque; None if nothing was found.
+        warming: How joints warm up; None where no friction shows it.
+        refused_delay_s: Delays of each joint's torque that no bus explains and that are not in the
+            model, 0 for the other joints [s]; None if there is no such delay.
     """
 
     joints: Texts

@@ -19,14 +19,11 @@ if TYPE_CHECKING:
 class TorqueCurve(Section):
     """Measured and predicted torque of an axis, one value a time, in `unit`.
 
-    Attributes
-    ----------
-    joint, unit, caption : str
-        Its name, the unit, and how large the error is.
-    measured, predicted : tuple of float
-        The torques.
-    counted : tuple of int
-        1 where the error counts, 0 where the axis stands still or its friction is not known.
+    Attributes:
+        joint, unit, caption: Its name, the unit, and how large the error is.
+        measured, predicted: The torques.
+        counted: 1 where the error counts, 0 where the axis stands still or its friction is not
+            known.
     """
 
     joint: str
@@ -40,14 +37,10 @@ class TorqueCurve(Section):
 class TorqueCurves(Section):
     """Torque over time.
 
-    Attributes
-    ----------
-    sentence : str
-        What is drawn.
-    time_s : tuple of float
-        [s].
-    axes : tuple of TorqueCurve
-        One an axis.
+    Attributes:
+        sentence: What is drawn.
+        time_s: [s].
+        axes: One an axis.
     """
 
     sentence: str
@@ -135,14 +128,10 @@ class SpectrumCurve(Section):
 class SpectrumCurves(Section):
     """What a model leaves of a mean period, against the noise floor.
 
-    Attributes
-    ----------
-    sentence : str
-        What is drawn.
-    frequency_hz : tuple of float
-        The harmonics [Hz].
-    axes : tuple of SpectrumCurve
-        One an axis.
+    Attributes:
+        sentence: What is drawn.
+        frequency_hz: The harmonics [Hz].
+        axes: One an axis.
     """
 
     sentence: str

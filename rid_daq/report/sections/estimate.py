@@ -20,23 +20,18 @@ if TYPE_CHECKING:
 class ParameterEntry(Section):
     """One parameter with its standard deviations, in `unit`.
 
-    Attributes
-    ----------
-    name, words, unit : str
-        Short, in words, and its unit.
-    value, std : float
-        The estimate, and the standard deviation to quote.
-    std_noise, std_residual : float or None
-        By measured noise alone, and by white residuals; None where they are not known.
-    truth, deviation_sigmas : float
-        Of a simulated robot: the true value, and how far the estimate is off, in `std`.
-    inside_two_sigma : bool
-        Whether that is at most two.
-    at_bound : bool
-        True where the fit ended at an end of the parameter's range: the data do not show it, and
-        its standard deviation means nothing. Left out elsewhere.
-    not_shown : bool
-        True if it is at a bound, or its interval is as wide as its range. Left out elsewhere.
+    Attributes:
+        name, words, unit: Short, in words, and its unit.
+        value, std: The estimate, and the standard deviation to quote.
+        std_noise, std_residual: By measured noise alone, and by white residuals; None where they
+            are not known.
+        truth, deviation_sigmas: Of a simulated robot: the true value, and how far the estimate is
+            off, in `std`.
+        inside_two_sigma: Whether that is at most two.
+        at_bound: True where the fit ended at an end of the parameter's range: the data do not show
+            it, and its standard deviation means nothing. Left out elsewhere.
+        not_shown: True if it is at a bound, or its interval is as wide as its range. Left out
+            elsewhere.
     """
 
     name: str
@@ -56,24 +51,17 @@ class ParameterEntry(Section):
 class AxisResidual(Section):
     """What the model leaves of an axis' torque.
 
-    Attributes
-    ----------
-    joint, unit : str
-        Its name, and the unit of its torque.
-    residual : float
-        Root mean square, in `unit`.
-    noise : float or None
-        Of the measurement; None where there are no periods.
-    left_out_fraction : float
-        Share of the samples that are not used for friction (standstill).
-    torque, percent, over_noise : float or None
-        RMS torque, in `unit`; the residual in percent of it, and over the noise. Left out
-        if torques say nothing of the fit.
-    held_out_percent : float or None
-        The residual in percent of the torque on parts of the recording that were left out of a
-        plain fit, 0 where it is hardly more than on what was fitted; left out where nobody looked.
-    grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it.
+    Attributes:
+        joint, unit: Its name, and the unit of its torque.
+        residual: Root mean square, in `unit`.
+        noise: Of the measurement; None where there are no periods.
+        left_out_fraction: Share of the samples that are not used for friction (standstill).
+        torque, percent, over_noise: RMS torque, in `unit`; the residual in percent of it, and over
+            the noise. Left out if torques say nothing of the fit.
+        held_out_percent: The residual in percent of the torque on parts of the recording that were
+            left out of a plain fit, 0 where it is hardly more than on what was fitted; left out
+            where nobody looked.
+        grade, reason: "good", "doubtful" or "bad", and what decides it.
     """
 
     joint: str
@@ -92,43 +80,27 @@ class AxisResidual(Section):
 class EstimateSection(Section):
     """The parameters with their intervals, and how they were found.
 
-    Attributes
-    ----------
-    sentence : str
-        How, in words.
-    method : str
-        "periodic" (on the harmonics) or "smoothed" (in the time domain).
-    condition_number : float
-        Of the scaled equations.
-    equations : int
-        Their number.
-    band_hz : float
-        Highest frequency used [Hz].
-    periods : int
-        Averaged; 0 where the recording is not periodic.
-    weighting : str
-        "ml", "ls" or "huber".
-    unseen : tuple of str
-        Parameters without any effect on the torques.
-    has_truth : bool
-        Whether the true values are known.
-    parameters : tuple of ParameterEntry
-        Base parameters, then nonlinear ones.
-    axes : tuple of AxisResidual
-        One an axis.
-    findings : tuple of str
-        What a person should know of it; left out where nobody looked.
-    mistakes : tuple of MistakeEntry
-        Mistakes of wiring, units and files that explain the data far better; left out where nobody
-        looked.
-    driving : tuple of str
-        Joints with negative friction power, which no friction has; left out if nobody looked.
-    arm_weight : ArmWeightEntry or None
-        How heavy the torques make the arm; left out if they do not tell.
-    still : dict of str to numbers
-        Joints that no run moved, and where they stood [rad or m]; left out if there are none.
-    consistency : ConsistencyEntry or None
-        Test of physical consistency; left out if it was not made.
+    Attributes:
+        sentence: How, in words.
+        method: "periodic" (on the harmonics) or "smoothed" (in the time domain).
+        condition_number: Of the scaled equations.
+        equations: Their number.
+        band_hz: Highest frequency used [Hz].
+        periods: Averaged; 0 where the recording is not periodic.
+        weighting: "ml", "ls" or "huber".
+        unseen: Parameters without any effect on the torques.
+        has_truth: Whether the true values are known.
+        parameters: Base parameters, then nonlinear ones.
+        axes: One an axis.
+        findings: What a person should know of it; left out where nobody looked.
+        mistakes: Mistakes of wiring, units and files that explain the data far better; left out
+            where nobody looked.
+        driving: Joints with negative friction power, which no friction has; left out if nobody
+            looked.
+        arm_weight: How heavy the torques make the arm; left out if they do not tell.
+        still: Joints that no run moved, and where they stood [rad or m]; left out if there are
+            none.
+        consistency: Test of physical consistency; left out if it was not made.
     """
 
     sentence: str
@@ -162,22 +134,13 @@ class EstimateSection(Section):
     ) -> EstimateSection:
         """Return what is said of an estimate.
 
-        Parameters
-        ----------
-        estimate : Estimate
-            The estimate.
-        truth : sequence of float, length b, optional
-            The true base parameters, where the robot is simulated.
-        findings : sequence of str, optional
-            What a person should know of it.
-        mistakes : tuple of MistakeEntry, optional
-            Mistakes that explain the data far better.
-        consistency : ConsistencyTest, optional
-            Its test of physical consistency.
-        driving : tuple of str, optional
-            Joints with negative friction power.
-        arm_weight : ArmWeightEntry, optional
-            How heavy the torques make the arm.
+        Args:
+            truth: Length b. The true base parameters, where the robot is simulated.
+            findings: What a person should know of it.
+            mistakes: Mistakes that explain the data far better.
+            consistency: Its test of physical consistency.
+            driving: Joints with negative friction power.
+            arm_weight: How heavy the torques make the arm.
         """
         return cls.taken(
             estimate,

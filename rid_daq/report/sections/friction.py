@@ -23,14 +23,10 @@ LINE_POINTS = 120
 class MeasuredFriction(Section):
     """Friction over speed, one value a speed.
 
-    Attributes
-    ----------
-    speed : tuple of float
-        [rad/s or m/s].
-    odd, odd_std : tuple of float
-        What changes its sign with the speed, with standard deviations [N m or N].
-    forward, backward, direction_std : tuple of float, or None
-        Both ways alone, where the motion tells them.
+    Attributes:
+        speed: [rad/s or m/s].
+        odd, odd_std: What changes its sign with the speed, with standard deviations [N m or N].
+        forward, backward, direction_std: Both ways alone, where the motion tells them.
     """
 
     speed: Numbers
@@ -58,23 +54,15 @@ class FrictionCoefficient(Section):
 class FrictionModel(Section):
     """A friction model fitted to one joint.
 
-    Attributes
-    ----------
-    name : str
-        In words.
-    terms : tuple of str
-        As the robot file has them.
-    rms : float
-        Root mean square error [N m or N].
-    misfit : float
-        Error in units of the measured variance.
-    criterion : float
-        Akaike's, corrected for few values.
-    parameters : tuple of FrictionCoefficient
-        The coefficients.
-    at_bound : bool
-        True where the Stribeck speed ended at a bound, so that the model is not recommended. Left
-        out elsewhere.
+    Attributes:
+        name: In words.
+        terms: As the robot file has them.
+        rms: Root mean square error [N m or N].
+        misfit: Error in units of the measured variance.
+        criterion: Akaike's, corrected for few values.
+        parameters: The coefficients.
+        at_bound: True where the Stribeck speed ended at a bound, so that the model is not
+            recommended. Left out elsewhere.
     """
 
     name: str
@@ -106,23 +94,16 @@ class FrictionLines(Section):
 class JointFriction(Section):
     """The friction of a joint.
 
-    Attributes
-    ----------
-    joint, unit, torque_unit : str
-        Its name, and the units of its position and torque.
-    sentence : str
-        Which model is best, and what to write into the robot file.
-    curve : MeasuredFriction
-        The measured friction.
-    fits : tuple of FrictionModel
-        The models, the best first.
-    lines : FrictionLines
-        What is drawn of them.
-    percent, over_noise : float or None
-        RMS error of the best model in percent of the friction, and over its standard deviation.
-    grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it. All four are left out if no model was
-        fitted.
+    Attributes:
+        joint, unit, torque_unit: Its name, and the units of its position and torque.
+        sentence: Which model is best, and what to write into the robot file.
+        curve: The measured friction.
+        fits: The models, the best first.
+        lines: What is drawn of them.
+        percent, over_noise: RMS error of the best model in percent of the friction, and over its
+            standard deviation.
+        grade, reason: "good", "doubtful" or "bad", and what decides it. All four are left out if no
+            model was fitted.
     """
 
     joint: str
@@ -154,14 +135,9 @@ class FrictionSection(Section):
     ) -> FrictionSection:
         """Return what was measured and fitted.
 
-        Parameters
-        ----------
-        curves, fits : sequence of FrictionCurve, and of tuple of FrictionFit
-            The measured friction, and the models fitted to it, the best first.
-        robot : RobotDescription
-            The robot.
-        model : EstimatedFriction, optional
-            The friction of a model to compare with.
+        Args:
+            curves, fits: The measured friction, and the models fitted to it, the best first.
+            model: The friction of a model to compare with.
         """
         from identification.friction.fits import CLEARLY_BETTER
 

@@ -23,10 +23,8 @@ HIGHEST_HZ = 50.0
 class Polar(Section):
     """A frequency response: magnitude, and phase between -360 and 0 degrees at its start.
 
-    Attributes
-    ----------
-    frequency_hz, magnitude, phase_deg : tuple of float
-        One value a frequency.
+    Attributes:
+        frequency_hz, magnitude, phase_deg: One value a frequency.
     """
 
     frequency_hz: Numbers
@@ -37,12 +35,10 @@ class Polar(Section):
 class DistortionSection(Section):
     """Distortion at lines that nobody excites, one value a line.
 
-    Attributes
-    ----------
-    frequency_hz : tuple of float
-        The lines [Hz].
-    output, level, noise : tuple of float
-        What the response does not explain there, over the velocity error beside it, and its noise.
+    Attributes:
+        frequency_hz: The lines [Hz].
+        output, level, noise: What the response does not explain there, over the velocity error
+            beside it, and its noise.
     """
 
     frequency_hz: Numbers
@@ -108,14 +104,10 @@ class MechanicsResponse(Polar):
 class LoopMargins(Section):
     """How far an open loop is from instability; None where there is no such crossing.
 
-    Attributes
-    ----------
-    gain, gain_db : float or None
-        The factor by which its gain may grow, and the same in decibels.
-    phase_deg : float or None
-        The phase that it may lose.
-    crossover_hz, phase_crossover_hz : float or None
-        Where its gain is 1, and where its phase is -180 degrees.
+    Attributes:
+        gain, gain_db: The factor by which its gain may grow, and the same in decibels.
+        phase_deg: The phase that it may lose.
+        crossover_hz, phase_crossover_hz: Where its gain is 1, and where its phase is -180 degrees.
     """
 
     gain: float | None

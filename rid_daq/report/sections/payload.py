@@ -45,17 +45,12 @@ _EMPTY = {
 class PayloadParameter(Section):
     """A parameter of a payload with standard deviations, in `unit`.
 
-    Attributes
-    ----------
-    name, unit : str
-        Its name and unit.
-    value, std, std_noise : float or None
-        The estimate, the standard deviation to quote, and that by noise; None where the motion
-        does not show it.
-    known : bool
-        Whether it was given.
-    exported : float
-        Of the closest body that can exist; left out where not all parameters are seen.
+    Attributes:
+        name, unit: Its name and unit.
+        value, std, std_noise: The estimate, the standard deviation to quote, and that by noise;
+            None where the motion does not show it.
+        known: Whether it was given.
+        exported: Of the closest body that can exist; left out where not all parameters are seen.
     """
 
     name: str
@@ -77,14 +72,10 @@ class PrincipalMoment(Section):
 class PayloadRepeats(Section):
     """The payload from each loaded run alone.
 
-    Attributes
-    ----------
-    runs : int
-        So many.
-    ratio : float
-        Their scatter over the quoted standard deviation, all parameters together.
-    scatter : tuple of float
-        Standard deviation between runs, one a parameter.
+    Attributes:
+        runs: So many.
+        ratio: Their scatter over the quoted standard deviation, all parameters together.
+        scatter: Standard deviation between runs, one a parameter.
     """
 
     runs: int
@@ -95,22 +86,15 @@ class PayloadRepeats(Section):
 class PayloadAxis(Section):
     """What an axis sees of the payload.
 
-    Attributes
-    ----------
-    joint, unit : str
-        Its name, and the unit of its torque.
-    payload, residual : float
-        Torque of the payload, and the residual (RMS), in `unit`.
-    residual_percent : float
-        The residual, of the axis' torque [%].
-    noise, over_noise : float or None
-        What the measured noise alone leaves, in `unit`, and the residual over it; None if it is
-        not measured.
-    grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it.
-    mass_per_percent : float or None
-        By how much the mass changes for 1 % of this axis' torque [kg]; None where that is not told,
-        as by `apart`.
+    Attributes:
+        joint, unit: Its name, and the unit of its torque.
+        payload, residual: Torque of the payload, and the residual (RMS), in `unit`.
+        residual_percent: The residual, of the axis' torque [%].
+        noise, over_noise: What the measured noise alone leaves, in `unit`, and the residual over
+            it; None if it is not measured.
+        grade, reason: "good", "doubtful" or "bad", and what decides it.
+        mass_per_percent: By how much the mass changes for 1 % of this axis' torque [kg]; None where
+            that is not told, as by `apart`.
     """
 
     joint: str
@@ -128,26 +112,16 @@ class PayloadAxis(Section):
 class PayloadSection(Section):
     """A payload with its intervals, principal axes, findings and torques.
 
-    Attributes
-    ----------
-    sentence, procedure : str
-        How it was found.
-    equations, rank : int
-        Their number, and the number of parameters that they show.
-    condition_number : float
-        Of the equations.
-    parameters : tuple of PayloadParameter
-        Mass, centre of gravity, inertia.
-    principal : tuple of PrincipalMoment, or None
-        None where not all parameters are seen.
-    repeats : PayloadRepeats or None
-        None where there is one loaded run.
-    findings : tuple of str
-        What a person should know.
-    axes : tuple of PayloadAxis
-        One an axis.
-    existence : str
-        Whether such a body can exist; left out where not all parameters are seen.
+    Attributes:
+        sentence, procedure: How it was found.
+        equations, rank: Their number, and the number of parameters that they show.
+        condition_number: Of the equations.
+        parameters: Mass, centre of gravity, inertia.
+        principal: None where not all parameters are seen.
+        repeats: None where there is one loaded run.
+        findings: What a person should know.
+        axes: One an axis.
+        existence: Whether such a body can exist; left out where not all parameters are seen.
     """
 
     sentence: str
@@ -168,14 +142,9 @@ class PayloadSection(Section):
     ) -> PayloadSection:
         """Return what is said of a payload.
 
-        Parameters
-        ----------
-        payload : PayloadResult
-            The payload.
-        repeats : Repeats or None
-            The same from each loaded run alone.
-        findings : sequence of str
-            What else a person should know.
+        Args:
+            repeats: The same from each loaded run alone.
+            findings: What else a person should know.
         """
         from identification.payload.findings import payload_findings
 
@@ -218,12 +187,9 @@ class PayloadSection(Section):
 def payload_verdict(payload: PayloadResult, empty: EmptyFlange | None = None) -> Verdict:
     """Return whether a payload is as sure as was asked for.
 
-    Parameters
-    ----------
-    payload : PayloadResult
-        The payload.
-    empty : EmptyFlange or None
-        How it is known that nothing hung on the flange without it; None where nobody was asked.
+    Args:
+        empty: How it is known that nothing hung on the flange without it; None where nobody was
+            asked.
     """
     estimate = payload.estimate
     checks = [

@@ -23,16 +23,12 @@ if TYPE_CHECKING:
 class WrenchResidual(Section):
     """What the model leaves of one component of the base wrench, RMS in `unit`.
 
-    Attributes
-    ----------
-    name, unit : str
-        The component.
-    residual, noise : float
-        Left over, and what noise alone would leave.
-    percent : float or None
-        The residual in percent of the component, at least of a share of the largest like it.
-    grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it.
+    Attributes:
+        name, unit: The component.
+        residual, noise: Left over, and what noise alone would leave.
+        percent: The residual in percent of the component, at least of a share of the largest like
+            it.
+        grade, reason: "good", "doubtful" or "bad", and what decides it.
     """
 
     name: str
@@ -58,14 +54,10 @@ class ImprovedParameter(Section):
 class ImprovementSection(Section):
     """What the plate improved.
 
-    Attributes
-    ----------
-    determinant_ratio : float
-        Of the covariances of the shared parameters.
-    shared : tuple of str
-        Parameters that torques and plate both show.
-    parameters : tuple of ImprovedParameter
-        All of them.
+    Attributes:
+        determinant_ratio: Of the covariances of the shared parameters.
+        shared: Parameters that torques and plate both show.
+        parameters: All of them.
     """
 
     determinant_ratio: float
@@ -93,17 +85,12 @@ class ImprovementSection(Section):
 class AxisTorqueScale(Section):
     """How an axis' torque constant compares with the plate.
 
-    Attributes
-    ----------
-    joint : str
-        Its name.
-    ratio, std : float
-        Measured torque over the torque that the plate expects, and its standard deviation: above 1
-        the drive measures too much.
-    p_value : float
-        Probability of such a difference by noise.
-    wrong : bool
-        Whether the torque constant is wrong by it.
+    Attributes:
+        joint: Its name.
+        ratio, std: Measured torque over the torque that the plate expects, and its standard
+            deviation: above 1 the drive measures too much.
+        p_value: Probability of such a difference by noise.
+        wrong: Whether the torque constant is wrong by it.
     """
 
     joint: str
@@ -116,12 +103,9 @@ class AxisTorqueScale(Section):
 class TorqueConstants(Section):
     """Whether the torque constants agree with the plate.
 
-    Attributes
-    ----------
-    p_value : float
-        Probability of such differences by noise, all axes together.
-    axes : tuple of AxisTorqueScale
-        One an axis.
+    Attributes:
+        p_value: Probability of such differences by noise, all axes together.
+        axes: One an axis.
     """
 
     p_value: float
@@ -137,24 +121,15 @@ class TorqueConstants(Section):
 class PlateSection(Section):
     """How a force plate fits an estimate, and what it improved.
 
-    Attributes
-    ----------
-    sentences : tuple of str
-        All of it in words.
-    components : tuple of WrenchResidual
-        One a component of the base wrench.
-    delay_s, delay_std_s : tuple of float
-        How late the plate's signals were, one a run [s].
-    left_out : tuple of tuple of str
-        Channels that are not used, run by run.
-    drift_n_s : tuple of tuple of float
-        Drift that was removed, run by run, one a channel [N/s].
-    improvement : ImprovementSection or None
-        Of the combined model.
-    torque_constants : TorqueConstants or None
-        Of the combined model, if it explains the plate.
-    mistake : PlateMistake or None
-        What is probably wrong in its description; left out if nothing explains it better.
+    Attributes:
+        sentences: All of it in words.
+        components: One a component of the base wrench.
+        delay_s, delay_std_s: How late the plate's signals were, one a run [s].
+        left_out: Channels that are not used, run by run.
+        drift_n_s: Drift that was removed, run by run, one a channel [N/s].
+        improvement: Of the combined model.
+        torque_constants: Of the combined model, if it explains the plate.
+        mistake: What is probably wrong in its description; left out if nothing explains it better.
     """
 
     sentences: Texts
@@ -183,16 +158,12 @@ class PlateSection(Section):
     ) -> PlateSection:
         """Return how a force plate fits an estimate.
 
-        Parameters
-        ----------
-        plate : PlateFit
-            Of the external or the combined model.
-        weight : sequence of str
-            Parameters that only the standing weight shows, in words.
-        improved, torques : Improvement and TorqueConsistency, optional
-            What the combined model says of the plate's gain and of the torque constants.
-        mistake : PlateMistake, optional
-            What is probably wrong in the plate's description.
+        Args:
+            plate: Of the external or the combined model.
+            weight: Parameters that only the standing weight shows, in words.
+            improved, torques: What the combined model says of the plate's gain and of the torque
+                constants.
+            mistake: What is probably wrong in the plate's description.
         """
         sentences = [_fit_sentence(plate, weight)]
         sentences += [] if improved is None else [improved.sentence]

@@ -42,20 +42,13 @@ class GravityComponent(Section):
 class PlateZeroSection(Section):
     """The channels, the moment of gravity, and how they were told apart.
 
-    Attributes
-    ----------
-    sentences : tuple of str
-        In words.
-    turn_degrees : float
-        By how much axis 1 was turned.
-    first_pose, second_pose : tuple of float
-        The poses of the readings [rad or m].
-    seconds : float
-        How long all of it took [s].
-    channels : tuple of ChannelZero
-        One a channel.
-    gravity : tuple of GravityComponent
-        One a component of the wrench.
+    Attributes:
+        sentences: In words.
+        turn_degrees: By how much axis 1 was turned.
+        first_pose, second_pose: The poses of the readings [rad or m].
+        seconds: How long all of it took [s].
+        channels: One a channel.
+        gravity: One a component of the wrench.
     """
 
     sentences: Texts

@@ -16,18 +16,12 @@ if TYPE_CHECKING:
 class WrenchError(Section):
     """The error of one component, in `unit`.
 
-    Attributes
-    ----------
-    name, unit : str
-        The component.
-    rms_error : float
-        Root mean square.
-    relative_error_percent : float
-        Of the measured one [%].
-    noise : float or None
-        Of the measurement, where it is known.
-    measured, predicted : tuple of float
-        The curves, thinned for drawing.
+    Attributes:
+        name, unit: The component.
+        rms_error: Root mean square.
+        relative_error_percent: Of the measured one [%].
+        noise: Of the measurement, where it is known.
+        measured, predicted: The curves, thinned for drawing.
     """
 
     name: str
@@ -42,16 +36,11 @@ class WrenchError(Section):
 class ReactionSection(Section):
     """The errors of a predicted base wrench.
 
-    Attributes
-    ----------
-    sentence : str
-        What is compared.
-    delay_s : float
-        How late the plate's signals were [s].
-    components : tuple of WrenchError
-        One a component.
-    time_s : tuple of float
-        Of the curves [s].
+    Attributes:
+        sentence: What is compared.
+        delay_s: How late the plate's signals were [s].
+        components: One a component.
+        time_s: Of the curves [s].
     """
 
     sentence: str
@@ -81,16 +70,11 @@ class ReactionSection(Section):
 class LoadComponent(Section):
     """One component at its largest, in `unit`.
 
-    Attributes
-    ----------
-    name, unit : str
-        The component.
-    peak, std, limit : float
-        Its largest size, the standard deviation of that, and what is allowed.
-    at_s : float
-        When [s].
-    held : bool
-        Whether the limit holds, two standard deviations included.
+    Attributes:
+        name, unit: The component.
+        peak, std, limit: Its largest size, the standard deviation of that, and what is allowed.
+        at_s: When [s].
+        held: Whether the limit holds, two standard deviations included.
     """
 
     name: str
@@ -105,14 +89,10 @@ class LoadComponent(Section):
 class BaseLoadSection(Section):
     """What a motion does to the floor.
 
-    Attributes
-    ----------
-    sentence : str
-        In words.
-    weight_known : bool
-        Whether the standing weight is in it.
-    components : tuple of LoadComponent
-        One a component.
+    Attributes:
+        sentence: In words.
+        weight_known: Whether the standing weight is in it.
+        components: One a component.
     """
 
     sentence: str

@@ -30,16 +30,12 @@ WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 class RetimedJoint(Section):
     """What a joint reaches of its limits.
 
-    Attributes
-    ----------
-    joint, unit : str
-        Its name, and the unit of its torque.
-    torque_limit, torque_peak, torque_margin, torque_uncertain_peak, torque_rms : float
-        What is allowed, and of the whole motion by the model: the largest torque, the largest
-        margin for what is uncertain of it, the largest sum of both, the root mean square [N m or
-        N].
-    speed_share, acceleration_share : float
-        The largest, over their limits.
+    Attributes:
+        joint, unit: Its name, and the unit of its torque.
+        torque_limit, torque_peak, torque_margin, torque_uncertain_peak, torque_rms: What is
+            allowed, and of the whole motion by the model: the largest torque, the largest margin
+            for what is uncertain of it, the largest sum of both, the root mean square [N m or N].
+        speed_share, acceleration_share: The largest, over their limits.
     """
 
     joint: str
@@ -73,22 +69,14 @@ class ReachedLimit(Section):
 class RetimedWay(Section):
     """The pictures of a way from rest to rest.
 
-    Attributes
-    ----------
-    place, speed, limit : tuple of float
-        Phase plane: the speed over the path's length, and the limit curve.
-    time_s : tuple of float
-        From the way's begin [s].
-    torques, margins : tuple of tuple of float
-        Of each joint, over its limit.
-    reached : tuple of ReachedLimit
-        Which limit when.
-    done : tuple of float
-        Which share of the way is done, at `time_s`.
-    original_s, original_done : tuple of float
-        The same of the motion that it was made of.
-    measured : tuple of tuple of float, or None
-        The torques of each joint as they were measured when it was driven, at `time_s`.
+    Attributes:
+        place, speed, limit: Phase plane: the speed over the path's length, and the limit curve.
+        time_s: From the way's begin [s].
+        torques, margins: Of each joint, over its limit.
+        reached: Which limit when.
+        done: Which share of the way is done, at `time_s`.
+        original_s, original_done: The same of the motion that it was made of.
+        measured: The torques of each joint as they were measured when it was driven, at `time_s`.
     """
 
     place: Numbers
@@ -107,32 +95,20 @@ class RetimedWay(Section):
 class RetimingSection(Section):
     """A path timed to its limits.
 
-    Attributes
-    ----------
-    motion, model : str
-        The files that it was made of.
-    cycle_s : float
-        Time between rows [s].
-    original_s, moving_s : float
-        How long the motion took, and takes now, without rests [s].
-    rows, scans : int
-        Rows that were verified, and scans of the path until all held.
-    confidence : float or None
-        With which probability the robot's torques keep to their limits; None for no margin.
-    margin : float
-        The share of torques that was kept free besides.
-    averaged_s : float
-        Over how much time the motion is averaged, at most [s].
-    joints : tuple of RetimedJoint
-        Joint by joint.
-    base : tuple of BaseShare, or None
-        The base wrench, where it was limited.
-    ways : tuple of RetimedWay
-        The pictures.
-    was_periodic : bool or None
-        Whether the motion had periods, which are one way now; None for not.
-    driven : DrivenTiming or None
-        What became of it on a robot.
+    Attributes:
+        motion, model: The files that it was made of.
+        cycle_s: Time between rows [s].
+        original_s, moving_s: How long the motion took, and takes now, without rests [s].
+        rows, scans: Rows that were verified, and scans of the path until all held.
+        confidence: With which probability the robot's torques keep to their limits; None for no
+            margin.
+        margin: The share of torques that was kept free besides.
+        averaged_s: Over how much time the motion is averaged, at most [s].
+        joints: Joint by joint.
+        base: The base wrench, where it was limited.
+        ways: The pictures.
+        was_periodic: Whether the motion had periods, which are one way now; None for not.
+        driven: What became of it on a robot.
     """
 
     motion: str

@@ -18,16 +18,10 @@ if TYPE_CHECKING:
 class CellSection(Section):
     """The cell, as the report's head names it.
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    simulated : bool
-        Whether no hardware moved.
-    cycle_time_ms : int
-        Of the cyclic task [ms].
-    bus : str
-        Interface and channel.
+    Attributes:
+        simulated: Whether no hardware moved.
+        cycle_time_ms: Of the cyclic task [ms].
+        bus: Interface and channel.
     """
 
     name: str
@@ -44,20 +38,13 @@ class CellSection(Section):
 class AxisExtremes(Section):
     """How far, fast and hard an axis went in a run.
 
-    Attributes
-    ----------
-    joint, unit, torque_unit : str
-        Its name, and the units of its position and torque.
-    position_min, position_max : float
-        In `unit`.
-    max_velocity : float
-        In `unit` per second.
-    max_torque : float
-        In `torque_unit`.
-    max_torque_percent : float
-        Of the robot file's limit [%].
-    max_following_error : float or None
-        In `unit`; None where the recording has no set-points.
+    Attributes:
+        joint, unit, torque_unit: Its name, and the units of its position and torque.
+        position_min, position_max: In `unit`.
+        max_velocity: In `unit` per second.
+        max_torque: In `torque_unit`.
+        max_torque_percent: Of the robot file's limit [%].
+        max_following_error: In `unit`; None where the recording has no set-points.
     """
 
     joint: str
@@ -74,14 +61,10 @@ class AxisExtremes(Section):
 class BadRows(Section):
     """Neighbouring rows of an imported file that were left out.
 
-    Attributes
-    ----------
-    rows : str
-        Which: "7", or "2-20".
-    count : int
-        How many.
-    reason : str
-        Why.
+    Attributes:
+        rows: Which: "7", or "2-20".
+        count: How many.
+        reason: Why.
     """
 
     rows: str
@@ -107,31 +90,22 @@ class BadRows(Section):
 class ClockSection(Section):
     """The clock of a run.
 
-    Attributes
-    ----------
-    clock : str
-        "confirmed" by velocities, "rebuilt" from them, "unverified", or "unknown".
-    rows, repeated_rows, missing_rows : int
-        Rows looked at, those that repeat the one before although the robot moves, and those that
-        the time stamps leave room for.
-    repeated_percent : float
-        Repeated rows in percent of the rows [%].
-    longest_repeat : int
-        Rows in the longest run of equal ones; 1 if none repeat.
-    jitter_rms_ms : float
-        How far steps of the stamps are from whole multiples of the median step, RMS [ms].
-    held_percent : tuple of float
-        Of each joint's positions, those of the row before although the joint moves [%].
-    corrected_rms_ms : float
-        How far rebuilt times are from the stamps, after the best shift and rate, RMS [ms].
-    rate : float
-        Duration of the rebuilt times over that of the stamps; 1 if they are kept.
-    tick_ms : float or None
-        What all rebuilt steps are whole multiples of [ms].
-    doubt : str or None
-        Why the clock is unknown.
-    run : str or None
-        Id of the run.
+    Attributes:
+        clock: "confirmed" by velocities, "rebuilt" from them, "unverified", or "unknown".
+        rows, repeated_rows, missing_rows: Rows looked at, those that repeat the one before although
+            the robot moves, and those that the time stamps leave room for.
+        repeated_percent: Repeated rows in percent of the rows [%].
+        longest_repeat: Rows in the longest run of equal ones; 1 if none repeat.
+        jitter_rms_ms: How far steps of the stamps are from whole multiples of the median step, RMS
+            [ms].
+        held_percent: Of each joint's positions, those of the row before although the joint moves
+            [%].
+        corrected_rms_ms: How far rebuilt times are from the stamps, after the best shift and rate,
+            RMS [ms].
+        rate: Duration of the rebuilt times over that of the stamps; 1 if they are kept.
+        tick_ms: What all rebuilt steps are whole multiples of [ms].
+        doubt: Why the clock is unknown.
+        run: Id of the run.
     """
 
     clock: str
@@ -171,30 +145,18 @@ class ClockSection(Section):
 class RunSection(Section):
     """What was run: extremes of every axis, lost rows, and why it stopped early.
 
-    Attributes
-    ----------
-    role : str
-        What the run was for.
-    sentence : str
-        What was asked for, and what became of it.
-    stop : str or None
-        Why the motion was stopped, where it was.
-    rows, invalid_rows : int
-        Recorded, and those without a valid answer.
-    duration_s : float
-        Of the recording [s].
-    axes : tuple of AxisExtremes
-        One an axis; none where fewer than two rows are valid.
-    bad_rows : tuple of BadRows
-        What an import left out.
-    left_out : dict of str to int, or None
-        How many rows it left out for which reason.
-    findings : tuple of str, or None
-        What is odd about the rows that it used.
-    clock : ClockSection, or None
-        Its clock, where that was judged.
-    stop_curve : StopCurve, or None
-        What the joint did that it was stopped for; left out where it was for no joint.
+    Attributes:
+        role: What the run was for.
+        sentence: What was asked for, and what became of it.
+        stop: Why the motion was stopped, where it was.
+        rows, invalid_rows: Recorded, and those without a valid answer.
+        duration_s: Of the recording [s].
+        axes: One an axis; none where fewer than two rows are valid.
+        bad_rows: What an import left out.
+        left_out: How many rows it left out for which reason.
+        findings: What is odd about the rows that it used.
+        clock: Its clock, where that was judged.
+        stop_curve: What the joint did that it was stopped for; left out where it was for no joint.
     """
 
     role: str
@@ -221,18 +183,12 @@ class RunSection(Section):
     ) -> RunSection:
         """Return what was run.
 
-        Parameters
-        ----------
-        role : str
-            What the run was for.
-        sentence : str
-            What was asked for.
-        tally : RecordingTally
-            What was measured.
-        robot : RobotDescription
-            The robot, for limits and units.
-        stop : str, optional
-            Why the motion was stopped, where it was.
+        Args:
+            role: What the run was for.
+            sentence: What was asked for.
+            tally: What was measured.
+            robot: The robot, for limits and units.
+            stop: Why the motion was stopped, where it was.
         """
         invalid, duration_s = tally.rows - tally.valid_rows, tally.duration_s
         lost = "no row is missing" if invalid == 0 else f"{invalid} rows have no valid answer"

@@ -45,15 +45,11 @@ class _Quantity(NamedTuple):
 class StopCurve(Section):
     """What was judged of the joint that a motion was stopped for, up to the stop.
 
-    Attributes
-    ----------
-    joint, quantity, unit : str
-        Which joint, what of it, and its unit. Where a drive said no more than that it failed, it is
-        the torque.
-    time_s : tuple of float
-        Before the stop, which is 0 [s].
-    value, low, high : tuple of float
-        Values, and the least and greatest that were allowed, in `unit`.
+    Attributes:
+        joint, quantity, unit: Which joint, what of it, and its unit. Where a drive said no more
+            than that it failed, it is the torque.
+        time_s: Before the stop, which is 0 [s].
+        value, low, high: Values, and the least and greatest that were allowed, in `unit`.
     """
 
     joint: str
@@ -70,16 +66,11 @@ class StopCurve(Section):
     ) -> StopCurve | None:
         """Return the curve of a stop; None where it is about no joint, or nothing was recorded.
 
-        Parameters
-        ----------
-        recording : Recording
-            The end of the recording, at least.
-        reason : StopReason
-            Why the motion was stopped.
-        cell : CellConfig
-            What it was allowed.
-        robot : RobotDescription
-            Names, limits and units of the joints.
+        Args:
+            recording: The end of the recording, at least.
+            reason: Why the motion was stopped.
+            cell: What it was allowed.
+            robot: Names, limits and units of the joints.
         """
         if reason.joint not in robot.joint_names or recording.target_position is None:
             return None

@@ -23,26 +23,17 @@ Counts = Annotated[tuple[int, ...], Strict(False)]
 class LoopTiming(Section):
     """How well the cyclic task of a run kept its time.
 
-    Attributes
-    ----------
-    role : str
-        What the run was for.
-    sentence : str
-        All of it in a sentence.
-    edges_us : tuple of float
-        Lower edges of the histogram of lateness [us].
-    counts : tuple of int
-        Cycles a bin; the last bin holds everything beyond.
-    cycles, overruns : int
-        Cycles that were run, and cycle times that passed without one.
-    missed_frames : tuple of int
-        Rows without a drive's answer, one a joint.
-    lateness_p50_s, lateness_p99_s, lateness_max_s : float
-        How late cycles began after their deadline [s].
-    lateness_edges_s, lateness_counts : tuple
-        The histogram in seconds.
-    exchange_p50_s, exchange_p99_s, exchange_max_s : float
-        From SYNC to the last answer [s].
+    Attributes:
+        role: What the run was for.
+        sentence: All of it in a sentence.
+        edges_us: Lower edges of the histogram of lateness [us].
+        counts: Cycles a bin; the last bin holds everything beyond.
+        cycles, overruns: Cycles that were run, and cycle times that passed without one.
+        missed_frames: Rows without a drive's answer, one a joint.
+        lateness_p50_s, lateness_p99_s, lateness_max_s: How late cycles began after their deadline
+            [s].
+        lateness_edges_s, lateness_counts: The histogram in seconds.
+        exchange_p50_s, exchange_p99_s, exchange_max_s: From SYNC to the last answer [s].
     """
 
     role: str
@@ -81,18 +72,12 @@ class LoopTiming(Section):
 class Timing(Section):
     """When a result was made, how long that took, and how well the cyclic tasks kept time.
 
-    Attributes
-    ----------
-    elapsed_s : float
-        How long it took [s]; left out where nobody measured it.
-    created_utc : str
-        When the run began, ISO 8601.
-    run_ids : tuple of str
-        The runs that a result of several rests on; left out for one that was recorded.
-    loops : tuple of LoopTiming
-        One a motion that was driven; left out for an imported run.
-    made : dict of str
-        When each section was made, ISO 8601, by its name.
+    Attributes:
+        elapsed_s: How long it took [s]; left out where nobody measured it.
+        created_utc: When the run began, ISO 8601.
+        run_ids: The runs that a result of several rests on; left out for one that was recorded.
+        loops: One a motion that was driven; left out for an imported run.
+        made: When each section was made, ISO 8601, by its name.
     """
 
     elapsed_s: float | None = None
@@ -105,10 +90,8 @@ class Timing(Section):
 def bin_names(edges_us: Sequence[float]) -> list[str]:
     """Return what the bins of a histogram are called: "10–20", "1–2 ms", "≥ 5 ms".
 
-    Parameters
-    ----------
-    edges_us : sequence of float
-        The bins' lower edges [µs]; the last bin holds everything beyond.
+    Args:
+        edges_us: The bins' lower edges [µs]; the last bin holds everything beyond.
     """
     return [
         f"{low:g}–{high:g}" if low < 1000.0 else f"{low / 1000.0:g}–{high / 1000.0:g} ms"

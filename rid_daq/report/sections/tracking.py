@@ -44,16 +44,11 @@ Columns = Annotated[tuple[Numbers, ...], Strict(False)]
 class FollowedRun:
     """How closely one run followed its path.
 
-    Attributes
-    ----------
-    error : TrackingError
-        Over the run's main part.
-    drawn : slice
-        The rows to draw: the last period, or all.
-    sample_period_s : float
-        Time between rows [s].
-    deflection : Deflection or None
-        Estimated bending of the gears, if the stiffness of one is known.
+    Attributes:
+        error: Over the run's main part.
+        drawn: The rows to draw: the last period, or all.
+        sample_period_s: Time between rows [s].
+        deflection: Estimated bending of the gears, if the stiffness of one is known.
     """
 
     error: TrackingError
@@ -65,10 +60,8 @@ class FollowedRun:
 class Bending(Section):
     """Estimated bending of the gears whose stiffness is known, at the tool point.
 
-    Attributes
-    ----------
-    rms_m, max_m : float
-        RMS and largest value over the motion [m].
+    Attributes:
+        rms_m, max_m: RMS and largest value over the motion [m].
     """
 
     rms_m: float
@@ -78,15 +71,11 @@ class Bending(Section):
 class ErrorSize(Section):
     """The size of a run's errors.
 
-    Attributes
-    ----------
-    mean_m, max_m : float
-        Distance of the tool point from its path [m].
-    joint_peak : tuple of float
-        Largest error of each joint [rad or m].
-    bending : Bending or None
-        What the gears bend the tool by, which none of these contains; None if no stiffness is
-        known.
+    Attributes:
+        mean_m, max_m: Distance of the tool point from its path [m].
+        joint_peak: Largest error of each joint [rad or m].
+        bending: What the gears bend the tool by, which none of these contains; None if no stiffness
+            is known.
     """
 
     mean_m: float
@@ -105,16 +94,12 @@ class ErrorSize(Section):
 class PathCurves(Section):
     """A run's path and errors over time, thinned for drawing.
 
-    Attributes
-    ----------
-    time_s : tuple of float
-        [s].
-    wanted_m, deviation_m : tuple of tuple of float
-        The tool point's path in the base frame and how far the robot was from it, x, y and z [m].
-    distance_m : tuple of float
-        The size of the deviation [m].
-    joint : tuple of tuple of float
-        Wanted minus reached, one a joint [rad or m].
+    Attributes:
+        time_s: [s].
+        wanted_m, deviation_m: The tool point's path in the base frame and how far the robot was
+            from it, x, y and z [m].
+        distance_m: The size of the deviation [m].
+        joint: Wanted minus reached, one a joint [rad or m].
     """
 
     time_s: Numbers
@@ -153,18 +138,12 @@ class DrawnPaths(Section):
 class FollowedMotion(Section):
     """One motion: how closely it was followed, and by which use of its own runs.
 
-    Attributes
-    ----------
-    sentence : str
-        What was driven.
-    use : str
-        Whether runs of this motion have made its feedforward.
-    after, before : ErrorSize
-        With compensation and, where there is such a run, without.
-    mean_ratio, max_ratio : float or None
-        By how many times mean and largest distance have shrunk.
-    drawn : DrawnPaths
-        The curves.
+    Attributes:
+        sentence: What was driven.
+        use: Whether runs of this motion have made its feedforward.
+        after, before: With compensation and, where there is such a run, without.
+        mean_ratio, max_ratio: By how many times mean and largest distance have shrunk.
+        drawn: The curves.
     """
 
     sentence: str
@@ -205,18 +184,13 @@ class JointUnit(Section):
 class TrackingSection(Section):
     """The table of all motions, and what their figures draw.
 
-    Attributes
-    ----------
-    sentence : str
-        What is compared.
-    joints : tuple of JointUnit
-        The robot's joints.
-    motions : tuple of FollowedMotion
-        One a motion.
-    unseen : str
-        What the encoders do not see, and its size if known.
-    with_stiffness, without_stiffness : tuple of str
-        Joints whose gear's stiffness robot file or model has, and those that are missing.
+    Attributes:
+        sentence: What is compared.
+        joints: The robot's joints.
+        motions: One a motion.
+        unseen: What the encoders do not see, and its size if known.
+        with_stiffness, without_stiffness: Joints whose gear's stiffness robot file or model has,
+            and those that are missing.
     """
 
     sentence: str
@@ -294,12 +268,9 @@ def _bending_words(motions: Sequence[FollowedMotion], robot: RobotDescription, t
 def magnification(extent_m: float, deviation_m: float) -> float:
     """Return 1, 2 or 5 times a power of ten, so that a deviation is drawn as an eighth of a path.
 
-    Parameters
-    ----------
-    extent_m : float
-        Of the path.
-    deviation_m : float
-        The largest one.
+    Args:
+        extent_m: Of the path.
+        deviation_m: The largest one.
     """
     wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
     power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
@@ -309,18 +280,12 @@ def magnification(extent_m: float, deviation_m: float) -> float:
 class DrivenPath(Section):
     """A pick-and-place path as it was driven.
 
-    Attributes
-    ----------
-    sentence : str
-        What was driven.
-    moving_s : float
-        How long it moves [s].
-    mean_m, max_m : float
-        Distance of the tool point from its path [m].
-    torque_share : tuple of float
-        The largest measured torque of each joint, over its limit.
-    base_peak : tuple of float
-        The largest measured base wrench, component by component [N, N m].
+    Attributes:
+        sentence: What was driven.
+        moving_s: How long it moves [s].
+        mean_m, max_m: Distance of the tool point from its path [m].
+        torque_share: The largest measured torque of each joint, over its limit.
+        base_peak: The largest measured base wrench, component by component [N, N m].
     """
 
     sentence: str
@@ -334,16 +299,11 @@ class DrivenPath(Section):
 class DrivenTiming(Section):
     """A path that was driven before and after it was timed, pre-compensated both times.
 
-    Attributes
-    ----------
-    before, after : DrivenPath
-        As it was, and timed.
-    components : tuple of str
-        Of the base wrench, those that are limited.
-    limit : tuple of float
-        Their limits [N, N m].
-    sentence : str
-        On what, by which model.
+    Attributes:
+        before, after: As it was, and timed.
+        components: Of the base wrench, those that are limited.
+        limit: Their limits [N, N m].
+        sentence: On what, by which model.
     """
 
     before: DrivenPath

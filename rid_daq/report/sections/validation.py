@@ -21,31 +21,22 @@ if TYPE_CHECKING:
 class AxisError(Section):
     """The torque error of an axis, in `unit`, on samples at which it moves.
 
-    Attributes
-    ----------
-    joint, unit : str
-        Its name, and the unit of its torque.
-    rms_torque, rms_error : float or None
-        Root mean squares; None where it stands still.
-    relative_error_percent, all_samples_percent : float or None
-        Error over torque [%], on moving samples and on all.
-    noise : float or None
-        Of one measured sample, where periods show it.
-    floor, error_over_floor : float or None
-        Of a simulated robot: the error of the true parameters, and the error over it.
-    limit_percent : float or None
-        What the relative error is held to [%].
-    passed : bool or None
-        Whether it holds.
-    samples : int
-        That count.
-    unknown_samples : int or None
-        That do not count, moving or not, because they depend on where the joint came from before
-        the recording or in a gap of it; left out where there is none.
-    over_noise : float or None
-        The error over what noise alone leaves, where periods show it.
-    grade, reason : str or None
-        "good", "doubtful" or "bad", and what decides it. Left out of an external model.
+    Attributes:
+        joint, unit: Its name, and the unit of its torque.
+        rms_torque, rms_error: Root mean squares; None where it stands still.
+        relative_error_percent, all_samples_percent: Error over torque [%], on moving samples and on
+            all.
+        noise: Of one measured sample, where periods show it.
+        floor, error_over_floor: Of a simulated robot: the error of the true parameters, and the
+            error over it.
+        limit_percent: What the relative error is held to [%].
+        passed: Whether it holds.
+        samples: That count.
+        unknown_samples: That do not count, moving or not, because they depend on where the joint
+            came from before the recording or in a gap of it; left out where there is none.
+        over_noise: The error over what noise alone leaves, where periods show it.
+        grade, reason: "good", "doubtful" or "bad", and what decides it. Left out of an external
+            model.
     """
 
     joint: str
@@ -69,20 +60,13 @@ class AxisError(Section):
 class ValidationSection(Section):
     """The torque errors of every axis, and what they are held to.
 
-    Attributes
-    ----------
-    sentence : str
-        What is compared.
-    cutoff_hz : float
-        Signals are compared up to here [Hz].
-    standstill_rad_s : float
-        Lowest speed that counts [rad/s].
-    has_floor, has_limits : bool
-        Whether the truth is known, and whether limits are given.
-    axes : tuple of AxisError
-        One an axis.
-    diagnosis : tuple of str
-        What the errors look like; left out where nobody looked.
+    Attributes:
+        sentence: What is compared.
+        cutoff_hz: Signals are compared up to here [Hz].
+        standstill_rad_s: Lowest speed that counts [rad/s].
+        has_floor, has_limits: Whether the truth is known, and whether limits are given.
+        axes: One an axis.
+        diagnosis: What the errors look like; left out where nobody looked.
     """
 
     sentence: str
@@ -104,18 +88,12 @@ class ValidationSection(Section):
     ) -> ValidationSection:
         """Return the torque errors of every axis.
 
-        Parameters
-        ----------
-        validation : Validation
-            The comparison.
-        robot : RobotDescription
-            The robot, for units.
-        sentence : str
-            Which run was predicted.
-        floor_nm : ndarray, shape (n,), optional
-            RMS error of the true parameters, where the robot is simulated.
-        diagnosis : sequence of str, optional
-            What the errors look like.
+        Args:
+            validation: The comparison.
+            robot: The robot, for units.
+            sentence: Which run was predicted.
+            floor_nm: Shape (n,). RMS error of the true parameters, where the robot is simulated.
+            diagnosis: What the errors look like.
         """
         shares = ", ".join(f"{100.0 * share:.0f}" for share in validation.counted_fraction)
         return cls(
@@ -171,14 +149,10 @@ def _axis(
 class TruthCase(Section):
     """How the parameters of one simulated robot compare with the truth.
 
-    Attributes
-    ----------
-    title, sentence : str
-        Which robot, and what was found.
-    inside, of : int
-        Parameters inside their two-sigma intervals, of so many.
-    deviation_sigmas : tuple of float
-        How far each is off, in standard deviations.
+    Attributes:
+        title, sentence: Which robot, and what was found.
+        inside, of: Parameters inside their two-sigma intervals, of so many.
+        deviation_sigmas: How far each is off, in standard deviations.
     """
 
     title: str

@@ -38,37 +38,26 @@ class LoopTrialSection(Section):
 class AxisLoop(Section):
     """One axis: its velocity controller, its mechanics, and its cascade.
 
-    Attributes
-    ----------
-    joint, unit, inertia_unit : str
-        Its name, and the units of gain and damping, and of inertia.
-    gain, integral_time_s, delay_s, lag_s : float
-        Of the controller; `gain` in `unit`, the others in seconds.
-    std : dict of float
-        Standard deviation of each parameter that was fitted, by its name.
-    covariance : tuple of tuple of float
-        Of the same, in the same order.
-    p_value, whiteness : float
-        Probability of a misfit as large by noise alone, and of misfits as alike on neighbours.
-    trials : tuple of LoopTrialSection
-        The candidates.
-    inertia, damping : float
-        Apparent ones of the axis. They have no interval: friction that holds and other joints that
-        give way bias them by more than the noise. With them the share that is not explained
-        (`mechanics_misfit`), and what noise alone leaves of it (`mechanics_noise`).
-    velocity_margins, position_margins : LoopMargins
-        Of the two loops.
-    position_peak : float
-        Largest amplification of the closed position loop.
-    largest_position_gain_per_s : float or None
-        That keeps the margins [1/s].
-    response, mechanics_response, cascade : ControllerResponse, MechanicsResponse, CascadeCurves
-        The curves.
-    findings : tuple of str
-        What is wrong, if anything.
-    grade, reason : str or None
-        "good", "doubtful" or "bad" by the share that the mechanics leave unexplained, and what
-        decides it.
+    Attributes:
+        joint, unit, inertia_unit: Its name, and the units of gain and damping, and of inertia.
+        gain, integral_time_s, delay_s, lag_s: Of the controller; `gain` in `unit`, the others in
+            seconds.
+        std: Standard deviation of each parameter that was fitted, by its name.
+        covariance: Of the same, in the same order.
+        p_value, whiteness: Probability of a misfit as large by noise alone, and of misfits as alike
+            on neighbours.
+        trials: The candidates.
+        inertia, damping: Apparent ones of the axis. They have no interval: friction that holds and
+            other joints that give way bias them by more than the noise. With them the share that is
+            not explained (`mechanics_misfit`), and what noise alone leaves of it
+            (`mechanics_noise`).
+        velocity_margins, position_margins: Of the two loops.
+        position_peak: Largest amplification of the closed position loop.
+        largest_position_gain_per_s: That keeps the margins [1/s].
+        response, mechanics_response, cascade: The curves.
+        findings: What is wrong, if anything.
+        grade, reason: "good", "doubtful" or "bad" by the share that the mechanics leave
+            unexplained, and what decides it.
     """
 
     joint: str
@@ -152,16 +141,12 @@ class AxisLoop(Section):
 class VelocityLoopsSection(Section):
     """Responses, fitted controllers, margins and advice, axis by axis.
 
-    Attributes
-    ----------
-    sentence : str
-        How they were measured.
-    position_gain_per_s, largest_position_gain_per_s : float or None
-        Now, and the largest that keeps the margins of all axes [1/s].
-    advice : str
-        About the position gain.
-    axes : tuple of AxisLoop
-        One an axis.
+    Attributes:
+        sentence: How they were measured.
+        position_gain_per_s, largest_position_gain_per_s: Now, and the largest that keeps the
+            margins of all axes [1/s].
+        advice: About the position gain.
+        axes: One an axis.
     """
 
     sentence: str
@@ -176,14 +161,10 @@ class VelocityLoopsSection(Section):
     ) -> VelocityLoopsSection:
         """Return what was measured of the loops.
 
-        Parameters
-        ----------
-        robot : RobotDescription
-            The robot, for units.
-        measured : LoopMeasurement
-            Responses and fits.
-        advice : GainAdvice
-            About the position gain.
+        Args:
+            robot: The robot, for units.
+            measured: Responses and fits.
+            advice: About the position gain.
         """
         return cls(
             sentence=_sentence(measured),

@@ -13,18 +13,12 @@ Relation = Literal["≤", "≥"]
 class Check(Section):
     """One line of a verdict: what was reached, and what was required.
 
-    Attributes
-    ----------
-    text : str
-        What is held to a limit.
-    value, limit : float
-        Reached and required, in `unit`.
-    relation : str
-        How `value` must stand to `limit`.
-    unit : str
-        Of both; empty where they have none.
-    passed : bool
-        Whether it does.
+    Attributes:
+        text: What is held to a limit.
+        value, limit: Reached and required, in `unit`.
+        relation: How `value` must stand to `limit`.
+        unit: Of both; empty where they have none.
+        passed: Whether it does.
     """
 
     text: str
@@ -51,16 +45,11 @@ class Check(Section):
 class Verdict(Section):
     """Passed, failed, or neither where nothing was to be judged.
 
-    Attributes
-    ----------
-    passed : bool or None
-        None where there was no limit.
-    headline : str
-        What matters, in a line.
-    sentence : str
-        What else is to be said.
-    checks : tuple of Check
-        What was held to a limit.
+    Attributes:
+        passed: None where there was no limit.
+        headline: What matters, in a line.
+        sentence: What else is to be said.
+        checks: What was held to a limit.
     """
 
     passed: bool | None

@@ -11,10 +11,8 @@ from rid_daq.report.sections.average import AverageSection
 def average_blocks(section: AverageSection) -> Iterator[AnyBlock]:
     """Yield which periods were averaged, and the noise of one sample.
 
-    Parameters
-    ----------
-    section : AverageSection
-        The averaged periods.
+    Args:
+        section: The averaged periods.
     """
     yield Heading(text="Periods")
     yield Text(text=section.sentence)

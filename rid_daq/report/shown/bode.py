@@ -17,13 +17,7 @@ FREQUENCY: Final = Axis(label="frequency", unit="Hz", log=True)
 
 
 def bode_plot(axis: AxisLoop) -> Plot:
-    """Return the response of the controller with its errors and fit, and the opened loops.
-
-    Parameters
-    ----------
-    axis : AxisLoop
-        The axis.
-    """
+    """Return the response of the controller with its errors and fit, and the opened loops."""
     return Plot(
         name=f"bode_{axis.joint}",
         panels=(_gain(axis), _phase(axis.response), *_opened(axis)),

@@ -28,15 +28,13 @@ _COLOURS: Final[tuple[Colour, ...]] = ("red", "green", "blue")
 class CentreOfGravity:
     """What is drawn of a payload, in the flange's frame.
 
-    Attributes
-    ----------
-    centre_mm, sigma_mm : ndarray, shape (3,)
-        The centre of gravity and its standard deviations; not a number where it is not seen.
-    covariance_mm2 : ndarray, shape (3, 3), or None
-        Of the centre; None where a result tells standard deviations only.
-    spread_mm2 : ndarray, shape (3, 3), or None
-        Squared half axes, as a matrix, of the ellipsoid of even density that has the payload's
-        mass and inertia; None where not all parameters are seen.
+    Attributes:
+        centre_mm, sigma_mm: Shape (3,). The centre of gravity and its standard deviations; not a
+            number where it is not seen.
+        covariance_mm2: Shape (3, 3). Of the centre; None where a result tells standard deviations
+            only.
+        spread_mm2: Shape (3, 3). Squared half axes, as a matrix, of the ellipsoid of even density
+            that has the payload's mass and inertia; None where not all parameters are seen.
     """
 
     centre_mm: FloatArray
@@ -48,10 +46,8 @@ class CentreOfGravity:
     def of(cls, estimate: PayloadEstimate) -> CentreOfGravity:
         """Return what is drawn of an estimate.
 
-        Raises
-        ------
-        EstimationError
-            There is no body close to the estimate that can exist.
+        Raises:
+            EstimationError: There is no body close to the estimate that can exist.
         """
         from identification.payload.body import reported_slopes
 
@@ -106,10 +102,8 @@ def ellipse(centre: FloatArray, matrix: FloatArray) -> FloatArray:
 def centre_plot(drawn: CentreOfGravity) -> Plot:
     """Return the flange's axes, the centre with its intervals, and the size of the payload.
 
-    Parameters
-    ----------
-    drawn : CentreOfGravity
-        Of a payload; without a covariance there is no ellipse.
+    Args:
+        drawn: Of a payload; without a covariance there is no ellipse.
     """
     return Plot(
         name="payload",

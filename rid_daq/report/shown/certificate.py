@@ -32,10 +32,8 @@ _FRAME: Final = (
 def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
     """Yield identity, values, limits, fit, load data, origin and files.
 
-    Parameters
-    ----------
-    certificate : Certificate
-        Its contents.
+    Args:
+        certificate: Its contents.
     """
     if certificate.simulated:
         yield Text(text="The cell is simulated: no hardware moved.")

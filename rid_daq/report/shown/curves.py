@@ -18,10 +18,8 @@ RESIDUAL_REACH: Final = 1.2
 def curves_blocks(section: CurvesSection) -> Iterator[AnyBlock]:
     """Yield measured and predicted torque, and the spectrum of what the model leaves.
 
-    Parameters
-    ----------
-    section : CurvesSection
-        The curves.
+    Args:
+        section: The curves.
     """
     if section.torque is not None:
         yield Heading(text="Measured and predicted torque")
@@ -36,10 +34,8 @@ def curves_blocks(section: CurvesSection) -> Iterator[AnyBlock]:
 def torque_plot(curves: TorqueCurves) -> Plot:
     """Return measured and predicted torque over time, and their difference, axis by axis.
 
-    Parameters
-    ----------
-    curves : TorqueCurves
-        Of a validation, or of the mean period that a model was fitted to.
+    Args:
+        curves: Of a validation, or of the mean period that a model was fitted to.
     """
     panels = [panel for axis in curves.axes for panel in _torque_panels(curves, axis)]
     return Plot(name="fit", panels=tuple(panels))
@@ -98,10 +94,8 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
 def spectrum_plot(spectrum: SpectrumCurves) -> Plot:
     """Return torque, residual and noise over frequency, one panel an axis.
 
-    Parameters
-    ----------
-    spectrum : SpectrumCurves
-        Of a mean period.
+    Args:
+        spectrum: Of a mean period.
     """
     panels = [
         Panel(

@@ -15,10 +15,8 @@ from rid_daq.report.shown.fit_grades import doubt_texts
 def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
     """Yield the method, mistakes, fits, parameters and findings.
 
-    Parameters
-    ----------
-    section : EstimateSection
-        The estimate.
+    Args:
+        section: The estimate.
     """
     yield Heading(text="Parameters with their intervals")
     yield Text(text=section.sentence)
@@ -32,10 +30,8 @@ def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
 def mistake_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
     """Yield each mistake that explains the data far better, and the lines to change.
 
-    Parameters
-    ----------
-    section : EstimateSection
-        The estimate.
+    Args:
+        section: The estimate.
     """
     for mistake in section.mistakes or ():
         yield Verdict(passed=False, text=mistake.sentence)
@@ -54,10 +50,8 @@ def _remedy(mistake: MistakeEntry) -> str:
 def fit_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
     """Yield how well the model explains the torque of each axis, and what makes a fit doubtful.
 
-    Parameters
-    ----------
-    section : EstimateSection
-        The estimate.
+    Args:
+        section: The estimate.
     """
     yield Table(
         columns=(
@@ -89,10 +83,8 @@ def fit_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
 def parameter_table(section: EstimateSection) -> Table:
     """Return the parameters with their intervals; of a simulated robot with the true values.
 
-    Parameters
-    ----------
-    section : EstimateSection
-        The estimate.
+    Args:
+        section: The estimate.
     """
     columns = [
         Column(title="#"),
@@ -132,10 +124,8 @@ def _parameter(place: int, each: ParameterEntry, *, has_truth: bool) -> tuple[Ce
 def finding_texts(section: EstimateSection) -> Iterator[Text]:
     """Yield what a person should know of the estimate.
 
-    Parameters
-    ----------
-    section : EstimateSection
-        The estimate.
+    Args:
+        section: The estimate.
     """
     if section.unseen:
         yield Text(text=f"Without any effect on the torques: {', '.join(section.unseen)}.")

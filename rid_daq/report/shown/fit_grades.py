@@ -10,13 +10,7 @@ from rid_daq.report.sections.section import GradedAxis
 
 
 def doubt_texts(axes: Iterable[GradedAxis]) -> Iterator[Text]:
-    """Yield what decides the grade of each axis whose fit is not good.
-
-    Parameters
-    ----------
-    axes : iterable of GradedAxis
-        The axes.
-    """
+    """Yield what decides the grade of each axis whose fit is not good."""
     for axis in axes:
         if axis.grade not in (None, Grade.GOOD):
             yield Text(text=f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")

@@ -21,10 +21,8 @@ STROKES: Final[tuple[tuple[Colour, Dash], ...]] = (
 def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
     """Yield the curves, and for each joint its values, its models and their fit.
 
-    Parameters
-    ----------
-    section : FrictionSection
-        The measured friction.
+    Args:
+        section: The measured friction.
     """
     yield Heading(text="Measured friction")
     yield Text(text=section.sentence)
@@ -41,10 +39,8 @@ def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
 def friction_plot(section: FrictionSection) -> Plot:
     """Return measured friction ± 2σ over speed and the models, one panel a joint.
 
-    Parameters
-    ----------
-    section : FrictionSection
-        The measured friction.
+    Args:
+        section: The measured friction.
     """
     return Plot(name="friction", panels=tuple(_panel(joint) for joint in section.joints), columns=3)
 

@@ -12,10 +12,8 @@ from rid_daq.report.sections.section import Texts
 def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
     """Yield the chosen terms, what they gain, and what else was found.
 
-    Parameters
-    ----------
-    section : ComparisonSection
-        The choice.
+    Args:
+        section: The choice.
     """
     yield Heading(text="Chosen friction terms", level=3)
     yield Text(

@@ -15,10 +15,8 @@ LEAST: Final = 0.5  # of a logarithmic axis of counts
 def timing_blocks(section: Timing) -> Iterator[AnyBlock]:
     """Yield the timing of each run, and histograms of the lateness of its cycles.
 
-    Parameters
-    ----------
-    section : Timing
-        The timing.
+    Args:
+        section: The timing.
     """
     if section.loops:
         yield Heading(text="Loop timing")
@@ -31,10 +29,8 @@ def timing_blocks(section: Timing) -> Iterator[AnyBlock]:
 def lateness_plot(timing: LoopTiming) -> Plot:
     """Return the number of cycles over their lateness.
 
-    Parameters
-    ----------
-    timing : LoopTiming
-        The timing of a run.
+    Args:
+        timing: The timing of a run.
     """
     names = bin_names(timing.edges_us)
     panel = Panel(

@@ -14,10 +14,8 @@ from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
 def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
     """Yield parameters with intervals, principal moments, findings, and the fit of each axis.
 
-    Parameters
-    ----------
-    section : PayloadSection
-        The payload.
+    Args:
+        section: The payload.
     """
     yield Heading(text="Payload")
     yield Text(text=section.sentence)

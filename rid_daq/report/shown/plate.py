@@ -15,10 +15,8 @@ from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
     """Yield offset and drift of each channel of a force plate.
 
-    Parameters
-    ----------
-    section : PlateZeroSection
-        The zero.
+    Args:
+        section: The zero.
     """
     yield Heading(text="Zero of the force plate")
     for sentence in section.sentences:
@@ -43,10 +41,8 @@ def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
 def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
     """Yield how a force plate fits an estimate, and what it improved.
 
-    Parameters
-    ----------
-    section : PlateSection
-        The fit.
+    Args:
+        section: The fit.
     """
     yield Heading(text="Force plate", level=3)
     for sentence in section.sentences:
@@ -98,10 +94,8 @@ def _improvement(section: ImprovementSection) -> Table:
 def reaction_blocks(section: ReactionSection) -> Iterator[AnyBlock]:
     """Yield the errors of a predicted base wrench.
 
-    Parameters
-    ----------
-    section : ReactionSection
-        The errors.
+    Args:
+        section: The errors.
     """
     yield Heading(text="Reaction on the base")
     yield Text(text=section.sentence)
@@ -123,10 +117,8 @@ def reaction_blocks(section: ReactionSection) -> Iterator[AnyBlock]:
 def base_load_blocks(section: BaseLoadSection) -> Iterator[AnyBlock]:
     """Yield the largest reaction of a motion and its limits.
 
-    Parameters
-    ----------
-    section : BaseLoadSection
-        The reaction.
+    Args:
+        section: The reaction.
     """
     yield Heading(text="Load on the floor")
     yield Text(text=section.sentence)

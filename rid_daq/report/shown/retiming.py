@@ -116,12 +116,8 @@ def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iter
 def way_plot(way: RetimedWay, joints: Sequence[str]) -> Plot:
     """Return progress, phase plane, torques and reached limits.
 
-    Parameters
-    ----------
-    way : RetimedWay
-        The way.
-    joints : sequence of str
-        The joints' names.
+    Args:
+        joints: The joints' names.
     """
     band = "The band is the margin for what the model does not know."
     dotted = "" if way.measured is None else " Dotted: as measured."

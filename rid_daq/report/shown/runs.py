@@ -13,10 +13,8 @@ from rid_daq.report.sections.stop import StopCurve
 def runs_blocks(section: Sequence[RunSection]) -> Iterator[AnyBlock]:
     """Yield what was run, why it stopped, the extremes of each axis, and rows that are left out.
 
-    Parameters
-    ----------
-    section : sequence of RunSection
-        The runs.
+    Args:
+        section: The runs.
     """
     yield Heading(text="What was run")
     for run in section:
@@ -82,10 +80,8 @@ def _bad_rows(bad_rows: Sequence[BadRows]) -> Table:
 def stop_plot(curve: StopCurve) -> Plot:
     """Return the judged quantity in the last second before a stop, and its limits.
 
-    Parameters
-    ----------
-    curve : StopCurve
-        The curve of the joint that stopped the motion.
+    Args:
+        curve: The curve of the joint that stopped the motion.
     """
     lines: tuple[tuple[str, Numbers, Colour, Dash], ...] = (
         ("least allowed", curve.low, "red", "dashed"),

@@ -31,10 +31,8 @@ _LOOKS: Final[Mapping[str, tuple[Colour, Dash]]] = {
 def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
     """Yield errors before and after, of the tool and of joints, bending, and the paths.
 
-    Parameters
-    ----------
-    section : TrackingSection
-        The paths.
+    Args:
+        section: The paths.
     """
     yield Heading(text="Paths followed")
     yield Text(text=section.sentence)
@@ -139,12 +137,8 @@ def _bending(motions: Sequence[FollowedMotion]) -> Table:
 def path_plots(motion: FollowedMotion, joints: Sequence[JointUnit]) -> tuple[Plot, ...]:
     """Return the plots of a motion: its path, the distance from it, and the errors over time.
 
-    Parameters
-    ----------
-    motion : FollowedMotion
-        The motion.
-    joints : sequence of JointUnit
-        The joints of the robot.
+    Args:
+        joints: The joints of the robot.
     """
     runs = {"before": motion.drawn.before, "after": motion.drawn.after}
     driven = {word: curves for word, curves in runs.items() if curves is not None}

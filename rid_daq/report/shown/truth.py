@@ -16,10 +16,8 @@ LEAST_REACH: Final = 4.0
 def truth_blocks(cases: Sequence[TruthCase]) -> Iterator[AnyBlock]:
     """Yield how many parameters lie inside their intervals, and how far each is off.
 
-    Parameters
-    ----------
-    cases : sequence of TruthCase
-        One for each simulated robot.
+    Args:
+        cases: One for each simulated robot.
     """
     yield Heading(text="Against the truth", level=3)
     for case in cases:
@@ -30,10 +28,8 @@ def truth_blocks(cases: Sequence[TruthCase]) -> Iterator[AnyBlock]:
 def truth_plot(cases: Sequence[TruthCase]) -> Plot:
     """Return the deviations in standard deviations, one panel for each simulated robot.
 
-    Parameters
-    ----------
-    cases : sequence of TruthCase
-        One for each simulated robot.
+    Args:
+        cases: One for each simulated robot.
     """
     panels = tuple(_panel(case) for case in cases)
     return Plot(name="truth", panels=panels, columns=max(2, len(panels)))

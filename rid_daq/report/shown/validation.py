@@ -12,10 +12,8 @@ from rid_daq.report.shown.fit_grades import doubt_texts
 def validation_blocks(section: ValidationSection) -> Iterator[AnyBlock]:
     """Yield the errors axis by axis, what makes a fit doubtful, and the diagnosis.
 
-    Parameters
-    ----------
-    section : ValidationSection
-        The errors.
+    Args:
+        section: The errors.
     """
     yield Heading(text="Predicted against measured torque")
     yield Text(text=section.sentence)

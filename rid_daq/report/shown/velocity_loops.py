@@ -14,10 +14,8 @@ from rid_daq.report.shown.bode import bode_plot
 def loop_blocks(section: VelocityLoopsSection) -> Iterator[AnyBlock]:
     """Yield controllers, candidates, grades and findings, margins, advice and plots.
 
-    Parameters
-    ----------
-    section : VelocityLoopsSection
-        The loops.
+    Args:
+        section: The loops.
     """
     yield Heading(text="Velocity loops")
     yield Text(text=section.sentence)

@@ -37,12 +37,9 @@ _SCALE: Final = 0.75  # of the widths in px that a screen has
 def plot_svg(plot: Plot, name: str) -> Markup:
     """Return the drawing of a declared plot.
 
-    Parameters
-    ----------
-    plot : Plot
-        The declaration.
-    name : str
-        Prefix of the ids in the drawing, different for every figure of a page.
+    Args:
+        plot: The declaration.
+        name: Prefix of the ids in the drawing, different for every figure of a page.
     """
     with mpl.rc_context(STYLE):
         if plot.columns > 1:

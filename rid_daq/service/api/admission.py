@@ -35,12 +35,9 @@ MOST_ADDRESSES: Final = 1000
 class Rate:
     """How often each owner may do something: a burst, then so many a second.
 
-    Parameters
-    ----------
-    burst, per_s : float
-        Requests at once, and per second afterwards.
-    now_s : callable
-        A monotonic time [s].
+    Args:
+        burst, per_s: Requests at once, and per second afterwards.
+        now_s: A monotonic time [s].
     """
 
     def __init__(
@@ -64,14 +61,10 @@ class Rate:
 class Admission:
     """Answers STOP, refuses bodies that nobody may send, and names the owner of a request.
 
-    Parameters
-    ----------
-    stop : StopEntrance
-        Comes first.
-    door : Doorkeeper
-        Who is who.
-    access : Access
-        Our own names and pages.
+    Args:
+        stop: Comes first.
+        door: Who is who.
+        access: Our own names and pages.
     """
 
     def __init__(self, stop: StopEntrance, door: Doorkeeper, access: Access) -> None:

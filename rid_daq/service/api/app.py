@@ -40,14 +40,10 @@ def make_api(
 ) -> FastAPI:
     """Return the application.
 
-    Parameters
-    ----------
-    service : CellService
-        What it is of.
-    doorkeeper : Doorkeeper
-        Who is let in.
-    more : sequence of APIRouter
-        Routes beside the API: pages.
+    Args:
+        service: What it is of.
+        doorkeeper: Who is let in.
+        more: Routes beside the API: pages.
     """
     app = FastAPI(
         title="rid-daq service",

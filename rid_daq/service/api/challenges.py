@@ -39,10 +39,8 @@ _connections = itertools.count(1)
 class Challenges:
     """The challenges of one connection.
 
-    Parameters
-    ----------
-    now_s : callable
-        The clock that they are timed by [s].
+    Args:
+        now_s: The clock that they are timed by [s].
     """
 
     def __init__(self, now_s: Callable[[], float] = safety_now_s) -> None:
@@ -72,16 +70,11 @@ class Challenges:
     def message(self, job: str, lease: str, told: dict[str, object]) -> KeyMessage | None:
         """Return what a viewer says about a key, with the age of the challenge that it answers.
 
-        Parameters
-        ----------
-        job, lease : str
-            The ids of its job and of its lease.
-        told : dict
-            Its message: `held` or `tapped`, `sequence`, `challenge`.
+        Args:
+            job, lease: The ids of its job and of its lease.
+            told: Its message: `held` or `tapped`, `sequence`, `challenge`.
 
-        Returns
-        -------
-        KeyMessage or None
+        Returns:
             None if it is no message about a key.
         """
         challenge = told.get("challenge")

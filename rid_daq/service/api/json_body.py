@@ -20,10 +20,8 @@ class JsonBody:
     Half characters, NaN and infinity, keys that stand twice and deep nesting are refused with 400.
     Files are read as files, and STOP reads no body.
 
-    Parameters
-    ----------
-    app : ASGI application
-        What answers.
+    Args:
+        app: What answers.
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -197,12 +197,9 @@ class _Budget:
 def _hold(service: CellService, challenges: Challenges, told: dict[str, object]) -> None:
     """Pass on what the owner of the cell says about a key.
 
-    Raises
-    ------
-    LockedError
-        Somebody else has it.
-    UnknownError
-        There is no such job.
+    Raises:
+        LockedError: Somebody else has it.
+        UnknownError: There is no such job.
     """
     job = service.jobs.kept(str(told.get("job")))
     if job is None:

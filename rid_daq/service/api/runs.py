@@ -192,10 +192,8 @@ async def put_file(path: str, request: Request, service: Service, who: Operator)
 def run_folder(service: CellService, run: str) -> RunFolder:
     """Return the folder of a run of the service, by id, label or `latest`.
 
-    Raises
-    ------
-    UnknownError
-        There is none.
+    Raises:
+        UnknownError: There is none.
     """
     try:
         return find_run_inside(service.runs, run)

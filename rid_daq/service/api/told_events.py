@@ -17,10 +17,8 @@ MOST_JOBS: Final = 16
 class ToldEvents:
     """The events of a job, each by its number; for several threads.
 
-    Parameters
-    ----------
-    path : Path
-        The file of the events.
+    Args:
+        path: The file of the events.
     """
 
     def __init__(self, path: Path) -> None:

@@ -22,12 +22,9 @@ _LOG = logging.getLogger("rid_daq.service.front")
 class FrontDesk:
     """Stops the processes that the service has named, also while the service hangs.
 
-    Parameters
-    ----------
-    cells : iterable of str
-        The service's cells.
-    tell : callable
-        Tells the service of a stop: the cell, or `ALL`, and who asked, as `admit` has it.
+    Args:
+        cells: The service's cells.
+        tell: Tells the service of a stop: the cell, or `ALL`, and who asked, as `admit` has it.
     """
 
     def __init__(self, cells: Iterable[str], tell: Callable[[str, str], None]) -> None:
@@ -56,10 +53,8 @@ class FrontDesk:
     def admit(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
         """Return who asks: the hash of a secret that was issued, or nothing for this computer.
 
-        Raises
-        ------
-        NotKnownError
-            They ask from another computer and show no secret that was ever issued.
+        Raises:
+            NotKnownError: They ask from another computer and show no secret that was ever issued.
         """
         shown = (hash_of(secret) for secret in secrets_of(headers))
         known = next((each for each in shown if each in self._issued), None)
@@ -70,10 +65,8 @@ class FrontDesk:
     def stop(self, target: str, who: str) -> StopAsked:
         """Stop a cell, or all of them (`ALL`); then tell the service.
 
-        Raises
-        ------
-        UnknownError
-            There is no such cell.
+        Raises:
+            UnknownError: There is no such cell.
         """
         if target not in (ALL, *self._cells):
             raise UnknownError(
@@ -105,10 +98,8 @@ def hash_of(secret: str) -> str:
 def stop_process(descriptor: int) -> None:
     """Stop the motion of a worker by the word in shared memory, anything else by SIGTERM.
 
-    Parameters
-    ----------
-    descriptor : int
-        Of the process (`os.pidfd_open`): its number may be another's by now.
+    Args:
+        descriptor: Of the process (`os.pidfd_open`): its number may be another's by now.
     """
     control = None
     with contextlib.suppress(OSError):  # it has just ended

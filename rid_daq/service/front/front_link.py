@@ -28,16 +28,11 @@ _END_S: Final = 3.0
 class FrontLink:
     """Keeps a process in front of the service for as long as it serves.
 
-    Parameters
-    ----------
-    service : CellService
-        Its cells are stopped.
-    server : AsgiServer
-        Adopts the connections.
-    access : Access
-        Where pages are served.
-    listeners : sequence of socket
-        They listen already.
+    Args:
+        service: Its cells are stopped.
+        server: Adopts the connections.
+        access: Where pages are served.
+        listeners: They listen already.
     """
 
     def __init__(

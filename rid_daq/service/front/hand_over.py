@@ -24,12 +24,8 @@ class HandOver(asyncio.Protocol):
     Without TLS the service gets the socket itself. With TLS this process goes on to encrypt, and
     the service gets one end of a pair whose other end is here.
 
-    Parameters
-    ----------
-    connection : Connection
-        The connection.
-    wire : Wire
-        To the service.
+    Args:
+        wire: To the service.
     """
 
     def __init__(self, connection: Connection, wire: Wire) -> None:

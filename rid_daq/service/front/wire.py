@@ -21,10 +21,8 @@ class Wire:
 
     A message is a JSON document, bytes, and at most one descriptor. Messages keep their order.
 
-    Parameters
-    ----------
-    line : socket.socket
-        A socket of type SOCK_SEQPACKET.
+    Args:
+        line: A socket of type SOCK_SEQPACKET.
     """
 
     def __init__(self, line: socket.socket) -> None:

@@ -38,20 +38,16 @@ class Desk(Protocol):
     def admit(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
         """Return who asks.
 
-        Raises
-        ------
-        NotKnownError
-            They ask from another computer and show no secret that was ever issued.
+        Raises:
+            NotKnownError: They ask from another computer and show no secret that was ever issued.
         """
         ...
 
     def stop(self, target: str, who: str) -> StopAsked:
         """Stop a cell, or all of them (`ALL`).
 
-        Raises
-        ------
-        UnknownError
-            There is no such cell.
+        Raises:
+            UnknownError: There is no such cell.
         """
         ...
 
@@ -61,14 +57,10 @@ def stop_each(
 ) -> StopAsked:
     """Stop cells; what goes wrong with one keeps no other from its stop.
 
-    Parameters
-    ----------
-    cells : iterable of str
-        Their names.
-    stop : callable
-        Stops one; returns whether something was told to stop.
-    wrong : callable
-        Told of a cell whose stop went wrong, while the exception is handled.
+    Args:
+        cells: Their names.
+        stop: Stops one; returns whether something was told to stop.
+        wrong: Told of a cell whose stop went wrong, while the exception is handled.
     """
     told, failed = False, []
     for name in cells:

@@ -18,12 +18,9 @@ from rid_daq.web.access import is_loopback
 class StopDesk:
     """Takes requests to stop, in the service's own process.
 
-    Parameters
-    ----------
-    service : CellService
-        The cells.
-    door : Doorkeeper
-        Who is who.
+    Args:
+        service: The cells.
+        door: Who is who.
     """
 
     def __init__(self, service: CellService, door: Doorkeeper) -> None:
@@ -33,19 +30,13 @@ class StopDesk:
     def admit(self, headers: Mapping[str, str], *, local: bool, address: str) -> str:
         """Return the name of who asks.
 
-        Parameters
-        ----------
-        headers
-            Of the request, by lower-case name.
-        local : bool
-            Whether it came by a Unix socket.
-        address : str
-            The client's IP address; empty if there is none.
+        Args:
+            headers: Of the request, by lower-case name.
+            local: Whether it came by a Unix socket.
+            address: The client's IP address; empty if there is none.
 
-        Raises
-        ------
-        NotKnownError
-            They ask from another computer and show no secret that was ever issued.
+        Raises:
+            NotKnownError: They ask from another computer and show no secret that was ever issued.
         """
         who = self._door.look(headers, local=local)
         if who is not None:
@@ -59,10 +50,8 @@ class StopDesk:
     def stop(self, target: str, who: str) -> StopAsked:
         """Stop a cell, or all of them (`ALL`).
 
-        Raises
-        ------
-        UnknownError
-            There is no such cell.
+        Raises:
+            UnknownError: There is no such cell.
         """
         names = list(self._service.cells) if target == ALL else [self._service.cell(target).name]
         return stop_each(

@@ -21,12 +21,9 @@ _STOP_PATH: Final = re.compile(r"/api/v1(?:/cells/([^/]+))?/stop")
 class StopEntrance:
     """Recognises STOP and answers it at once.
 
-    Parameters
-    ----------
-    desk : Desk
-        Stops.
-    access : Access
-        Our own names and pages: browsers of others are refused.
+    Args:
+        desk: Stops.
+        access: Our own names and pages: browsers of others are refused.
     """
 
     def __init__(self, desk: Desk, access: Access) -> None:

@@ -30,12 +30,9 @@ POLICY: Final = 1008
 class StopLine(asyncio.Protocol):
     """Speaks with one client: `{"stop": CELL or "*", "number": N}` is answered at once.
 
-    Parameters
-    ----------
-    desk : Desk
-        Stops.
-    who : str
-        Who asks.
+    Args:
+        desk: Stops.
+        who: Who asks.
     """
 
     def __init__(self, desk: Desk, who: str) -> None:
@@ -149,14 +146,10 @@ def answer_to_stop(
 ) -> dict[str, object] | None:
     """Stop what a message of a WebSocket asks for, and return the answer; None if it asks nothing.
 
-    Parameters
-    ----------
-    desk : Desk
-        Stops.
-    who : str
-        Who asks.
-    asked : dict or None
-        The message, `{"stop": CELL or "*", "number": N}`.
+    Args:
+        desk: Stops.
+        who: Who asks.
+        asked: The message, `{"stop": CELL or "*", "number": N}`.
     """
     if asked is None:
         return None

@@ -12,10 +12,8 @@ from rid_daq.service.store.database import Database
 class AuditLog:
     """The table of what was done.
 
-    Parameters
-    ----------
-    database : Database
-        The service's file.
+    Args:
+        database: The service's file.
     """
 
     def __init__(self, database: Database) -> None:

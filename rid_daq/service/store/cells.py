@@ -9,10 +9,8 @@ from rid_daq.service.store.database import Database
 class CellStore:
     """The table of cells, and all of it in memory.
 
-    Parameters
-    ----------
-    database : Database
-        The service's file.
+    Args:
+        database: The service's file.
     """
 
     def __init__(self, database: Database) -> None:

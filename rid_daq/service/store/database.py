@@ -59,12 +59,9 @@ class Database:
     A write that fails, because the disk is full or another program holds the file, is tried again
     until it succeeds. The stores therefore answer from memory, and the file follows.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    connection : sqlite3.Connection
-        The writing thread's connection.
+    Args:
+        path: The file.
+        connection: The writing thread's connection.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -96,10 +93,8 @@ class Database:
     def read(self, sql: str, *values: object) -> list[tuple[Any, ...]]:
         """Return rows, with what was queued before if it can be written soon; not in the loop.
 
-        Raises
-        ------
-        StoreBusyError
-            The file cannot be read.
+        Raises:
+            StoreBusyError: The file cannot be read.
         """
         self.flush(LOCK_S)
         try:
@@ -120,10 +115,8 @@ class Database:
     async def saved(self, patience_s: float = PATIENCE_S) -> None:
         """Wait, without holding the loop, until all that is queued now is on the disk.
 
-        Raises
-        ------
-        StoreBusyError
-            It is not, within the patience.
+        Raises:
+            StoreBusyError: It is not, within the patience.
         """
         with self._changed:
             if self._written >= self._queued:
@@ -223,10 +216,8 @@ def _settle(done: asyncio.Future[None]) -> None:
 def open_database(path: Path) -> Database:
     """Open the service's file, which only its owner may read; it is made if there is none.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be opened, is damaged, or has another format.
+    Raises:
+        RecordingError: It cannot be opened, is damaged, or has another format.
     """
     try:
         flags = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW

@@ -16,10 +16,8 @@ MOST_KEPT: Final = 1000
 class JobStore:
     """The table of jobs; those that are not over, and the newest of this start, are in memory.
 
-    Parameters
-    ----------
-    database : Database
-        The service's file.
+    Args:
+        database: The service's file.
     """
 
     def __init__(self, database: Database) -> None:
@@ -62,10 +60,8 @@ class JobStore:
     async def saved(self) -> None:
         """Wait until all that was journalled is on the disk.
 
-        Raises
-        ------
-        StoreBusyError
-            It is not, within some seconds.
+        Raises:
+            StoreBusyError: It is not, within some seconds.
         """
         await self._database.saved()
 

@@ -15,16 +15,11 @@ from rid_daq.service.store.tokens import hashed
 class KeptLease:
     """A lease as the service keeps it.
 
-    Attributes
-    ----------
-    lease : Lease
-        As everybody may see it; its `until_s` is for people and decides nothing.
-    key_hash : str
-        Hash of its key.
-    ends_s : float
-        Its end on the safety clock [s].
-    boot : str
-        The start of the computer that `ends_s` belongs to.
+    Attributes:
+        lease: As everybody may see it; its `until_s` is for people and decides nothing.
+        key_hash: Hash of its key.
+        ends_s: Its end on the safety clock [s].
+        boot: The start of the computer that `ends_s` belongs to.
     """
 
     lease: Lease
@@ -40,10 +35,8 @@ class KeptLease:
 class LeaseStore:
     """The table of leases, and all of it in memory.
 
-    Parameters
-    ----------
-    database : Database
-        The service's file.
+    Args:
+        database: The service's file.
     """
 
     def __init__(self, database: Database) -> None:

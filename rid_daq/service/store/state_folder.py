@@ -22,15 +22,12 @@ def open_state_folder(folder: Path) -> Path:
     Whoever can write there is administrator: so it and what lies in it must be this user's alone,
     and nobody else may be able to put another one in its place.
 
-    Parameters
-    ----------
-    folder : Path
-        The service's folder.
+    Args:
+        folder: The service's folder.
 
-    Raises
-    ------
-    RecordingError
-        Another user made it, or can change it (`RID-STATE-NOT-PRIVATE`); or it cannot be made.
+    Raises:
+        RecordingError: Another user made it, or can change it (`RID-STATE-NOT-PRIVATE`); or it
+            cannot be made.
     """
     state = folder / STATE_FOLDER
     with system_errors(RecordingError, f"{state}: cannot be used", code="RID-FILE-ACCESS"):

@@ -26,15 +26,11 @@ def hashed(secret: str) -> str:
 class TokenStore:
     """The table of tokens, and all of it in memory.
 
-    Parameters
-    ----------
-    database : Database
-        The service's file.
+    Args:
+        database: The service's file.
 
-    Attributes
-    ----------
-    issued_to : callable
-        Told the hash of every new secret.
+    Attributes:
+        issued_to: Told the hash of every new secret.
     """
 
     def __init__(self, database: Database) -> None:

@@ -112,14 +112,9 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
 class ServedProcess:
     """`rid-daq serve` as a process.
 
-    Attributes
-    ----------
-    folder : Path
-        Its folder.
-    process : subprocess.Popen
-        It.
-    url : str
-        The address of its pages, with the secret of its terminal.
+    Attributes:
+        process: It.
+        url: The address of its pages, with the secret of its terminal.
     """
 
     folder: Path

@@ -19,13 +19,7 @@ from rid_daq.service.service import CellService
 
 
 class Api:
-    """A client of a service in this process.
-
-    Parameters
-    ----------
-    service : CellService
-        The service.
-    """
+    """A client of a service in this process."""
 
     def __init__(self, service: CellService) -> None:
         self.service = service

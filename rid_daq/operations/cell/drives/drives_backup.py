@@ -38,12 +38,8 @@ class DrivesBackupRequest(Request):
 class DrivesBackup:
     """A backup that was written.
 
-    Attributes
-    ----------
-    request : DrivesBackupRequest
-        The request.
-    backup : DriveBackup
-        The settings.
+    Attributes:
+        backup: The settings.
     """
 
     request: DrivesBackupRequest

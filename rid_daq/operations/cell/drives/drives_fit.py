@@ -42,12 +42,9 @@ class DrivesFitRequest(Request):
 class DrivesFitResult:
     """The profile that fits a data sheet.
 
-    Attributes
-    ----------
-    eds : Path
-        The data sheet.
-    found : EdsFileFit
-        The profile.
+    Attributes:
+        eds: The data sheet.
+        found: The profile.
     """
 
     eds: Path

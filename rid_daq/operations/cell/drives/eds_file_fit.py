@@ -18,12 +18,9 @@ from drivers.servo.eds_fit import EdsFit, fit_eds
 class EdsFileFit:
     """A data sheet and the profile that fits it.
 
-    Attributes
-    ----------
-    eds : ElectronicDataSheet
-        The data sheet.
-    fit : EdsFit
-        The profile, its keys, and what the drive lacks.
+    Attributes:
+        eds: The data sheet.
+        fit: The profile, its keys, and what the drive lacks.
     """
 
     eds: ElectronicDataSheet
@@ -39,17 +36,12 @@ class EdsFileFit:
 def fit_eds_file(path: Path, cell: str) -> EdsFileFit:
     """Return what fits a data sheet, as a cell asks its drives.
 
-    Parameters
-    ----------
-    path : Path
-        An EDS or DCF file.
-    cell : str
-        A bundled name or a cell file: its first axis says what is asked of a drive.
+    Args:
+        path: An EDS or DCF file.
+        cell: A bundled name or a cell file: its first axis says what is asked of a drive.
 
-    Raises
-    ------
-    ConfigError
-        A file cannot be read.
+    Raises:
+        ConfigError: A file cannot be read.
     """
     try:
         content = read_file(path, MAX_BYTES)

@@ -33,18 +33,11 @@ class RestoreRequest(Request):
 class RestoredDrives:
     """The settings of drives that were put back, or that differ.
 
-    Attributes
-    ----------
-    request : RestoreRequest
-        The request.
-    cell : str
-        The cell's name.
-    joints : dict of int to str
-        The joint of every node.
-    settings : tuple of RestoredSetting
-        What differed, or is not known.
-    write_log : Path or None
-        What was written, and what was there; None if nothing was.
+    Attributes:
+        cell: The cell's name.
+        joints: The joint of every node.
+        settings: What differed, or is not known.
+        write_log: What was written, and what was there; None if nothing was.
     """
 
     request: RestoreRequest

@@ -31,12 +31,9 @@ STORE_TIMEOUT_S = 10.0
 def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
     """Write down every setting of a cell's drives; nothing is written to them.
 
-    Raises
-    ------
-    ConfigError, RecordingError
-        The file is there already, or cannot be written.
-    RidDaqError
-        The cell is held by another session, or a drive does not answer.
+    Raises:
+        ConfigError, RecordingError: The file is there already, or cannot be written.
+        RidDaqError: The cell is held by another session, or a drive does not answer.
     """
     refuse_output(path, overwrite, made_file.BACKUP)
     loaded = load_cell(cell)
@@ -62,22 +59,15 @@ def restore_backup(path: Path, request: RestoreRequest) -> RestoredDrives:
 def roll_back(run: str, request: RestoreRequest) -> RestoredDrives:
     """Make a cell's drives hold what they held before a run.
 
-    Parameters
-    ----------
-    run : str
-        A run, or the path of a command's write log.
-    request : RestoreRequest
-        How.
+    Args:
+        run: A run, or the path of a command's write log.
+        request: How.
 
-    Raises
-    ------
-    ConfigError
-        There is no such run, or it is of drives that the cell does not have.
-    PreflightError
-        A drive is another one than it was, or is powered; nothing was written. Or one does not
-        store its settings.
-    RidDaqError
-        The cell is held by another session, or a drive does not answer.
+    Raises:
+        ConfigError: There is no such run, or it is of drives that the cell does not have.
+        PreflightError: A drive is another one than it was, or is powered; nothing was written. Or
+            one does not store its settings.
+        RidDaqError: The cell is held by another session, or a drive does not answer.
     """
     return _restore(held_before(request.runs, run), request)
 
