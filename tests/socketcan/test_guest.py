@@ -85,7 +85,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return figures
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.fault(12)
 def test_the_interface_and_drives_on_it(
     figures: dict[str, str], measured: Callable[[str], None]
@@ -94,7 +94,7 @@ def test_the_interface_and_drives_on_it(
         measured(f"SocketCAN, {fault}: {figures[fault]}")
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.fault(26)
 def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
     figures: dict[str, str], measured: Callable[[str], None]
@@ -102,7 +102,7 @@ def test_the_kernels_stamps_are_of_use_while_the_date_is_set(
     measured(f"SocketCAN, date set in motion: {figures['date set in motion']}")
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.fault(24)
 def test_a_disk_that_dies_in_motion(
     figures: dict[str, str], measured: Callable[[str], None]
@@ -110,7 +110,7 @@ def test_a_disk_that_dies_in_motion(
     measured(f"EIO of a block device that dies: {figures['failing disk']}")
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.skipif(not CANOPEND, reason="canopend (CANopenNode for Linux) is not installed")
 def test_canopennode_as_a_device_and_as_a_master(tmp_path: Path) -> None:
     assert_passed(boot(tmp_path, "tests/socketcan/test_canopennode.py"))
