@@ -73,7 +73,7 @@ def fast_cell() -> LoadedCell:
         "can": CanBusConfig(interface="socketcan", channel=CHANNEL),
         "plate": None,
         "drive_safety": config.drive_safety.model_copy(
-            update={"master_heartbeat_timeout_ms": 2000, "drive_heartbeat_timeout_ms": 2000}
+            update={"master_heartbeat_timeout_ms": 700, "drive_heartbeat_timeout_ms": 700}
         ),
         "supervision": config.supervision.model_copy(
             update={
