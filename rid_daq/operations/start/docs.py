@@ -1,7 +1,8 @@
-"""`docs`: open the documentation that is installed with the program."""
+"""`docs`: open the documentation that is installed with the program, or explain an error code."""
 
 from __future__ import annotations
 
+import difflib
 import webbrowser
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,8 +11,9 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from config.error_codes import ErrorCode, declared_codes
 from config.errors import ConfigError
-from rid_daq.blocks.block import Text
+from rid_daq.blocks.block import Heading, Text
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.option import Option
 from rid_daq.operations.request import Request
@@ -20,13 +22,13 @@ SITE: Final = Path(__file__).resolve().parents[2] / "site"
 
 
 class DocsRequest(Request):
-    """Open the documentation in the browser: guides, reference, theory. It needs no internet."""
+    """Open the documentation in the browser, or explain an error code. It needs no internet."""
 
     topic: Annotated[
         str | None,
         Field(
-            description="Page to open, such as `payload`, `faults` or the number of a decision"
-            " (default: the start page)."
+            description="Page to open, such as `payload`, `faults` or the number of a decision, or"
+            " the code of a message, such as RID-FILE-READ (default: the start page)."
         ),
         Option(positional=True, metavar="[TOPIC]"),
     ] = None
@@ -60,11 +62,46 @@ class DocsResult:
             yield Text(text="No browser could be opened; open this address in one.")
 
 
-def run(request: DocsRequest, context: Context) -> DocsResult:
-    """Find a page and open it; for programs it is only found."""
+@dataclass(frozen=True)
+class ExplainedCode:
+    """Cause and remedy of an error code."""
+
+    code: ErrorCode
+    exit_code: int = 0
+
+    def document(self) -> dict[str, object]:
+        """Return the code with its cause and remedy."""
+        return {"code": self.code.name, "cause": self.code.cause, "remedy": self.code.remedy}
+
+    def blocks(self) -> Iterator[Heading | Text]:
+        """Yield the code, its cause and its remedy."""
+        yield Heading(text=self.code.name, level=3)
+        yield Text(text=f"Cause: {self.code.cause}")
+        yield Text(text=f"Remedy: {self.code.remedy}")
+
+
+def run(request: DocsRequest, context: Context) -> DocsResult | ExplainedCode:
+    """Explain a code, or find a page and open it; for programs it is only found."""
+    if request.topic is not None and request.topic.upper().startswith("RID-"):
+        return ExplainedCode(find_code(request.topic))
     page = find_page(SITE, request.topic)
     is_shown = not request.open or context.as_json or webbrowser.open(page.as_uri())
     return DocsResult(page, is_shown)
+
+
+def find_code(name: str) -> ErrorCode:
+    """Return a declared code; upper and lower case are the same.
+
+    Raises:
+        ConfigError: No message has this code.
+    """
+    codes = {code.name: code for code in declared_codes()}
+    if name.upper() not in codes:
+        similar = ", ".join(difflib.get_close_matches(name.upper(), codes, n=3)) or "none"
+        raise ConfigError(
+            f"no message has the code {name!r}; similar codes: {similar}", code="RID-DOCS-PAGE"
+        )
+    return codes[name.upper()]
 
 
 def find_page(site: Path, topic: str | None) -> Path:
@@ -111,7 +148,7 @@ OPERATION: Final = Operation(
     label="Documentation",
     request=DocsRequest,
     run=run,
-    examples=("docs payload", "docs faults --no-open"),
+    examples=("docs payload", "docs RID-FILE-READ"),
     is_job=False,
     numerics=False,
 )
