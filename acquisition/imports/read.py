@@ -39,7 +39,6 @@ def import_csv(
     robot: RobotDescription | None = None,
     *,
     further: Sequence[Path] = (),
-    run_id: str = "",
 ) -> tuple[Recording, ImportReport]:
     """Read CSV files by a map; damaged rows are left out and named in the report.
 
@@ -52,7 +51,6 @@ def import_csv(
         robot: The map's robot; needed where the map leaves gear ratios or torque constants to it,
             and to hold positions, speeds and torques against its limits.
         further: The map's `further_files`.
-        run_id: Provenance of the recording.
 
     Returns:
         The sound rows, every one of the main phase, with their own time stamps or rebuilt times; on
@@ -150,7 +148,6 @@ def import_csv(
         sample_index=np.full(used, -1, dtype=np.int64),
         source="import",
         robot_name=import_map.robot,
-        run_id=run_id,
     )
     if import_map.period_s is not None:
         recording = resample_periods(recording, import_map.period_s)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+
+from pydantic import TypeAdapter, ValidationError
 
 from acquisition.clock.report import ClockReport
+from config.errors import RecordingError
 
 RANGES_IN_WORDS = 20
 
@@ -95,6 +99,22 @@ class ImportReport:
     def rows_damaged(self) -> int:
         """Number of rows left out as damaged."""
         return sum(rows.count for rows in self.damaged)
+
+    def to_json(self) -> bytes:
+        """Return the report as `from_json` reads it."""
+        return json.dumps(asdict(self), indent=1).encode()
+
+    @classmethod
+    def from_json(cls, written: bytes, name: str) -> ImportReport:
+        """Return the report in the bytes of a file called `name`.
+
+        Raises:
+            RecordingError: They are no report of this version.
+        """
+        try:
+            return TypeAdapter(cls).validate_json(written)
+        except ValidationError as error:
+            raise RecordingError(f"{name}: {error}", code="RID-RECORDING-FOREIGN") from error
 
     def lines(self) -> tuple[str, ...]:
         """Return the report in words, a finding a line."""

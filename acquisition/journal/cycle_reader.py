@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.journal.cycle_row import joints_of_row, row_dtype
+from acquisition.journal.cycle_row import MESSAGES, joints_of_row
 from acquisition.journal.header import JournalHeader, first_header
 from acquisition.journal.mcap_reader import JournalDamage, JournalReader
-from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
+from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN, packed_dtype
 from acquisition.recording.recording import Recording, joined
 from config.errors import RecordingError
 
@@ -60,7 +60,7 @@ class CycleReader:
         return self._reader.damage()
 
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
-        """Yield the rows that were not read before, as `row_dtype`, about a thousand at a time.
+        """Yield the rows that were not read before, as in `MESSAGES`, about a thousand at a time.
 
         Args:
             growing: Whether the file may still be written.
@@ -76,7 +76,7 @@ class CycleReader:
                     f"{self.path}: the names of the joints are lost, rows alone mean nothing",
                     code="RID-RECORDING-DAMAGED",
                 )
-            yield self._as_rows(messages.payloads, len(self._header.joint_names))
+            yield self._as_rows(messages.payloads, self._header)
 
     def recordings(self, *, growing: bool = False) -> Iterator[Recording]:
         """Yield what was not read before as parts of one `Recording`; errors as those of `rows`.
@@ -95,8 +95,9 @@ class CycleReader:
             self._last_s = float(part.time_s[-1])
             yield part
 
-    def _as_rows(self, payloads: list[bytes], joints: int) -> NDArray[Any]:
-        dtype = row_dtype(joints)
+    def _as_rows(self, payloads: list[bytes], header: JournalHeader) -> NDArray[Any]:
+        joints = len(header.joint_names)
+        dtype = packed_dtype(MESSAGES[header.source][1], joints)
         size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize
         for payload in payloads:
             if len(payload) != size or not payload.startswith(CDR_LITTLE_ENDIAN):
@@ -140,22 +141,24 @@ def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
     Raises:
         RecordingError: They do not make one (time stamps that do not increase).
     """
-    answered = rows["valid"] != 0
+    answered, imported = rows["valid"] != 0, header.source == "import"
+    warmth = rows["temperature_k"] if imported else None
     return Recording(
         joint_names=header.joint_names,
         time_s=rows["time_s"],
         position=rows["position"],
         torque_nm=rows["torque_nm"],
-        valid=answered.all(axis=1),
+        valid=answered if imported else answered.all(axis=1),
         phase=rows["phase"],
         sample_index=rows["sample_index"],
-        target_position=rows["target_position"],
-        velocity_command=rows["velocity_command"],
+        target_position=None if imported else rows["target_position"],
+        velocity_command=None if imported else rows["velocity_command"],
         sample_period_s=header.sample_period_s,
         samples_per_period=header.samples_per_period,
         torque_filter=header.torque_filter,
-        answered=answered,
-        source="cell",
+        temperature_k=None if warmth is None or np.isnan(warmth).all() else warmth,
+        answered=None if imported else answered,
+        source=header.source,
         cell_name=header.cell_name,
         robot_name=header.robot_name,
         run_id=header.run_id,

@@ -1,11 +1,14 @@
-"""The row that the cyclic task writes once a cycle; its layout as in `row_layout`."""
+"""Rows of a recording: those that the cyclic task writes, and those of an import.
+
+Layouts are as in `row_layout`.
+"""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, Final, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -30,6 +33,20 @@ FIELDS: Fields = (
     ("valid", "u1", None, "1 where the drive answered plausibly, 0 where old values are held"),
     ("phase", "u1", 1, "0 approach, 1 run-in, 2 transient, 3 main, 4 run-out, 5 hold"),
 )
+IMPORTED_FIELDS: Final[Fields] = (
+    ("time_s", "f8", 1, "stamp of the source, or the time that was rebuilt from its signals [s]"),
+    ("position", "f8", None, "link side [rad or m]"),
+    ("torque_nm", "f8", None, "link side [N m or N]"),
+    ("temperature_k", "f8", None, "of the drive [K]; NaN if the source has none"),
+    ("sample_index", "i8", 1, "row of the grid, -1 without a grid"),
+    ("valid", "u1", 1, "1 if the row is near a measured one"),
+    ("phase", "u1", 1, "as of a cycle"),
+)
+MESSAGES: Final[dict[Literal["cell", "import"], tuple[str, Fields]]] = {
+    "cell": (MESSAGE_NAME, FIELDS),
+    "import": ("rid_daq/msg/Imported", IMPORTED_FIELDS),
+}
+"""Name and layout of the rows, by the source of a recording."""
 _STRUCT_CODE = {"f8": "d", "i4": "i", "u4": "I", "i2": "h", "u2": "H", "u1": "B"}
 
 MAX_JOINTS = 16

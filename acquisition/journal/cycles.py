@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.journal.cycle_reader import CycleReader, recording_of
-from acquisition.journal.cycle_row import FIELDS, MESSAGE_NAME, row_struct
+from acquisition.journal.cycle_row import IMPORTED_FIELDS, MESSAGES
 from acquisition.journal.disk_reserve import RESERVE_BYTES
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.mcap_writer import JournalFile
-from acquisition.journal.row_layout import message_text
+from acquisition.journal.row_layout import message_text, packed_dtype
 from acquisition.recording.recording import Recording
 
 TOPIC = "/cycle"
@@ -34,11 +34,11 @@ class JournalWriter(JournalFile):
     """
 
     def __init__(self, path: Path, header: JournalHeader) -> None:
-        joints = len(header.joint_names)
-        self._row_size = row_struct(joints).size
+        joints, (name, fields) = len(header.joint_names), MESSAGES[header.source]
+        self._row_size = packed_dtype(fields, joints).itemsize
         pairs = header.to_metadata()
         super().__init__(path, pairs, reserve_bytes=RESERVE_BYTES)
-        self._channel = self.add_channel(TOPIC, MESSAGE_NAME, message_text(FIELDS, joints), pairs)
+        self._channel = self.add_channel(TOPIC, name, message_text(fields, joints), pairs)
 
     def append(self, rows: bytes) -> None:
         """Write whole rows, as the ring gives them."""
@@ -46,6 +46,28 @@ class JournalWriter(JournalFile):
         for start in range(0, len(rows), size):
             time_s: float = struct.unpack_from("<d", rows, start)[0]
             self.add_message(self._channel, time_s, rows[start : start + size])
+
+
+def write_imported(path: Path, recording: Recording) -> None:
+    """Write an imported recording to a new file; it reads back bit for bit.
+
+    Raises:
+        RecordingError: The file cannot be made or written.
+    """
+    header = JournalHeader(
+        joint_names=recording.joint_names,
+        sample_period_s=recording.sample_period_s,
+        samples_per_period=recording.samples_per_period,
+        source="import",
+        robot_name=recording.robot_name,
+        run_id=recording.run_id,
+    )
+    rows = np.zeros(len(recording), packed_dtype(IMPORTED_FIELDS, len(recording.joint_names)))
+    for name, *_ in IMPORTED_FIELDS:
+        values = getattr(recording, name)
+        rows[name] = np.nan if values is None else values
+    with JournalWriter(path, header) as writer:
+        writer.append(rows.tobytes())
 
 
 @dataclass(frozen=True, eq=False)

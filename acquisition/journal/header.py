@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable, Mapping
-from typing import Self, TypeVar
+from typing import Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError
 
@@ -41,10 +41,14 @@ class HeaderModel(ConfigModel):
 
 
 class JournalHeader(HeaderModel):
-    """Everything needed to read the rows as a `Recording`, even without the run folder."""
+    """Everything needed to read the rows as a `Recording`, even without the run folder.
+
+    `sample_period_s` is None if the stamps are not uniform, as those of imported recordings.
+    """
 
     joint_names: tuple[str, ...] = Field(min_length=1, max_length=MOST_JOINTS)
-    sample_period_s: Positive
+    sample_period_s: Positive | None
+    source: Literal["cell", "import"] = "cell"
     samples_per_period: int | None = None
     torque_filter: ButterworthFilter | None = None
     cell_name: str = ""

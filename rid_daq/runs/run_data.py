@@ -14,7 +14,6 @@ from pathlib import Path
 
 from acquisition.clock.recorded import RepeatCounter
 from acquisition.clock.report import ClockReport
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
@@ -47,6 +46,7 @@ from rid_daq.terminal.context import Context
 SOURCES = ("source.csv", "source_2.csv", "source_3.csv", "source_4.csv")
 SOURCE = SOURCES[0]
 MAP = "map.yaml"
+IMPORT = "import.json"
 ROBOT = "robot.yaml"
 CELL = "cell.yaml"
 MOTION = "motion.yaml"
@@ -57,7 +57,7 @@ ONLINE_LOOPS = "online_loops.json"
 PLANT = "plant.yaml"
 SESSION = "session.json"
 READ = (
-    *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP),
+    *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP, IMPORT),
     *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, PLANT, ORIGINS),
 )
 """What commands read of a run: it must be what the run was made with."""
@@ -118,8 +118,7 @@ class RunData:
     def load(cls, folder: RunFolder, *, unfinished: bool = False) -> RunData:
         """Read a run's recording and robot, once and in pieces.
 
-        An imported run keeps the file as it came, with its map, and is read by them every time.
-        Where the drives told their temperatures, torques are those of warm torque constants.
+        If the drives told their temperatures, torques are those of warm torque constants.
 
         Args:
             folder: The run.
@@ -131,24 +130,18 @@ class RunData:
             LockedError: It is still being recorded.
             DataQualityError: The run was never finished, and `unfinished` is not set.
         """
-        recorded = _require_readable(folder, unfinished)
+        _require_readable(folder, unfinished)
         require_own(folder)
         robot = load_robot(str(folder.file(ROBOT)))
-        if not recorded:
-            from acquisition.imports.read import import_csv  # it loads the compiler
-
-            import_map = load_bundled_or_path(str(folder.file(MAP)), "maps", ImportMap)
-            source = folder.file(SOURCE)
-            further = [folder.file(name) for name in SOURCES[1 : 1 + len(import_map.further_files)]]
-            recording, report = import_csv(
-                source, import_map, robot, further=further, run_id=folder.run_id
-            )
-            return cls.of(folder, replace(recording, robot_name=robot.name), robot, report)
         with CycleReader(folder.file(RECORDING)) as reader:
             parts = reader.recordings()
             first = next(parts, None)
             _require_header(folder, reader.header, robot)
             assert first is not None  # there is no header without a row
+            if first.source == "import":
+                report = ImportReport.from_json(folder.read(IMPORT), str(folder.file(IMPORT)))
+                data = cls.of(folder, joined([first, *parts]), robot, report)
+                return replace(data, damage=reader.damage.notes)
             monitor, cold = monitored(first, folder.path)
             repeats = RepeatCounter()
             first = repeats.add(first)
@@ -200,17 +193,12 @@ class RunData:
         return average_table(self.tally.cutter.table(), self.held)
 
 
-def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
-    """Refuse a run that cannot be read yet, or not without being asked for.
-
-    Returns:
-        Whether it was recorded here; otherwise it was imported.
-    """
-    recorded = folder.file(RECORDING).exists()
-    if not (recorded or folder.file(SOURCE).exists()):
-        words = f"holds neither {RECORDING} nor {SOURCE}; nothing was recorded in this run"
-        raise RecordingError(f"{folder.path}: {words}", code="RID-RECORDING-EMPTY")
-    if recorded and being_written(folder.file(RECORDING)):
+def _require_readable(folder: RunFolder, unfinished: bool) -> None:
+    """Refuse a run that cannot be read yet, or not without being asked for."""
+    if not folder.file(RECORDING).exists():
+        words = f"{folder.path}: holds no {RECORDING}; nothing was recorded or imported in this run"
+        raise RecordingError(words, code="RID-RECORDING-EMPTY")
+    if being_written(folder.file(RECORDING)):
         words = f"{folder.path}: is still being recorded; wait until it has ended"
         raise LockedError(words, code="RID-RUN-OPEN")
     if not unfinished and folder.manifest().status == RunStatus.UNFINISHED:
@@ -220,7 +208,6 @@ def _require_readable(folder: RunFolder, unfinished: bool) -> bool:
             " --unfinished",
             code="RID-RUN-UNFINISHED",
         )
-    return recorded
 
 
 def require_own(folder: RunFolder) -> None:

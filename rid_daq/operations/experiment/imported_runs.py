@@ -11,9 +11,10 @@ from acquisition.imports.import_map import ImportMap, RowRange, load_import_map
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
 from acquisition.imports.tables import LARGEST_FILE_BYTES
+from acquisition.journal.cycles import write_imported
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import RunStatus, require_label
+from acquisition.runs.manifest import RECORDING, RunStatus, require_label
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
@@ -22,7 +23,7 @@ from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import note_map
-from rid_daq.runs.run_data import MAP, ROBOT, SOURCES, RunData, result_of
+from rid_daq.runs.run_data import IMPORT, MAP, ROBOT, SOURCES, RunData, result_of
 from rid_daq.session.session import as_label, unfinished
 from rid_daq.session.versions import software_versions
 
@@ -104,7 +105,7 @@ def _keep(
     report: ImportReport,
     reference: str,
 ) -> ImportedRun:
-    """Write the files as they came (of a bag its table), how they were read, and the report."""
+    """Write the files as they came (of a bag its table), the map, the recording, and the report."""
     with unfinished(folder):
         names = SOURCES[: len(files)]
         for name, file in zip(names, files, strict=True):
@@ -112,7 +113,10 @@ def _keep(
         told = f"How {' and '.join(names)} was read."
         folder.write(MAP, to_yaml(import_map, told).encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name} as used.").encode())
+        folder.write(IMPORT, report.to_json())
         note_map(folder, reference)
+        recording = replace(recording, robot_name=robot.name, run_id=folder.run_id)
+        write_imported(folder.file(RECORDING), recording)
         data = RunData.of(folder, recording, robot, report)
         headline = "Imported without loss"
         if report.rows_damaged:

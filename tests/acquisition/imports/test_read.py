@@ -38,14 +38,13 @@ def write(tmp_path: Path) -> Write:
 class TestSoundFile:
     def test_becomes_a_recording_in_si_with_its_own_stamps(self, write: Write) -> None:
         table = sound_table()
-        recording, report = import_csv(write(as_lines(table)), two_joint_map(), run_id="r1")
+        recording, report = import_csv(write(as_lines(table)), two_joint_map())
         np.testing.assert_allclose(recording.time_s, table[:, 0], atol=1e-6)
         np.testing.assert_allclose(recording.position, table[:, 1:3], atol=1e-6)
         np.testing.assert_allclose(recording.torque_nm[:, 0], 2.0 * table[:, 5], atol=1e-5)
         np.testing.assert_allclose(recording.torque_nm[:, 1], table[:, 6], atol=1e-6)
         assert recording.joint_names == ("a", "b")
         assert recording.source == "import"
-        assert recording.run_id == "r1"
         assert recording.sample_period_s is None
         assert (recording.phase == Phase.MAIN).all()
         assert report.rows_used == report.rows_read == ROWS

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from dataclasses import fields, replace
 from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,6 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.imports.import_map import load_import_map
+from acquisition.imports.read import import_csv
 from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
 from identification.estimation.file import read_estimate
@@ -138,6 +141,52 @@ def test_a_label_that_no_run_can_have_leaves_no_run_behind(
     assert both.code == 2
     assert f"label {label!r}" in both.said
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {},
+        {"period_s": 2.0},
+        {
+            "columns": 9,
+            "joints": [
+                {"joint": "a", "position": 1, "torque": 5, "temperature": 7},
+                {"joint": "b", "position": 2, "torque": 6, "temperature": 8},
+            ],
+        },
+    ],
+    ids=["own stamps", "periods", "temperatures"],
+)
+def test_the_recording_of_a_run_is_that_of_its_source_bit_for_bit(
+    bring: Callable[..., SimpleNamespace],
+    keys: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def with_warmth(table: np.ndarray) -> None:
+        if keys.get("columns") == 9:
+            warmth = 25.0 + table[:, :1] * [1.0, 0.5]
+            table.resize((800, 9), refcheck=False)
+            table[:] = np.column_stack([sound_table(800), warmth])
+
+    folder = RunFolder.open(Path(bring(with_warmth, **keys).folder))
+    import_map, robot = load_import_map(str(tmp_path / "map.yaml"))
+    expected, report = import_csv(folder.file("source.csv"), import_map, robot)
+    monkeypatch.setattr("acquisition.imports.read.read_tables", None)  # nothing is parsed again
+    loaded = RunData.load(folder)
+    differing = {"robot_name", "run_id", "import_report"}
+    for name in {field.name for field in fields(expected)} - differing:
+        left, right = getattr(loaded.recording, name), getattr(expected, name)
+        assert (left is None) == (right is None), name
+        if isinstance(left, np.ndarray):
+            assert left.dtype == right.dtype
+            assert left.tobytes() == right.tobytes(), name
+        else:
+            assert left == right, name
+    assert loaded.import_report == replace(report, file="rec.csv", map_name="test")
+    assert loaded.recording.run_id == folder.run_id
+    assert "source.csv" in folder.manifest().files
 
 
 def test_two_files_are_kept_and_read_back(
