@@ -301,7 +301,7 @@ class Attacker:
                 self.look_at_rest(client)
         with contextlib.closing(open_database(self.folder / STATE_FOLDER / "service.db")) as base:
             jobs = JobStore(base).newest(limit=1_000_000)
-        recordings = [job for job in jobs if job.kind is JobKind.RECORD]
+        recordings = [job for job in jobs if job.kind == JobKind("record")]
         told = [self._kinds(job.id) for job in jobs]
         twice = sum(each["ended"] > 1 or each["motion"] > 1 for each in told)
         runs = len(list_runs(self.folder / "runs"))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.robot.robot import LinkCad, RobotDescription
+from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 
@@ -43,7 +44,9 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
     sigmas = np.full(len(values), np.inf)
     for link, cad in enumerate(robot.cad):
         columns = slice(PARAMETERS_PER_LINK * link, PARAMETERS_PER_LINK * (link + 1))
-        values[columns] = _about_origin(cad)
+        xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        values[columns] = about_origin(cad.mass_kg, cad.centre_m, inertia)
         if cad.uncertainty is not None:
             sigmas[columns] = cad.uncertainty * _sizes(values[columns])
             sigmas[columns][4:] += cad.unknown_inertia_kg_m2 or 0.0
@@ -66,13 +69,16 @@ def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, F
     return values, sigmas
 
 
-def _about_origin(cad: LinkCad) -> FloatArray:
-    """Return the ten parameters of a link about its frame's origin (parallel axes)."""
-    mass, c = cad.mass_kg, np.array(cad.centre_m)
-    steiner = mass * (c @ c * np.eye(3) - np.outer(c, c))
-    xx, xy, xz, yy, yz, zz = cad.inertia_kg_m2
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + steiner
-    return np.array([mass, *(mass * c), *inertia[np.triu_indices(3)]])
+def about_origin(mass_kg: float, centre_m: ArrayLike, inertia_kg_m2: FloatArray) -> FloatArray:
+    """Return the ten parameters of a link about its frame's origin (parallel axes).
+
+    Args:
+        centre_m: Shape (3,). Its centre of gravity in its frame.
+        inertia_kg_m2: Shape (3, 3). About the centre of gravity.
+    """
+    c = np.array(centre_m)
+    inertia = inertia_kg_m2 + mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
+    return np.array([mass_kg, *(mass_kg * c), *inertia[np.triu_indices(3)]])
 
 
 def _sizes(link: FloatArray) -> FloatArray:

@@ -1,5 +1,5 @@
 """Payloads: ten columns, three procedures, a verdict with intervals.
 
-From two runs to a body; sessions stand in `rid_daq/jobs`. Begin with `procedures.py`, then
-`verdict.py`; decision 0018 says why.
+From two runs to a body; sessions are in `rid_daq/operations/payload`. Begin with `procedures.py`,
+then `verdict.py`; decision 0018 says why.
 """

@@ -14,6 +14,7 @@ from click.shell_completion import CompletionItem
 
 from config.errors import ConfigError
 from config.process.shortage import require_memory
+from rid_daq.operations.catalogue import CATALOGUE
 from rid_daq.operations.operation import NUMERICS_BYTES, Operation
 from rid_daq.operations.option import FILES, OPTIONS
 from rid_daq.operations.perform import perform
@@ -44,7 +45,7 @@ class OperationCommand(click.Command):
         self._fields = {_PARTS.join(each[0].path): each for each in fields.values()}
         service = click.Option(["--service"], metavar="ADDRESS", help=SERVICE_HELP)
         common: list[click.Parameter] = [
-            *([service] if operation.is_job else []),
+            *([service] if CATALOGUE[operation.name].is_job else []),
             click.Option(["--json", "as_json"], is_flag=True, help=JSON_HELP),
         ]
         own: list[click.Parameter] = []

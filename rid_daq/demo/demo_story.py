@@ -18,6 +18,7 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, SafetyStop
 from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
+from dynamics.model.true_parameters import true_parameters
 from identification.equations.segments import period_signals
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
@@ -29,7 +30,6 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.demo.demo_paths import PathMotions, run_path_chapter
 from rid_daq.demo.demo_timing import TimingMotions, run_timing_chapter
-from rid_daq.jobs.truth import true_parameters
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.report.sections.average import AverageSection

@@ -25,11 +25,15 @@ SECTIONS: Final = (
 
 
 class Entry(NamedTuple):
-    """An operation in the program's help: its room, its section (none in a group), its summary."""
+    """An operation in the program's help: its room, its section (none in a group), its summary.
+
+    `is_job` is true if a service does it too, as a job.
+    """
 
     room: str
     section: str
     summary: str
+    is_job: bool = True
 
 
 class Group(NamedTuple):
@@ -66,26 +70,32 @@ GROUPS: Final = {
 }
 """The first words of operations whose names have two."""
 
+
+def local(room: str, section: str, summary: str) -> Entry:
+    """Return the entry of an operation that no service does."""
+    return Entry(room, section, summary, is_job=False)
+
+
 CATALOGUE: Final = {
-    "demo": Entry(
+    "demo": local(
         "start",
         "Begin",
         "the whole story on the bundled simulated cell, with a report, no hardware",
     ),
-    "init": Entry("start", "Begin", "write a commented cell, robot and motion to start from"),
-    "docs": Entry("start", "Begin", "the documentation, in the browser: guides, reference, theory"),
+    "init": local("start", "Begin", "write a commented cell, robot and motion to start from"),
+    "docs": local("start", "Begin", "the documentation, in the browser: guides, reference, theory"),
     "check": Entry(
         "cell", "Cell", "preflight: every device, every safety setting; any red means no motion"
     ),
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives, once their causes are gone"
     ),
-    "drives backup": Entry("cell.drives", "", "every setting of a cell's drives into a file"),
-    "drives restore": Entry("cell.drives", "", "the drives hold what a backup says"),
-    "drives rollback": Entry("cell.drives", "", "what a run wrote to the drives, undone"),
-    "drives fit": Entry("cell.drives", "", "the keys that a drive's data sheet needs"),
-    "mock": Entry("cell", "Cell", "serve a cell's simulated devices on their bus until stopped"),
-    "stop": Entry("cell", "Cell", "quick stop of whatever session is running on this machine"),
+    "drives backup": local("cell.drives", "", "every setting of a cell's drives into a file"),
+    "drives restore": local("cell.drives", "", "the drives hold what a backup says"),
+    "drives rollback": local("cell.drives", "", "what a run wrote to the drives, undone"),
+    "drives fit": local("cell.drives", "", "the keys that a drive's data sheet needs"),
+    "mock": local("cell", "Cell", "serve a cell's simulated devices on their bus until stopped"),
+    "stop": local("cell", "Cell", "quick stop of whatever session is running on this machine"),
     "identify": Entry(
         "identify", "Identify", "estimate the robot's parameters from one or more runs"
     ),
@@ -107,13 +117,13 @@ CATALOGUE: Final = {
         "Experiment",
         "choose an excitation, verify it against the limits, write the motion file",
     ),
-    "import": Entry("experiment", "Experiment", "import a CSV file or ROS bag into a run folder"),
-    "average": Entry(
+    "import": local("experiment", "Experiment", "import a CSV file or ROS bag into a run folder"),
+    "average": local(
         "experiment", "Experiment", "cut a run into periods, reject bad ones, average the rest"
     ),
     "compare": Entry("identify", "Identify", "compare two estimates of one robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
-    "report": Entry("identify", "Identify", "write a run's report again from its results"),
+    "report": local("identify", "Identify", "write a run's report again from its results"),
     "payload session": Entry(
         "payload", "", "lead through a session: check, warm up, record, identify, judge"
     ),
@@ -123,7 +133,7 @@ CATALOGUE: Final = {
     "payload export": Entry("payload", "", "load data in the format of a robot controller"),
     "payload read-back": Entry("payload", "", "compare load data of a controller with a payload"),
     "payload certificate": Entry("payload", "", "the certificate of a payload, to sign"),
-    "sensitivity": Entry(
+    "sensitivity": local(
         "identify", "Payload", "effect of wrong knowledge of the robot on a payload's estimate"
     ),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
@@ -131,12 +141,12 @@ CATALOGUE: Final = {
     "compensate": Entry("path", "Path", "compute the feedforward that makes a motion accurate"),
     "refine": Entry("path", "Path", "correct a feedforward by the error that remained with it"),
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
-    "runs": Entry("runs", "Runs", "list the runs, and check that their files are unchanged"),
+    "runs": local("runs", "Runs", "list the runs, and check that their files are unchanged"),
     "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
-    "serve": Entry(
+    "serve": local(
         "service", "Service", "cells as a service: jobs, runs and a workbench in the browser"
     ),
-    "token": Entry(
+    "token": local(
         "service", "Service", "let a program or a device in to a service of this computer"
     ),
 }
@@ -151,7 +161,7 @@ def identifier(name: str) -> str:
     return name.replace(" ", "_").replace("-", "_")
 
 
-OF_KINDS: Final = {identifier(name): name for name in CATALOGUE}
+OF_KINDS: Final = {identifier(name): name for name, entry in CATALOGUE.items() if entry.is_job}
 """The names of operations by the kinds of jobs."""
 
 

@@ -59,7 +59,6 @@ class Operation:
         examples: At least two command lines without the program's name.
         opens_cell, moves: True if it opens the bus of a cell; if the robot moves.
         is_held: True if the robot moves only while a key is held: that needs no axis test before.
-        is_job: True if a service does it too, as a job.
         numerics: True if it loads numerical libraries, which need much memory.
         module: Module that `run` imports, with numerics; empty if `run` imports little.
     """
@@ -72,9 +71,13 @@ class Operation:
     opens_cell: bool = False
     moves: bool = False
     is_held: bool = False
-    is_job: bool = True
     numerics: bool = True
     module: str = ""
+
+    @property
+    def needs_axis_test(self) -> bool:
+        """True if the axes of a real cell must have been tested before."""
+        return self.moves and not self.is_held
 
     @property
     def kind(self) -> str:

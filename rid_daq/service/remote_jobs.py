@@ -39,12 +39,12 @@ def send(address: str, operation: Operation, request: Request, console: Console)
         name = _cell_name(getattr(request, "cell", None), [each.cell for each in cells])
         cell = next(each for each in cells if each.cell == name)
         shown = _Shown(console)
-        if not kind.opens_cell:
+        if not kind.operation.opens_cell:
             result: JobResult = service.run(name, kind, body, watch=shown)
         else:
             leased = stack.enter_context(service.lease(name, note=f"rid-daq {kind.value}"))
             shown.answer = leased.answer
-            cleared = cell.simulated or not kind.moves
+            cleared = cell.simulated or not kind.operation.moves
             cleared = cleared or clear(name, getattr(request, "cleared", False), console)
             try:
                 result = leased.run(kind, body, cleared=cleared, watch=shown)

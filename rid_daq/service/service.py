@@ -128,7 +128,7 @@ class CellService:
         running = self.workshop.of_cell(cell.name)
         obstacle = self.readiness.obstacle(cell)
         fault = self.readiness.fault(cell)
-        if running is not None and not running.job.kind.moves:
+        if running is not None and not running.job.kind.operation.moves:
             state = CellState.CHECKING
         elif running is not None:
             state = CellState.STOPPING if running.stopping else CellState.MOVING
@@ -148,7 +148,7 @@ class CellService:
             preflight_age_s=None if obstacle and not fault else self.readiness.age_s(cell),
             preflight_limit_s=PREFLIGHT_LIMIT_S,
             not_ready_because=obstacle,
-            not_held_because=self.readiness.obstacle(cell, JobKind.AXES),
+            not_held_because=self.readiness.obstacle(cell, JobKind("axes")),
             job=None if running is None else running.job,
             lease=self.leases.of(cell.name),
         )
@@ -189,11 +189,11 @@ class CellService:
         of_cells = [path for each in self.cells.values() for path in each.loaded.paths]
         await asyncio.to_thread(check_request, kind, request, self.folder, of_cells)
         approved: dict[str, str] = {}
-        if kind.moves:
+        if kind.operation.moves:
             approved = await asyncio.to_thread(hashes_of_named, request, self.folder)
-        if kind.opens_cell:
+        if kind.operation.opens_cell:
             self._require_free(cell, kind, lease, cleared=cleared)
-        if kind.moves:  # by the bytes that the preflight counted for
+        if kind.operation.moves:  # by the bytes that the preflight counted for
             approved |= {str(path): found for path, found in cell.loaded.hashes.items()}
         held = self.leases.of(cell.name)
         job = Job(
@@ -204,7 +204,7 @@ class CellService:
             owner=who.name,
             request=request,
             on_lost_client=on_lost_client,
-            lease=held.id if kind.opens_cell and held is not None else None,
+            lease=held.id if kind.operation.opens_cell and held is not None else None,
             created_s=time.time(),
         )
         self.audit.note(who.name, f"began {kind.value}", cell.name, f"job {job.id}")
@@ -244,7 +244,7 @@ class CellService:
             raise LockedError(
                 f"job {job.id} does not ask question {question} now", code="RID-JOB-UNKNOWN"
             )
-        if job.kind.opens_cell:
+        if job.kind.operation.opens_cell:
             self.leases.require(job.cell, lease)
         self.audit.note(who.name, "answered", job.cell, f"{asked.text} {text}")
         running.order(answer=question, text=text)
@@ -316,7 +316,7 @@ class CellService:
                 f"cell {cell.name}: {busy} is under way: wait for its end, or stop it",
                 code="RID-JOB-RUNNING",
             )
-        if not kind.moves:
+        if not kind.operation.moves:
             return
         obstacle = self.readiness.obstacle(cell, kind)
         if obstacle:

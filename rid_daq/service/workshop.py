@@ -16,7 +16,6 @@ from typing import Final
 
 from acquisition.supervision.stop_reason import StopCode
 from config.process.safety_clock import safety_now_s
-from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG, Mishaps
 from rid_daq.service.readiness import Readiness
@@ -95,7 +94,7 @@ class Workshop:
     def of_cell(self, cell: str) -> RunningJob | None:
         """Return the job that has a cell's bus open, None where none has."""
         of_cell = (each for each in self._running.values() if each.job.cell == cell)
-        return next((each for each in of_cell if each.job.kind.opens_cell), None)
+        return next((each for each in of_cell if each.job.kind.operation.opens_cell), None)
 
     def is_busy(self, cell: str) -> bool:
         """Whether a job has a cell's bus open, or is just being started."""
@@ -122,7 +121,7 @@ class Workshop:
         """
         self._jobs.add(job)
         self._publish(job)
-        if not job.kind.opens_cell:
+        if not job.kind.operation.opens_cell:
             self._queue.append((job, cell))
             self._unsaved.add(job.id)
             await self._journal(job)
@@ -215,7 +214,7 @@ class Workshop:
 
     def _lease_end_s(self, job: Job) -> float:
         """Return when a job stops unless its client shows itself, on the safety clock [s]."""
-        if job.kind.moves and job.on_lost_client == "stop":
+        if job.kind.operation.moves and job.on_lost_client == "stop":
             return self._leases.end_s(job.cell, job.lease)
         return inf
 
@@ -233,11 +232,11 @@ class Workshop:
             reason=reason,
             run=run if isinstance(run, str) else None,
         )
-        if job.kind is JobKind.CHECK:
+        if job.kind == "check":
             self._readiness.note_check(cell, document)
-        elif job.kind is JobKind.RESET and state is JobState.DONE:
+        elif job.kind == "reset" and state is JobState.DONE:
             self._readiness.note_reset(cell)
-        elif job.kind.moves:
+        elif job.kind.operation.moves:
             self._readiness.note_end(cell, document)
             if ended is None and running.run is not None:
                 self._readiness.note_death(cell.name, reason)
@@ -252,7 +251,7 @@ class Workshop:
         """Begin the next job that only computes, where none does."""
         begun = (*self, *self._starting.values())
         first = next((each for each in self._queue if each[0].id not in self._unsaved), None)
-        if first is not None and all(each.job.kind.opens_cell for each in begun):
+        if first is not None and all(each.job.kind.operation.opens_cell for each in begun):
             self._queue.remove(first)
             await self._start(*first, cleared=False)
 
@@ -270,7 +269,7 @@ class Workshop:
     def _starting_on(self, cell: str) -> StartingJob | None:
         """Return the job that will have a cell's bus open, None where none is being started."""
         of_cell = (each for each in self._starting.values() if each.job.cell == cell)
-        return next((each for each in of_cell if each.job.kind.opens_cell), None)
+        return next((each for each in of_cell if each.job.kind.operation.opens_cell), None)
 
     async def _start(
         self,
@@ -283,7 +282,7 @@ class Workshop:
         starting = self._starting[job.id] = StartingJob(job)
         self._report_changes()
         try:
-            if job.kind.opens_cell:
+            if job.kind.operation.opens_cell:
                 await self._journal(job)
             worker = await self._warm.take()
         except OSError as error:
@@ -311,7 +310,7 @@ class Workshop:
             events=str(self.events(job.id)),
             cleared=cleared,
             owner=job.owner,
-            niceness=0 if job.kind.opens_cell else NICENESS,
+            niceness=0 if job.kind.operation.opens_cell else NICENESS,
             approved=dict(approved or {}),
         )
         LOG.info("job begun", extra={"job": job})
@@ -320,11 +319,15 @@ class Workshop:
 
     def _report_changes(self, without: str = "") -> None:
         """Say which process has which cell's bus open; 0 for one that is on its way."""
-        jobs = {each.job.cell: 0 for each in self._starting.values() if each.job.kind.opens_cell}
+        jobs = {
+            each.job.cell: 0
+            for each in self._starting.values()
+            if each.job.kind.operation.opens_cell
+        }
         jobs |= {
             each.job.cell: each.process.pid
             for each in self
-            if each.job.kind.opens_cell and each.job.id != without
+            if each.job.kind.operation.opens_cell and each.job.id != without
         }
         self.changed(jobs)
 
@@ -343,7 +346,7 @@ class Workshop:
                 reason = "the service was killed; the drives have stopped by their own watch"
             if begun and ended is not None:
                 reason = "the service was killed; the job's own process has ended its motion"
-            elif job.kind.moves and run is not None:
+            elif job.kind.operation.moves and run is not None:
                 self._readiness.note_death(job.cell, reason)
             job = job.model_copy(update={"run": run or job.run})
             self._change(job, JobState.INTERRUPTED, reason)

@@ -15,7 +15,7 @@ from identification.design.two_harmonic import condition_number
 from identification.estimation.at_temperature import by_temperature
 from identification.estimation.limit_torque import limit_torque
 from rid_daq.figures.motion_figure import motion_figure
-from rid_daq.jobs.cell_files import estimate_for, motion_for
+from rid_daq.operations.cell_files import estimate_for, motion_for
 
 AT_REFERENCE: Final = "friction as at its reference temperature"
 COLD_OR_WARM: Final = "friction as cold or as warm, whichever takes more"

@@ -25,7 +25,7 @@ async def operations_page(visit: Visitor) -> HTMLResponse:
     """Show the operations, by the sections of the command line's help."""
     sections: dict[str, list[Operation]] = {title: [] for title in SECTIONS}
     for name, entry in CATALOGUE.items():
-        if operation(name).is_job:
+        if entry.is_job:
             sections[entry.section or GROUPS[name.split()[0]].section].append(operation(name))
     return visit.page("operations.html", sections=sections, catalogue=CATALOGUE)
 
@@ -33,7 +33,7 @@ async def operations_page(visit: Visitor) -> HTMLResponse:
 @router.get("/{kind}")
 async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
     """Show the form of an operation."""
-    if kind not in OF_KINDS or not operation(OF_KINDS[kind]).is_job:
+    if kind not in OF_KINDS:
         raise HTTPException(HTTPStatus.NOT_FOUND, f"no operation is called {kind}")
     shown = operation(OF_KINDS[kind])
     files = await cell_files(visit)

@@ -16,6 +16,7 @@ from acquisition.task.service_beat import ServiceBeat
 from config.formats.approved_files import approve_files
 from config.process.termination import signals_deferred
 from rid_daq.app import Ending, end_by_signals, ending_of
+from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.console import printable
@@ -136,5 +137,5 @@ def _ended(ending: Ending) -> Ended:
 
 def _warm_up() -> None:
     """Import what most jobs need, so that a job begins at once."""
-    for kind in (JobKind.RECORD, JobKind.IDENTIFY, JobKind.CHECK):
-        kind.operation.load()
+    for name in ("record", "identify", "check"):
+        operation(name).load()

@@ -20,11 +20,11 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import LoadedCell, load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
+from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
-from rid_daq.jobs.truth import true_parameters
 
 CYCLE_S = 0.008
 PERIODS = 4

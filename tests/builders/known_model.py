@@ -8,11 +8,11 @@ import numpy as np
 
 from config.load import LoadedCell
 from config.robot.friction_terms import FrictionTerm
+from dynamics.model.true_parameters import true_parameters
 from identification.design.model import design_model
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
-from rid_daq.jobs.truth import true_parameters
 
 
 def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:

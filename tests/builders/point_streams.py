@@ -20,7 +20,7 @@ from compensation.online.point_source import PointSource
 from config.load import LoadedCell, load_cell
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel
-from rid_daq.jobs.truth import true_parameters
+from dynamics.model.true_parameters import true_parameters
 
 CELL = load_cell("ir361")
 T = CELL.config.cycle_time_s

@@ -14,6 +14,7 @@ from acquisition.motion.kinds.fourier import FourierMotion
 from config.load import LoadedCell, to_yaml
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.true_parameters import true_parameters
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.model.base_parameters import base_parameters
@@ -21,7 +22,6 @@ from identification.model.options import ModelOptions
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
 
 Measured = Callable[[str], None]
 

@@ -34,8 +34,9 @@ from identification.estimation.file import read_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import load_data, read_load_data
 from identification.payload.file import read_payload
-from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_robot
 from rid_daq.operations.payload.session_state import SessionState
+from rid_daq.operations.start.init import InitRequest
+from rid_daq.operations.start.urdf_starter import starting_robot
 from rid_daq.report.result_file import read_result
 
 pytestmark = pytest.mark.slow
@@ -183,7 +184,7 @@ def test_urdf(tmp_path: Path) -> None:
     data = f'<?xml version="1.0"?><robot name="r">{links}{joints}</robot>'.encode()
     assert (
         survive(
-            lambda path: starting_robot(UrdfRequest(path, path.parent)),
+            lambda path: starting_robot(InitRequest(folder=path.parent), path),
             tmp_path / "r.urdf",
             data,
             60,

@@ -27,10 +27,10 @@ from config.load import LoadedCell, load_cell, load_robot
 from config.robot.bodies import Capsule
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
+from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.model.base_parameters import base_parameters
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
-from rid_daq.jobs.truth import true_parameters
 
 CYCLE_S = 0.008
 FINE = 16

@@ -24,7 +24,7 @@ from identification.model.options import ModelOptions
 from identification.payload.body import PayloadBody
 from identification.payload.file import read_payload
 from rid_daq.app import run
-from rid_daq.jobs.identification_job import EstimationRequest, estimate_runs
+from rid_daq.operations.identify.run_estimation import EstimationRequest, estimate_runs
 from rid_daq.runs.run_data import RunData
 from tests.builders.known_model import known
 

@@ -13,6 +13,7 @@ import pytest
 
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.true_parameters import true_parameters
 from identification.choices import REPORTED
 from identification.payload.body import PayloadBody
 from identification.sensitivity.cases import sensitivity_row, thesis_cases, thesis_motion
@@ -30,7 +31,6 @@ from identification.sensitivity.problem import (
     estimated,
 )
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
 
 
 @pytest.fixture(scope="module")

@@ -107,7 +107,7 @@ def command_that(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) ->
         does()
         raise AssertionError
 
-    found = Operation("recover", "Recover", Nothing, run_it, (), is_job=False, numerics=False)
+    found = Operation("recover", "Recover", Nothing, run_it, (), numerics=False)
     monkeypatch.setattr("rid_daq.command_line.root.operation", lambda _name: found)
 
 

@@ -178,6 +178,5 @@ OPERATION: Final = Operation(
     run=run,
     examples=("mock ir361 --seed 7", "mock ir361 --eds eds-files"),
     opens_cell=True,
-    is_job=False,
     module="rid_daq.operations.cell.served_devices",
 )

@@ -181,6 +181,5 @@ OPERATION: Final = Operation(
     request=StopRequest,
     run=run,
     examples=("stop ir361", "stop --all"),
-    is_job=False,
     numerics=False,
 )

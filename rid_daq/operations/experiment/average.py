@@ -83,5 +83,4 @@ OPERATION: Final = Operation(
     request=AverageRequest,
     run=run,
     examples=("average latest --json", "average excitation --unfinished"),
-    is_job=False,
 )

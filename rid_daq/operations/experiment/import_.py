@@ -142,5 +142,4 @@ OPERATION: Final = Operation(
         "import recording.csv --map map.yaml",
         "import bag.mcap --map ur10_ros --rows 1-4000 --rows 4001- --label first --label second",
     ),
-    is_job=False,
 )

@@ -24,7 +24,7 @@ from identification.design.two_harmonic import (
 )
 from identification.estimation.limit_torque import limit_warmth
 from identification.friction.motions import constant_velocity_motion, reversed_motion
-from rid_daq.jobs.cell_files import estimate_for
+from rid_daq.operations.cell_files import estimate_for
 from rid_daq.operations.experiment.design import DesignRequest, Multisine
 from rid_daq.operations.experiment.excitation_search import Search, search
 from rid_daq.operations.operation import Context

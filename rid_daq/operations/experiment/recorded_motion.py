@@ -17,7 +17,7 @@ from config.cell.cell import CellConfig
 from config.load import load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_warmth
-from rid_daq.jobs.cell_files import estimate_for, motion_and_bytes, with_feedforward
+from rid_daq.operations.cell_files import estimate_for, motion_and_bytes, with_feedforward
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule

@@ -14,7 +14,7 @@ from identification.friction.curve import FrictionCurve, joined
 from identification.friction.experiments import constant_velocity_curves, reversed_curves
 from identification.friction.fits import fit_friction
 from identification.validation.estimated_friction import EstimatedFriction
-from rid_daq.jobs.cell_files import estimate_for
+from rid_daq.operations.cell_files import estimate_for
 from rid_daq.operations.identify.friction import FrictionRequest
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report_page.write import write_result

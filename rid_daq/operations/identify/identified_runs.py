@@ -28,7 +28,8 @@ from identification.validation.friction_drift import friction_drift
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
-from rid_daq.jobs.identification_job import (
+from rid_daq.operations.identify.identify import IdentifyRequest
+from rid_daq.operations.identify.run_estimation import (
     EstimationRequest,
     asked_terms,
     check_otherwise,
@@ -36,13 +37,12 @@ from rid_daq.jobs.identification_job import (
     estimate_runs,
     gains_of_drives,
 )
-from rid_daq.jobs.wiring_job import (
+from rid_daq.operations.identify.wiring_diagnosis import (
     OTHER_ROBOT,
     WiringDiagnosis,
     diagnose_wiring,
     wired_signals,
 )
-from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.operation import Context
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result import NOTHING_JUDGED, Result

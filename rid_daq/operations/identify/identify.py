@@ -214,7 +214,7 @@ class IdentifyResult:
         yield from self._ending()
 
     def _ending(self) -> Iterator[AnyBlock]:
-        from rid_daq.jobs.wiring_job import OTHER_ROBOT
+        from rid_daq.operations.identify.wiring_diagnosis import OTHER_ROBOT
 
         found, bad = self.identified, self.identified.bad_joints
         yield Verdict(passed=not bad, text=f"Model: {found.model}")

@@ -24,7 +24,7 @@ from identification.validation.diagnosis import diagnose
 from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import Validation, validate
 from rid_daq.blocks.formats import number
-from rid_daq.jobs.cell_files import estimate_for, motion_for, require_robot
+from rid_daq.operations.cell_files import estimate_for, motion_for, require_robot
 from rid_daq.operations.identify.validate import ValidateRequest
 from rid_daq.operations.request import refuse_unused
 from rid_daq.report.model_file import ModelFile

@@ -14,6 +14,7 @@ from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.true_parameters import true_parameters
 from identification.choices import REPORTED
 from identification.consistency.closest_robot import consistent
 from identification.payload.body import PayloadBody
@@ -31,8 +32,7 @@ from identification.sensitivity.problem import (
     SensitivityProblem,
     deviation_percent,
 )
-from rid_daq.jobs.cell_files import estimate_for
-from rid_daq.jobs.truth import true_parameters
+from rid_daq.operations.cell_files import estimate_for
 from rid_daq.operations.identify.sensitivity import SensitivityRequest
 from rid_daq.operations.operation import Context
 from rid_daq.runs import made_file

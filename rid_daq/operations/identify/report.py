@@ -64,6 +64,5 @@ OPERATION: Final = Operation(
     request=ReportRequest,
     run=run,
     examples=("report latest", "report excitation --json"),
-    is_job=False,
     numerics=False,
 )

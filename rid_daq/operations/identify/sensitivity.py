@@ -236,6 +236,5 @@ OPERATION: Final = Operation(
         "sensitivity kr15 --payload medium --output sensitivity.csv",
         "sensitivity kr15 --draws 1000 --doubt-links 5 --json",
     ),
-    is_job=False,
     module="rid_daq.operations.identify.payload_sensitivity",
 )

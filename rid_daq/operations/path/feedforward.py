@@ -27,7 +27,7 @@ from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from config.load import load_cell
 from identification.estimation.estimate import Estimate
-from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
+from rid_daq.operations.cell_files import estimate_and_bytes, loops_and_bytes, motion_for
 from rid_daq.operations.path.compensate import CompensateRequest
 from rid_daq.operations.path.refine import RefineRequest
 from rid_daq.runs import made_file

@@ -25,7 +25,7 @@ from identification.estimation.estimate import Estimate, predict
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, refuse_failed
-from rid_daq.jobs.cell_files import estimate_for, motion_for
+from rid_daq.operations.cell_files import estimate_for, motion_for
 from rid_daq.operations.path.retime import RetimeRequest
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection

@@ -14,7 +14,7 @@ from compensation.operating_temperature import at_operation
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
-from rid_daq.jobs.cell_files import estimate_and_bytes, loops_and_bytes, motion_and_bytes
+from rid_daq.operations.cell_files import estimate_and_bytes, loops_and_bytes, motion_and_bytes
 from rid_daq.operations.operation import Context
 from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.preflight.axis_test import AxisTestRule

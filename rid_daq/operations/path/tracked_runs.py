@@ -9,7 +9,7 @@ from acquisition.runs.catalogue import find_runs
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from rid_daq.jobs.cell_files import estimate_for
+from rid_daq.operations.cell_files import estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report_page.write import write_result

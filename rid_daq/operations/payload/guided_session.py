@@ -19,7 +19,7 @@ from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.rating import refuse_heavier
 from identification.payload.verdict import PayloadResult
-from rid_daq.jobs.cell_files import estimate_for, motion_for
+from rid_daq.operations.cell_files import estimate_for, motion_for
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
 from rid_daq.operations.payload.payload_session import UNLOADED, PayloadSessionRequest
 from rid_daq.operations.payload.session_state import STATE, SessionState

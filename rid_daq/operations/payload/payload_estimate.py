@@ -23,8 +23,8 @@ from identification.payload.verdict import (
     repeated,
 )
 from identification.wiring.search import impossibilities
-from rid_daq.jobs.identification_job import EstimationRequest, one_robot
-from rid_daq.jobs.wiring_job import wired_signals
+from rid_daq.operations.identify.run_estimation import EstimationRequest, one_robot
+from rid_daq.operations.identify.wiring_diagnosis import wired_signals
 from rid_daq.runs.run_data import RunData
 
 

@@ -11,7 +11,7 @@ from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
 from identification.payload.file import write_payload
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
-from rid_daq.jobs.cell_files import estimate_for
+from rid_daq.operations.cell_files import estimate_for
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_from_runs
 from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
 from rid_daq.report.sections.payload import PayloadSection, payload_verdict

@@ -162,6 +162,5 @@ OPERATION: Final = Operation(
     request=RunsRequest,
     run=run,
     examples=("runs --runs lab/runs", "runs --verify"),
-    is_job=False,
     numerics=False,
 )

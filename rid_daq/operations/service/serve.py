@@ -166,6 +166,5 @@ OPERATION: Final = Operation(
     ),
     opens_cell=True,
     moves=True,
-    is_job=False,
     module="rid_daq.service.hosting",
 )

@@ -100,6 +100,5 @@ OPERATION: Final = Operation(
     request=TokenRequest,
     run=run,
     examples=("token plotter --role viewer", "token tablet --code 123456 --folder lab"),
-    is_job=False,
     numerics=False,
 )

@@ -135,6 +135,5 @@ OPERATION: Final = Operation(
     request=DemoRequest,
     run=run,
     examples=("demo --seed 7", "demo --no-paths --periods 8"),
-    is_job=False,
     module="rid_daq.demo.demo",
 )

@@ -149,6 +149,5 @@ OPERATION: Final = Operation(
     request=DocsRequest,
     run=run,
     examples=("docs payload", "docs RID-FILE-READ"),
-    is_job=False,
     numerics=False,
 )

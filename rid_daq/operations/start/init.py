@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -12,7 +11,6 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from config.errors import ConfigError, RecordingError, system_errors
-from config.formats.number import parse_numbers
 from config.formats.whole_file import write_whole
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
@@ -160,22 +158,14 @@ def _starter(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
 
 def _of_urdf(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
     """Return the files of a URDF by name, and the result."""
-    from config.robot.urdf_limits import LimitDefaults
-    from rid_daq.jobs.starter.urdf_starter import UrdfRequest, starting_files, starting_robot
+    from rid_daq.operations.start.urdf_starter import starting_files, starting_robot
 
-    limits = {
-        "--range": request.position,
-        "--velocity": request.velocity,
-        "--acceleration": request.acceleration,
-        "--effort": request.effort,
-    }
-    defaults = LimitDefaults(*(_numbers(flag, text) for flag, text in limits.items()))
-    robot = starting_robot(UrdfRequest(urdf, request.folder, request.base, request.tip, defaults))
+    robot = starting_robot(request, urdf)
     _refuse_present(request.folder, URDF_FILES)
     if not request.rehearsal:
         files = starting_files(urdf, robot)
         return files, InitResult(request.folder, tuple(files), robot.notes)
-    from rid_daq.recording.starter_rehearsal import rehearsed
+    from rid_daq.operations.start.starter_rehearsal import rehearsed
 
     tried = rehearsed(urdf, robot)
     notes, names = tried.made.notes, tuple(tried.files)
@@ -192,30 +182,11 @@ def _refuse_present(folder: Path, names: Iterable[str]) -> None:
         )
 
 
-def _numbers(option: str, text: str | None) -> tuple[float, ...]:
-    """Return the positive numbers of an option; none if it is not given.
-
-    Raises:
-        ConfigError: It has something else.
-    """
-    try:
-        values = parse_numbers(text) if text is not None else ()
-    except ConfigError:
-        values = (math.nan,)
-    if not all(math.isfinite(value) and value > 0.0 for value in values):
-        raise ConfigError(
-            f"{option} {text}: give one number above 0, or one per joint: 3.1,3.1,2.5",
-            code="RID-OPTION-SYNTAX",
-        )
-    return values
-
-
 OPERATION: Final = Operation(
     name="init",
     label="Files to start from",
     request=InitRequest,
     run=run,
     examples=("init my-cell --json", "init arm --urdf arm.urdf --base base_link --tip tool0"),
-    is_job=False,
     numerics=False,
 )

@@ -19,7 +19,7 @@ from config.load import LoadedCell, load_cell
 from config.robot.wrist_coupling import WristCoupling
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel, torque
-from rid_daq.jobs.truth import true_parameters
+from dynamics.model.true_parameters import true_parameters
 from tests.builders.raised_codes import raises_code
 
 SETTLE_ROWS = 100

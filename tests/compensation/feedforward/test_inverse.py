@@ -21,7 +21,7 @@ from config.load import LoadedCell, load_robot
 from dynamics.geometry.inverse_kinematics import follow
 from dynamics.geometry.kinematics import Chain, forward, link_transforms
 from dynamics.model.robot_model import RobotModel, torque
-from rid_daq.jobs.truth import true_parameters
+from dynamics.model.true_parameters import true_parameters
 from tests.builders.raised_codes import raises_code
 
 Drive = Callable[..., Recording]

@@ -21,10 +21,10 @@ from config.load import LoadedCell
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, link_transforms
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.true_parameters import true_parameters
 from identification.estimation.estimate import Estimate, predict
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
-from rid_daq.jobs.truth import true_parameters
 from tests.builders.known_model import known
 
 pytestmark = pytest.mark.slow

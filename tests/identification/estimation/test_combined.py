@@ -15,6 +15,7 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import EstimationError
+from dynamics.model.true_parameters import true_parameters
 from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.equations.segments import period_signals
@@ -25,7 +26,6 @@ from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import ModelKind
 from identification.model.options import ModelOptions
-from rid_daq.jobs.truth import true_parameters
 from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:

@@ -24,6 +24,7 @@ from acquisition.signals.clocks import DeviceClock
 from benchmarks.closed_loop import plant_at
 from config.cell.amplifier_profile import AmplifierProfile
 from config.load import LoadedCell, load_bundled_or_path
+from dynamics.model.true_parameters import true_parameters
 from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
@@ -35,7 +36,6 @@ from identification.model.options import ModelOptions
 from identification.validation.base_wrench_validation import validate_base_wrench
 from mock_hw.amplifier.analog import AmplifierSettings, ChargeAmplifier
 from mock_hw.amplifier.sensors import PlateSensors
-from rid_daq.jobs.truth import true_parameters
 
 pytestmark = pytest.mark.slow
 

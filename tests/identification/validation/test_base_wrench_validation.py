@@ -11,13 +11,13 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.cell.cell import ButterworthFilter
 from config.errors import DataQualityError, EstimationError
+from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.base_wrench_validation import validate_base_wrench
-from rid_daq.jobs.truth import true_parameters
 from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel, torque
+from dynamics.model.true_parameters import true_parameters
 from identification.consistency.closest_robot import consistent
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate, predict
@@ -29,7 +30,6 @@ from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from identification.model.options import ModelOptions
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
 
 CYCLE_S = 0.008
 

@@ -39,11 +39,11 @@ from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript, RegisterFault
 from dynamics.model.robot_model import RobotModel
+from dynamics.model.true_parameters import true_parameters
 from identification.estimation.estimators import estimate_periodic
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
 from rid_daq.runs.run_data import RunData
 
 pytestmark = pytest.mark.slow

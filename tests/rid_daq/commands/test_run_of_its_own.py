@@ -21,11 +21,11 @@ from acquisition.runs.manifest import RECORDING, RunStatus
 from config.errors import RecordingError
 from config.load import load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
+from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
-from rid_daq.jobs.truth import true_parameters
 from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
 

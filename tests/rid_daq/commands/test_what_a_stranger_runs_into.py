@@ -104,9 +104,9 @@ HELD: dict[str, tuple[str, ...]] = {
     "zeros of drawings": (HERE + "test_zeros_of_drawings_do_not_become_knowledge",),
     "a model of another robot": (
         MISFIT + "test_a_model_of_another_robot_is_refused",
-        "tests/rid_daq/jobs/test_cell_files.py"
+        "tests/rid_daq/operations/test_cell_files.py"
         "::test_every_command_beside_a_cell_compares_the_model_with_its_robot",
-        "tests/rid_daq/jobs/test_cell_files.py"
+        "tests/rid_daq/operations/test_cell_files.py"
         "::test_refine_and_a_payload_session_compare_it_with_the_robot_that_moves",
     ),
     "a validation that says nothing": (

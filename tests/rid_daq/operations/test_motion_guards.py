@@ -110,7 +110,7 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
 
 def test_what_opens_a_cell_what_moves_and_what_is_held_is_this() -> None:
     """The service asks for lease, preflight, clearance and axis test by these."""
-    declared = {name: found for name in CATALOGUE if (found := operation(name)).is_job}
+    declared = {name: operation(name) for name, entry in CATALOGUE.items() if entry.is_job}
     assert {name for name, each in declared.items() if each.opens_cell} == {
         *("check", "reset", "payload session"),
         *HELD,
@@ -120,8 +120,8 @@ def test_what_opens_a_cell_what_moves_and_what_is_held_is_this() -> None:
         *("payload session", *HELD, *BY_ITSELF)
     }
     assert {name for name, each in declared.items() if each.is_held} == {*HELD}
-    assert {kind for kind in JobKind if kind.needs_axis_test} == {
-        *(JobKind.PAYLOAD_SESSION, JobKind.RECORD, JobKind.STREAM, JobKind.PLATE_ZERO)
+    assert {kind for kind in JobKind if kind.operation.needs_axis_test} == {
+        *(JobKind("payload_session"), JobKind("record"), JobKind("stream"), JobKind("plate_zero"))
     }
 
 
@@ -192,8 +192,8 @@ def test_a_session_on_a_real_cell_holds_the_axis_test_itself(cell: Cell) -> None
 def test_the_process_that_drives_takes_no_field_of_the_services_from_a_client(
     name: str, value: object, tmp_path: Path
 ) -> None:
-    kind = JobKind.AXES if name == "tester" else JobKind.RECORD
-    told = {name: value} if kind is JobKind.AXES else {"motion": "motion.yaml", name: value}
+    kind = JobKind("axes") if name == "tester" else JobKind("record")
+    told = {name: value} if kind == JobKind("axes") else {"motion": "motion.yaml", name: value}
     with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value, name):
         request_of(kind, told, "ir361", tmp_path, cleared=False)
 
@@ -289,7 +289,7 @@ def test_a_served_real_cell_is_said_to_be_clear_by_a_person_only(
     def ask(person: Person) -> None:
         send("local", kind.operation, request, person)
 
-    if not kind.moves:
+    if not kind.operation.moves:
         ask(Person())
         assert client.begun == [(kind, True)]
         return

@@ -70,10 +70,9 @@ def test_an_operation_is_declared_whole(name: str) -> None:
     assert found.label
     first, *inner = name.split()
     assert (GROUPS[first] if inner else CATALOGUE[name]).section in SECTIONS
-    assert found.is_job == (found.kind in {kind.value for kind in JobKind})
-    if found.is_job:
-        assert JobKind(found.kind).opens_cell == found.opens_cell
-        assert JobKind(found.kind).moves == found.moves
+    assert CATALOGUE[name].is_job == (found.kind in {kind.value for kind in JobKind})
+    if CATALOGUE[name].is_job:
+        assert JobKind(found.kind).operation is found
 
 
 @NAMES

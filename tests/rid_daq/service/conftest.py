@@ -56,11 +56,11 @@ def service(tmp_path: Path) -> CellService:
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
 
 
-def job(kind: JobKind = JobKind.PAYLOAD_SESSION) -> Job:
+def job(kind: str = "payload_session") -> Job:
     return Job(
         id=f"job-{kind}",
         cell="ir361",
-        kind=kind,
+        kind=JobKind(kind),
         state=JobState.ACCEPTED,
         owner="anna",
         request={},

@@ -69,7 +69,7 @@ def test_a_motion_is_ordered_with_the_hashes_of_its_files_and_of_the_cells(
         key = service.leases.take(served.name, ANNA, "", 60.0, confirmed=served.name).key
         checked = {"passed": True, "lines": [], "files_hash": served.loaded.files_hash}
         service.readiness.note_check(served, checked)
-        await service.begin(served, JobKind.RECORD, {"motion": "m.yaml"}, ANNA, lease=key)
+        await service.begin(served, JobKind("record"), {"motion": "m.yaml"}, ANNA, lease=key)
 
     asyncio.run(begun())
     (order,) = orders
@@ -85,7 +85,7 @@ def test_a_worker_refuses_files_that_changed_before_it_read_them(
     (tmp_path / "m.yaml").write_bytes(b"kind: fourier\n")
     files = [cell_file, tmp_path / "robot.yaml", tmp_path / "m.yaml"]
     order = WorkOrder(
-        kind=JobKind.RECORD,
+        kind=JobKind("record"),
         request={"motion": "m.yaml"},
         cell=str(cell_file),
         runs=tmp_path / "runs",

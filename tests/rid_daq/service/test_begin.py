@@ -35,13 +35,13 @@ def lease(service: CellService) -> HeldLease:
 
 
 def jog(service: CellService, lease: HeldLease, who: Identity = ANNA) -> None:
-    begun = service.begin(service.cell("ir361"), JobKind.JOG, {}, who, lease=lease.key)
+    begun = service.begin(service.cell("ir361"), JobKind("jog"), {}, who, lease=lease.key)
     asyncio.run(begun)
 
 
 def running(service: CellService, lease: HeldLease) -> RunningJob:
     """Begin a motion of which the worker is this process."""
-    wanted = job(JobKind.RECORD).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
+    wanted = job(JobKind("record")).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
     asyncio.run(service.workshop.begin(wanted, service.cell("ir361"), cleared=False))
     (begun,) = service.workshop
     return begun

@@ -92,13 +92,13 @@ def test_a_long_text_is_refused_and_not_repeated(
 @pytest.mark.parametrize(
     ("kind", "request_", "code"),
     [
-        (JobKind.JOG, {"label": "y" * 201}, "RID-REQUEST-LENGTH"),
-        (JobKind.RECORD, {"motion": "m" * 300 + ".yaml"}, "RID-PATH-NAME"),
-        (JobKind.RECORD, {"motion": "a\nb.yaml"}, "RID-PATH-NAME"),
-        (JobKind.RECORD, {"motion": "a/" * 600 + "b.yaml"}, "RID-REQUEST-LENGTH"),
-        (JobKind.IDENTIFY, {"names": ["a" * 199] * 200}, "RID-REQUEST-LENGTH"),
-        (JobKind.LOOP, {"run": "latest", "output": "runs"}, "RID-OUTPUT-ENDING"),
-        (JobKind.LOOP, {"run": "latest", "output": "cell4.pem"}, "RID-OUTPUT-ENDING"),
+        (JobKind("jog"), {"label": "y" * 201}, "RID-REQUEST-LENGTH"),
+        (JobKind("record"), {"motion": "m" * 300 + ".yaml"}, "RID-PATH-NAME"),
+        (JobKind("record"), {"motion": "a\nb.yaml"}, "RID-PATH-NAME"),
+        (JobKind("record"), {"motion": "a/" * 600 + "b.yaml"}, "RID-REQUEST-LENGTH"),
+        (JobKind("identify"), {"names": ["a" * 199] * 200}, "RID-REQUEST-LENGTH"),
+        (JobKind("loop"), {"run": "latest", "output": "runs"}, "RID-OUTPUT-ENDING"),
+        (JobKind("loop"), {"run": "latest", "output": "cell4.pem"}, "RID-OUTPUT-ENDING"),
     ],
 )
 def test_requests_are_bounded(
@@ -133,7 +133,7 @@ def test_a_scheduler_is_refused_wherever_it_stands(tmp_path: Path, where: str) -
     request = {"output": "m.yaml", "kind": "excitation", "excitation": excitation, "multisine": {}}
     request |= {"multisine": named} if where == "multisine" else {} if where else named
     with pytest.raises(ConfigError) as refused:
-        check_request(JobKind.DESIGN, request, tmp_path)
+        check_request(JobKind("design"), request, tmp_path)
     assert refused.value.refusal == "RID-REQUEST-INVALID"
 
 

@@ -73,13 +73,13 @@ async def begun_and_died(service: CellService, kind: JobKind, worker: Worker, mo
 
 
 def test_a_worker_that_dies_in_a_motion_is_a_fault(ready: CellService, worker: Worker) -> None:
-    asyncio.run(begun_and_died(ready, JobKind.RECORD, worker, moved=True))
+    asyncio.run(begun_and_died(ready, JobKind("record"), worker, moved=True))
     status = ready.status(ready.cell("ir361"))
     assert status.state is CellState.FAULT
     assert "its process died (exit code -9)" in status.fault
 
 
-@pytest.mark.parametrize(("kind", "moved"), [(JobKind.RECORD, False), (JobKind.CHECK, False)])
+@pytest.mark.parametrize(("kind", "moved"), [(JobKind("record"), False), (JobKind("check"), False)])
 def test_one_that_dies_before_anything_moves_is_none(
     ready: CellService, worker: Worker, kind: JobKind, moved: bool
 ) -> None:
@@ -90,7 +90,7 @@ def test_one_that_dies_before_anything_moves_is_none(
 def test_a_motion_that_a_killed_service_left_without_a_last_word_is_a_fault(
     ready: CellService,
 ) -> None:
-    left = ready.jobs.change(job(JobKind.RECORD), state=JobState.RUNNING)
+    left = ready.jobs.change(job(JobKind("record")), state=JobState.RUNNING)
     ready.jobs.add(left)
     with EventFile(ready.workshop.events(left.id)) as events:
         events.write(MOTION)

@@ -44,7 +44,7 @@ def lease_end_s(service: CellService) -> float:
 @pytest.mark.promise("service-heartbeat")
 @pytest.mark.parametrize(
     ("kind", "policy"),
-    [(JobKind.RECORD, "finish"), (JobKind.CHECK, "stop"), (JobKind.IDENTIFY, "stop")],
+    [(JobKind("record"), "finish"), (JobKind("check"), "stop"), (JobKind("identify"), "stop")],
 )
 def test_what_goes_on_without_its_client_has_no_end(
     service: CellService, worker: Worker, kind: JobKind, policy: OnLostClient
@@ -61,7 +61,7 @@ def test_what_goes_on_without_its_client_has_no_end(
 @pytest.mark.promise("service-heartbeat")
 def test_a_motion_holds_as_long_as_its_own_lease(service: CellService, worker: Worker) -> None:
     lease = service.leases.take("ir361", ANNA, "", 60.0)
-    begun(service, JobKind.RECORD, "stop", lease.id)
+    begun(service, JobKind("record"), "stop", lease.id)
     first_s = lease_end_s(service)
     assert 50.0 < first_s - safety_now_s() <= 60.0
     service.leases.renew("ir361", lease.key, 600.0)
@@ -83,7 +83,7 @@ def test_nothing_moves_after_a_standstill_before_another_check(
     lease = service.leases.take("ir361", ANNA, "", 600.0)
 
     async def begin() -> None:
-        await service.begin(cell, JobKind.JOG, {}, ANNA, lease=lease.key)
+        await service.begin(cell, JobKind("jog"), {}, ANNA, lease=lease.key)
 
     service._note_standstill()
     service.readiness.note_check(cell, passed)

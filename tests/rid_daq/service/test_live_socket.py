@@ -25,7 +25,7 @@ from tests.builders.clock import Clock
 JOB = Job(
     id="1",
     cell="ir361",
-    kind=JobKind.JOG,
+    kind=JobKind("jog"),
     state=JobState.RUNNING,
     owner="tablet",
     request={},

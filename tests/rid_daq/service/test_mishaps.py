@@ -46,7 +46,7 @@ def begun(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
     job = Job(
         id="1",
         cell="ir361",
-        kind=JobKind.RECORD,
+        kind=JobKind("record"),
         state=JobState.RUNNING,
         owner="Anna",
         request={},

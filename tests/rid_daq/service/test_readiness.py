@@ -81,27 +81,27 @@ def test_a_restart_of_the_service_voids_a_preflight(
 
 
 @pytest.mark.promise("served-axis-test")
-@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.moves])
+@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.operation.moves])
 def test_only_axis_test_and_jog_begin_without_an_axis_test(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
     readiness.note_check(cell, checked(cell, AXIS_TEST))
-    held = kind in (JobKind.AXES, JobKind.JOG)
+    held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
     assert "red" in readiness.obstacle(cell)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.moves])
+@pytest.mark.parametrize("kind", [kind for kind in JobKind if kind.operation.moves])
 def test_only_a_held_key_moves_a_robot_that_stands_elsewhere_than_the_last_run_left_it(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
     readiness.note_check(cell, checked(cell, LAST_POSE))
-    held = kind in (JobKind.AXES, JobKind.JOG)
+    held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
 
 
 @pytest.mark.promise("served-axis-test")
-@pytest.mark.parametrize("kind", [JobKind.AXES, JobKind.JOG])
+@pytest.mark.parametrize("kind", [JobKind("axes"), JobKind("jog")])
 def test_any_other_red_line_refuses_them_too(
     kind: JobKind, cell: ServedCell, readiness: Readiness, clock: Clock
 ) -> None:

@@ -81,10 +81,10 @@ def test_a_job_that_is_stopped_while_its_worker_is_on_its_way_does_not_begin(
 def test_one_that_computes_is_cancelled_there_too(service: CellService, worker: Worker) -> None:
     async def cancelled() -> Job | None:
         begun = asyncio.create_task(
-            service.workshop.begin(job(JobKind.IDENTIFY), service.cell("ir361"), cleared=False)
+            service.workshop.begin(job(JobKind("identify")), service.cell("ir361"), cleared=False)
         )
         await asyncio.sleep(0)
-        service.cancel(job(JobKind.IDENTIFY), WHO)
+        service.cancel(job(JobKind("identify")), WHO)
         return await begun
 
     over = asyncio.run(cancelled())

@@ -23,7 +23,7 @@ def job(service: CellService) -> Job:
     job = Job(
         id="j1",
         cell="ir361",
-        kind=JobKind.CHECK,
+        kind=JobKind("check"),
         state=JobState.DONE,
         owner="a test",
         request={},

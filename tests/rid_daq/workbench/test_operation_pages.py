@@ -13,7 +13,7 @@ from rid_daq.workbench.operation_form import form_sections
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, estimated
 
-JOBS = [name for name in CATALOGUE if operation(name).is_job]
+JOBS = [name for name, entry in CATALOGUE.items() if entry.is_job]
 
 
 @pytest.mark.parametrize("name", JOBS)

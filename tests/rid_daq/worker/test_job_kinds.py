@@ -59,7 +59,7 @@ def left_by_a_crash(folder: Path) -> RunFolder:
 
 def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Path) -> None:
     run = left_by_a_crash(tmp_path)
-    events = done(JobKind.RECOVER, {"what": run.run_id}, tmp_path)
+    events = done(JobKind("recover"), {"what": run.run_id}, tmp_path)
     (result,) = (each for each in events if isinstance(each, Resulted))
     (entry,) = cast(dict[str, dict[str, object]], result.document["recordings"]).values()
     assert entry["rows"] == ROWS
@@ -73,12 +73,12 @@ def test_a_run_that_a_crash_has_left_becomes_a_run_that_can_be_read(tmp_path: Pa
 @pytest.mark.parametrize(
     ("kind", "told", "said"),
     [
-        (JobKind.RECOVER, {"what": "nowhere"}, "nowhere"),
-        (JobKind.COMPARE, {"first": "monday", "second": "friday"}, "monday"),
-        (JobKind.TRACKING, {"run": ["after"], "against": ["before"]}, "after"),
-        (JobKind.PAYLOAD_CERTIFICATE, {"session": "payload"}, "payload"),
-        (JobKind.PAYLOAD_EXPORT, {"payload": "x.json", "to": "kuka", "output": "o.txt"}, "x"),
-        (JobKind.PAYLOAD_READ_BACK, {"payload": "x.json", "form": "kuka", "text": "M 9"}, "x"),
+        (JobKind("recover"), {"what": "nowhere"}, "nowhere"),
+        (JobKind("compare"), {"first": "monday", "second": "friday"}, "monday"),
+        (JobKind("tracking"), {"run": ["after"], "against": ["before"]}, "after"),
+        (JobKind("payload_certificate"), {"session": "payload"}, "payload"),
+        (JobKind("payload_export"), {"payload": "x.json", "to": "kuka", "output": "o.txt"}, "x"),
+        (JobKind("payload_read_back"), {"payload": "x.json", "form": "kuka", "text": "M 9"}, "x"),
     ],
 )
 def test_what_is_not_there_is_named(
@@ -95,4 +95,4 @@ def test_nothing_is_recovered_from_outside_of_the_folder(tmp_path: Path) -> None
     run = left_by_a_crash(tmp_path)
     for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
         with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
-            done(JobKind.RECOVER, told, folder)
+            done(JobKind("recover"), told, folder)

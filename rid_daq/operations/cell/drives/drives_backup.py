@@ -82,6 +82,5 @@ OPERATION: Final = Operation(
         "drives backup cell.yaml -o drives.json --overwrite",
     ),
     opens_cell=True,
-    is_job=False,
     module="rid_daq.operations.cell.drives.settings_files",
 )

@@ -104,6 +104,5 @@ OPERATION: Final = Operation(
     request=DrivesFitRequest,
     run=run,
     examples=("drives fit drive.eds --json", "drives fit drive.dcf --cell cell.yaml"),
-    is_job=False,
     module="rid_daq.operations.cell.drives.eds_file_fit",
 )

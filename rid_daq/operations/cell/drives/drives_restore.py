@@ -43,6 +43,5 @@ OPERATION: Final = Operation(
         "drives restore cell.yaml drives.json --store",
     ),
     opens_cell=True,
-    is_job=False,
     module="rid_daq.operations.cell.drives.settings_files",
 )

@@ -38,6 +38,5 @@ OPERATION: Final = Operation(
     run=run,
     examples=("drives rollback ir361 latest --dry-run", "drives rollback cell.yaml latest --store"),
     opens_cell=True,
-    is_job=False,
     module="rid_daq.operations.cell.drives.settings_files",
 )

@@ -11,8 +11,8 @@ from dynamics.model.cad import cad_parameters
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel
 from mock_hw.plant.plant import Plant
-from rid_daq.jobs.starter.simulated_plant import simulated_plant
-from rid_daq.jobs.starter.workload import (
+from rid_daq.operations.start.simulated_plant import simulated_plant
+from rid_daq.operations.start.workload import (
     ERROR_AT_LIMIT_RAD,
     FASTEST_LOOP_RAD_S,
     GRAVITY_SHARE,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
+from config.formats.number import parse_numbers
 from config.formats.urdf_file import read_urdf
 from config.formats.xml_tree import MAX_BYTES
 from config.formats.yaml_tree import Path as YamlPath
@@ -19,40 +21,39 @@ from config.robot.robot import RobotDescription
 from config.robot.urdf_chain import SeveralArmsError, UrdfArm
 from config.robot.urdf_limits import LimitDefaults
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
-from rid_daq.jobs.starter.simulated_plant import simulated_plant, zero_pose
-from rid_daq.jobs.starter.starting_cell import starting_cell
-from rid_daq.jobs.starter.touching_bodies import without_touching
-from rid_daq.jobs.starter.workload import held_by_motors, slower, validation_motion
+from rid_daq.operations.start.init import InitRequest
+from rid_daq.operations.start.simulated_plant import simulated_plant, zero_pose
+from rid_daq.operations.start.starting_cell import starting_cell
+from rid_daq.operations.start.touching_bodies import without_touching
+from rid_daq.operations.start.workload import held_by_motors, slower, validation_motion
 from rid_daq.terminal.console import as_command
 
 
-@dataclass(frozen=True)
-class UrdfRequest:
-    """Which arm of which URDF, what to take where it states no limits, and where the files go."""
-
-    file: Path
-    folder: Path
-    base: str | None = None
-    tip: str | None = None
-    defaults: LimitDefaults = field(default_factory=LimitDefaults)
-
-
-def starting_robot(request: UrdfRequest) -> UrdfRobot:
+def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
     """Return the robot of a URDF, with limits that its motors hold.
 
+    Args:
+        request: Which arm it is, and what to take where it states no limits.
+        path: The URDF.
+
     Raises:
-        ConfigError: The URDF cannot be read or makes no robot.
+        ConfigError: The URDF cannot be read or makes no robot, or an option has no numbers.
     """
-    path = request.file
+    defaults = LimitDefaults(
+        _numbers("--range", request.position),
+        _numbers("--velocity", request.velocity),
+        _numbers("--acceleration", request.acceleration),
+        _numbers("--effort", request.effort),
+    )
     try:
         data = read_file(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
     tree = read_urdf(data, str(path))
     try:
-        made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=request.defaults)
+        made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=defaults)
     except SeveralArmsError as error:
-        raise ConfigError(_which_arm(request, error.arms), code=error.refusal) from None
+        raise ConfigError(_which_arm(request, path, error.arms), code=error.refusal) from None
     robot, touching = without_touching(made.robot, zero_pose(made.robot))
     made = replace(made, robot=robot, notes=(*made.notes, *touching))
     held, notes = held_by_motors(robot)
@@ -117,15 +118,15 @@ def _with_limits_of(
     return replace(made, robot=robot, notes=(*made.notes, *notes), comments=comments)
 
 
-def _which_arm(request: UrdfRequest, arms: tuple[UrdfArm, ...]) -> str:
+def _which_arm(request: InitRequest, path: Path, arms: tuple[UrdfArm, ...]) -> str:
     """Return what to say where there are several arms: a command for each."""
-    again = ["init", request.folder, "--urdf", request.file]
+    again = ["init", request.folder, "--urdf", path]
     lines = [
         f"  {as_command(*again, '--tip', arm.tip)}  ({len(arm.joints)} joints)" for arm in arms
     ]
     return "\n".join(
         (
-            f"{request.file}: there are {len(arms)} arms; say which, the others then are fixed:",
+            f"{path}: there are {len(arms)} arms; say which, the others then are fixed:",
             *lines,
         )
     )
@@ -138,3 +139,21 @@ def _robot_comment(path: Path, notes: tuple[str, ...]) -> str:
 
 def _text(model: ConfigModel, comment: str, comments: Mapping[YamlPath, str] | None = None) -> str:
     return dump_yaml(model.model_dump(mode="json", exclude_defaults=True), comment, comments)
+
+
+def _numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Return the positive numbers of an option; none if it is not given.
+
+    Raises:
+        ConfigError: It has something else.
+    """
+    try:
+        values = parse_numbers(text) if text is not None else ()
+    except ConfigError:
+        values = (math.nan,)
+    if not all(math.isfinite(value) and value > 0.0 for value in values):
+        raise ConfigError(
+            f"{option} {text}: give one number above 0, or one per joint: 3.1,3.1,2.5",
+            code="RID-OPTION-SYNTAX",
+        )
+    return values

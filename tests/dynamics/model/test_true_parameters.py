@@ -8,7 +8,7 @@ from config.load import load_cell
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
 from dynamics.model.robot_model import RobotModel, torque
-from rid_daq.jobs.truth import true_parameters
+from dynamics.model.true_parameters import true_parameters
 
 
 @pytest.fixture

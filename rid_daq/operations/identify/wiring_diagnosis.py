@@ -16,7 +16,7 @@ from identification.wiring.search import Found, find_mistakes, impossibilities
 from identification.wiring.signals import WiredSignals
 from identification.wiring.weight import ArmWeight
 from rid_daq.blocks.formats import number
-from rid_daq.jobs.identification_job import EstimationRequest, signals_of
+from rid_daq.operations.identify.run_estimation import EstimationRequest, signals_of
 from rid_daq.report.mistake_entry import (
     ArmWeightEntry,
     Explanation,

@@ -9,7 +9,7 @@ from config.robot.bodies import Capsule
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.geometry.clearances import Clearances
-from rid_daq.jobs.starter.touching_bodies import without_touching
+from rid_daq.operations.start.touching_bodies import without_touching
 from tests.builders.raised_codes import raises_invalid
 
 REACH = 0.3

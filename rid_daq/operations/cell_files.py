@@ -54,7 +54,8 @@ def estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, b
     """Return the model of a file, and the file's bytes; as `estimate_for`."""
     data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
     estimate = require_robot(path, estimate_file.estimate_content(data, path), robot)
-    return require_every_joint(path, estimate), data
+    refuse_still(estimate.still, str(path))
+    return estimate, data
 
 
 def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Estimate:
@@ -70,27 +71,12 @@ def require_robot(path: Path, estimate: Estimate, robot: RobotDescription) -> Es
     return estimate
 
 
-def require_every_joint(path: Path, estimate: Estimate) -> Estimate:
-    """Return a model of which every joint moved when it was identified.
-
-    Raises:
-        EstimationError: A joint stood still.
-    """
-    refuse_still(estimate.still, str(path))
-    return estimate
-
-
-def loops_for(path: Path, loaded: LoadedCell) -> tuple[VelocityLoop, ...]:
-    """Return the velocity loops of a file, of the robot of a cell.
+def loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop, ...], bytes]:
+    """Return the velocity loops of a file, of the robot of a cell, and the file's bytes.
 
     Raises:
         ConfigError: It is none, or of another robot.
     """
-    return loops_and_bytes(path, loaded)[0]
-
-
-def loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop, ...], bytes]:
-    """Return the velocity loops of a file, and the file's bytes; as `loops_for`."""
     data = read_content(path, loop_file.LARGEST_FILE_BYTES)
     robot, loops = loop_file.loops_content(data, path)
     if robot != loaded.robot.name:

@@ -12,7 +12,7 @@ from config.robot.robot import Joint, RobotDescription
 from config.robot.urdf_motors import UrdfMotor
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
 from dynamics.geometry.clearances import Clearances
-from rid_daq.jobs.starter.workload import INTEGRAL_TIME_S, Workload, validation_motion
+from rid_daq.operations.start.workload import INTEGRAL_TIME_S, Workload, validation_motion
 
 FRICTION_SHARE: Final = 0.04
 TORQUE_NOISE_SHARE: Final = 0.003

@@ -17,7 +17,7 @@ from config.load import load_cell
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.file import read_estimate, write_estimate
 from identification.validation.torque_prediction import validate
-from rid_daq.jobs.identification_job import (
+from rid_daq.operations.identify.run_estimation import (
     EstimationRequest,
     compare_friction,
     estimate_runs,

@@ -15,7 +15,7 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
-from rid_daq.jobs.cell_files import estimate_for, motion_and_bytes, motion_for
+from rid_daq.operations.cell_files import estimate_for, motion_and_bytes, motion_for
 from tests.builders.known_model import known
 from tests.builders.raised_codes import raises_code
 

@@ -17,7 +17,7 @@ from config.robot.urdf_robot import UrdfRobot
 from identification.design.criteria import DOptimal
 from identification.design.search import refine
 from identification.design.task import excitation_problem
-from rid_daq.jobs.starter.urdf_starter import slower_robot, starting_files
+from rid_daq.operations.start.urdf_starter import slower_robot, starting_files
 from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.session.cells import mountable_cell

@@ -11,9 +11,9 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
+from dynamics.model.cad import about_origin
 from dynamics.model.robot_model import RobotModel
-
-_AXES = "xyz"
+from dynamics.terms.rigid_body import SYMBOLS
 
 
 def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
@@ -37,18 +37,11 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     """
     known: dict[str, float] = {}
     for number, link in enumerate(plant.links, start=1):
-        centre = np.array(link.centre_m)
         xx, yy, zz, xy, xz, yz = link.inertia_kg_m2
-        about_centre = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        about_origin = about_centre + link.mass_kg * (
-            centre @ centre * np.eye(3) - np.outer(centre, centre)
-        )
-        about_origin += _rotors_on(number, robot, plant)
-        known[f"m{number}"] = link.mass_kg
-        for i, first in enumerate(_AXES):
-            known[f"s{first}{number}"] = link.mass_kg * link.centre_m[i]
-            for j in range(i, 3):
-                known[f"I{first}{_AXES[j]}{number}"] = float(about_origin[i, j])
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertia += _rotors_on(number, robot, plant)
+        values = about_origin(link.mass_kg, link.centre_m, inertia).tolist()
+        known |= {f"{s}{number}": each for s, each in zip(SYMBOLS, values, strict=True)}
     for number, (joint, axis) in enumerate(zip(robot.joints, plant.axes, strict=True), start=1):
         known[f"Im{number}"] = axis.rotor_inertia_kg_m2
         known[f"fc_{joint.name}"] = axis.coulomb_nm
