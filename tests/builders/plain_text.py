@@ -1,0 +1,193 @@
+"""Find phrases that a reader has to read twice: `python -m tests.builders.plain_text [FOLDER ...]`.
+
+It reads docstrings, texts, comments, Markdown, pages and scripts. Each hit comes with what to write
+instead.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import sys
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+LONGEST_SENTENCE: Final = 45
+"""Words of a docstring's sentence; about 25 are the aim."""
+
+NAMES: Final = frozenset(
+    (
+        "told",
+        "said",
+        "taken",
+        "given",
+        "signed",
+        "asked",
+        "moment",
+        "seen",
+        "done",
+        "kept",
+        "wanted",
+    )
+)
+"""Participles and pronouns that are no names of functions and classes."""
+
+PHRASES: Final = {
+    r"\bwhere (?:a|an|the|one|that|this|it|they|none|no|not|its|their|nothing|several)\b": (
+        "a condition is 'if' or 'when'; a place is 'in which'"
+    ),
+    r"\bwhere none\b|\bwhere there (?:is|are)\b": "a condition is 'if' or 'when'",
+    r"\b(?:is|are|was|were) told\b|\btells? (?:of|apart|whether|what|which)\b": (
+        "'receives', 'shows', 'distinguishes'"
+    ),
+    r"\bstands? (?:in|at|on|for|there|beside|behind|before)\b|\bstood\b": "'is in', 'is at'",
+    r"\b(?:of it|of them|thereof)\b": "'its', 'their', or the noun",
+    r"\b(?:nobody|somebody|everybody|whoever|whom)\b": "'no one' or the role: user, client",
+    r"\b(?:is|are|was|were) none\b": "'does not exist', 'no …'",
+    r"\b(?:became|becomes|come|comes|came) of\b": "'outcome', 'result'",
+    r"\bin place of\b": "'instead of'",
+    r"\bas far as\b|\bby how (?:much|far)\b": "'if', 'the amount by which'",
+    r"\bmay not be\b|\bmust no\b": "'cannot' or 'must not'",
+    r"\bbeside (?:it|them)\b": "'next to', 'in addition to'",
+    r"\b(?:gives? way|friction that remembers|holds at once)\b": "presliding hysteresis",
+    r"\b(?:behold|bears?|shall|ought|lest|hence|thereby|wherein|whereby|henceforth)\b": (
+        "plain verbs"
+    ),
+}
+"""Each as a regular expression, and what to write instead."""
+
+FIRST_WORDS: Final = ("What", "Which", "Whether", "Who", "Whom", "How", "Where")
+"""A docstring begins with an imperative or a noun phrase instead."""
+
+_PAGES: Final = {
+    ".md": r"((?:^.+\n?)+)",
+    ".html": r">([^<>{}]{4,})<|(?:title|alt|placeholder|aria-label)=\"([^\"{}]{4,})\"",
+    ".js": r"//\s?(.+)|\"([^\"\n]{4,})\"|`([^`]{4,})`|/\*\*?([\s\S]*?)\*/",
+    ".yaml": r"#\s?(.+)",
+    ".toml": r"= \"(.+)\"",
+}
+
+
+class Hit(NamedTuple):
+    """A phrase to rewrite: file and line, the phrase, and what to write instead."""
+
+    place: str
+    phrase: str
+    advice: str
+
+
+class Passage(NamedTuple):
+    """A text that a person reads, with its line; a docstring is marked."""
+
+    line: int
+    text: str
+    is_docstring: bool = False
+
+
+class Name(NamedTuple):
+    """A function or class, with its line."""
+
+    line: int
+    text: str
+
+
+def passages(path: Path) -> Iterator[Passage]:
+    """Yield the texts of a file."""
+    source = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        yield from _of_python(source)
+        return
+    if path.suffix == ".md":
+        source = re.sub(r"^```.*?^```$|^ {4}[^\n]*$", _blank, source, flags=re.M | re.S)
+    for match in re.finditer(_PAGES[path.suffix], source, re.MULTILINE):
+        text = next(each for each in match.groups() if each)
+        yield Passage(source.count("\n", 0, match.start()) + 1, text)
+
+
+def _blank(match: re.Match[str]) -> str:
+    """Return as many empty lines as a block of code has."""
+    return "\n" * match[0].count("\n")
+
+
+def _of_python(source: str) -> Iterator[Passage]:
+    docstrings = set()
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (
+            text := ast.get_docstring(node)
+        ):
+            docstrings.add(node.body[0].lineno)
+            yield Passage(node.body[0].lineno, text, is_docstring=True)
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Constant) or node.lineno in docstrings:
+            continue
+        if isinstance(node.value, str) and len(node.value.split()) > 2:
+            yield Passage(node.lineno, node.value)
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield Passage(token.start[0], token.string[1:])
+
+
+def hits(path: Path) -> Iterator[Hit]:
+    """Yield the phrases of a file that break a rule."""
+    for passage in passages(path):
+        place = f"{path.relative_to(ROOT)}:{passage.line}"
+        text = re.sub(r"`[^`]*`", "CODE", passage.text)
+        for phrase, advice in PHRASES.items():
+            for match in re.finditer(phrase, text, re.IGNORECASE):
+                around = text[max(0, match.start() - 30) : match.end() + 20]
+                yield Hit(place, " ".join(around.split()), advice)
+        first = text.split(maxsplit=1)[0] if text.split() else ""
+        if passage.is_docstring and first in FIRST_WORDS:
+            yield Hit(place, " ".join(text.split()[:6]), "begin with a verb or a noun phrase")
+        for sentence in _sentences(text) if passage.is_docstring else ():
+            if len(sentence) > LONGEST_SENTENCE:
+                yield Hit(place, " ".join(sentence[:6]), f"{len(sentence)} words: split it")
+    for name in names(path):
+        if name.text.strip("_").lower() in NAMES:
+            place = f"{path.relative_to(ROOT)}:{name.line}"
+            yield Hit(place, name.text, "a noun for a class, a verb for a function")
+
+
+def names(path: Path) -> Iterator[Name]:
+    """Yield the functions and classes of a Python file."""
+    if path.suffix == ".py":
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                yield Name(node.lineno, node.name)
+
+
+def _sentences(text: str) -> list[list[str]]:
+    """Return the words of each sentence; entries of a section are sentences of their own."""
+    parts = re.split(r"(?<=[.;:!?])\s+(?=[A-Z`\\w])|\n\s*\n|\n\s+(?=[\w, *]+: )", text)
+    return [part.split() for part in parts]
+
+
+def words(path: Path) -> int:
+    """Return the number of words that a person reads in a file."""
+    return sum(len(passage.text.split()) for passage in passages(path))
+
+
+def files(folder: Path) -> list[Path]:
+    """Return the files with texts below a folder, or the file itself."""
+    found = [folder] if folder.is_file() else sorted(folder.rglob("*"))
+    return [each for each in found if each.suffix in (".py", *_PAGES) and each.is_file()]
+
+
+def main() -> None:
+    """Print the hits below the named folders, and hits per 1,000 words of each."""
+    for name in sys.argv[1:] or ["."]:
+        read = files(ROOT / name)
+        found = [hit for path in read for hit in hits(path)]
+        for hit in found:
+            sys.stdout.write(f"{hit.place}: {hit.phrase!r}: {hit.advice}\n")
+        count = sum(map(words, read))
+        sys.stdout.write(f"{name}: {1000 * len(found) / max(count, 1):.1f} of 1,000 words\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""Texts are plain English: `python -m tests.builders.plain_text FOLDER` lists what to rewrite."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.builders.plain_text import ROOT, files, hits, words
+
+HITS_PER_1000_WORDS = {
+    "README.md": 0.5,
+    "docs/extending.md": 0.5,
+    "docs/guide": 0.5,
+    "config": 13.0,
+    "dynamics": 13.0,
+    "drivers": 14.0,
+    "acquisition": 15.0,
+    "identification": 14.0,
+    "compensation": 14.0,
+    "mock_hw": 15.0,
+    "rid_daq": 16.0,
+}
+"""Goal: 0.5 everywhere. These numbers only fall."""
+
+
+@pytest.mark.parametrize("place", HITS_PER_1000_WORDS)
+def test_a_folder_reads_as_plain_english(place: str) -> None:
+    read = files(ROOT / place)
+    found = [hit for path in read for hit in hits(path)]
+    rate = 1000 * len(found) / sum(map(words, read))
+    listed = "\n".join(f"{hit.place}: {hit.phrase!r}: {hit.advice}" for hit in found)
+    assert rate <= HITS_PER_1000_WORDS[place], listed
