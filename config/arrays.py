@@ -1,4 +1,4 @@
-"""Checked, read-only arrays: what the frozen dataclasses of this package are made of."""
+"""Checked, read-only arrays for the frozen dataclasses."""
 
 from __future__ import annotations
 
@@ -24,12 +24,11 @@ def read_only(
 ) -> NDArray[Any]:
     """Return `values` as a read-only array after checking its shape and that it is finite.
 
-    They are copied, unless nobody can write to them any more.
+    The values are copied unless their memory is already read-only.
 
     Args:
-        name: What the array is called in a message.
-        dtype: Type of the array.
-        shape: Wanted shape; None where any length will do.
+        name: Name of the array in a message.
+        shape: Required shape; None for an axis of any length.
         error: Class of the error raised.
 
     Raises:
@@ -59,13 +58,13 @@ def freeze(
     what: str = "",
     dtype: DTypeLike = float,
 ) -> None:
-    """Put `read_only` arrays in place of a frozen dataclass's own; None stays.
+    """Replace fields of a frozen dataclass by `read_only` arrays; a field that is None stays None.
 
     Args:
         owner: The dataclass, in its `__post_init__`.
         error, shape, dtype: As for `read_only`.
         *names: The fields.
-        what: What stands before a field's name in a message.
+        what: Prefix of a field's name in a message.
 
     Raises:
         RidDaqError: As `read_only`.
@@ -77,7 +76,7 @@ def freeze(
 
 
 def _is_frozen(values: Any) -> bool:
-    """Return whether values are of numpy's own memory that was made read-only."""
+    """Return whether an array and the numpy memory that it views are read-only."""
     while isinstance(values, np.ndarray) and not values.flags.writeable:
         if values.base is None:
             return True

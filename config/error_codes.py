@@ -1,8 +1,8 @@
 """`declared_codes`: cause and remedy of every error code.
 
-The codes are declared in `config/bundled/error_codes`, one file for a few areas. An error names its
-code as a literal, `ConfigError(text, code="RID-FILE-READ")`; two errors that a user mends in the
-same way share a code.
+The codes are declared in `config/bundled/error_codes`, one file for a few areas. An error gives its
+code as a literal, `ConfigError(text, code="RID-FILE-READ")`. Two errors with the same remedy share
+a code.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from importlib import resources
 
 @dataclass(frozen=True)
 class ErrorCode:
-    """A code, with what is common to all its errors.
+    """Error code with the cause and remedy that all its errors share.
 
     Attributes:
         name: `RID-AREA-NAME`.
@@ -27,7 +27,7 @@ class ErrorCode:
 
 
 def declared_codes() -> tuple[ErrorCode, ...]:
-    """Return every declared code, sorted by its name."""
+    """Return all declared codes, sorted by name."""
     folder = resources.files("config") / "bundled" / "error_codes"
     codes = [
         ErrorCode(name, **sentences)

@@ -11,13 +11,13 @@ from contextlib import contextmanager
 
 
 class RidDaqError(Exception):
-    """Root of every error that a user may see; its notes are part of its text.
+    """Base class of all errors that a user may see; its notes are part of its text.
 
     Args:
         text: What is wrong, where, and what to do.
         code: Stable name of the error, `RID-AREA-NAME`, as declared in
-            `config/bundled/error_codes`; an error that is raised again with more text keeps it
-            (``code=error.refusal``).
+            `config/bundled/error_codes`. An error that is raised again with more text keeps its
+            code (``code=error.refusal``).
     """
 
     def __init__(self, text: str = "", *, code: str = "") -> None:
@@ -25,7 +25,7 @@ class RidDaqError(Exception):
         self.refusal = code
 
     def __str__(self) -> str:
-        """Return its text and its notes."""
+        """Return the text and the notes."""
         return with_notes(super().__str__(), self)
 
 
@@ -34,11 +34,11 @@ class ConfigError(RidDaqError):
 
 
 class LimitError(ConfigError):
-    """A motion asks for more than its robot may do. It is refused before anything moves."""
+    """A motion exceeds the limits of its robot. It is refused before anything moves."""
 
 
 class DriverError(RidDaqError):
-    """Something went wrong between the program and a device."""
+    """Communication with a device failed, or the device reported a problem."""
 
 
 class TransportError(DriverError):
@@ -50,7 +50,7 @@ class DeviceTimeoutError(DriverError):
 
 
 class ProtocolError(DriverError):
-    """A device answered what its protocol does not allow, or refused a request."""
+    """A device violated its protocol, or refused a request."""
 
 
 class DeviceFaultError(DriverError):
@@ -62,7 +62,7 @@ class SafetyStop(RidDaqError):  # noqa: N818 - a stop is what happened, not an e
 
 
 class PreflightError(RidDaqError):
-    """A check before motion is red."""
+    """A preflight check failed."""
 
 
 class LockedError(RidDaqError):
@@ -70,7 +70,7 @@ class LockedError(RidDaqError):
 
 
 class ServiceError(RidDaqError):
-    """A service refused what was asked of it, or cannot be reached."""
+    """A service refused a request, or cannot be reached."""
 
 
 class RecordingError(RidDaqError):
@@ -78,25 +78,25 @@ class RecordingError(RidDaqError):
 
 
 class ShortageError(RidDaqError):
-    """The computer has too little of something: memory, room on a disk, open files, processes."""
+    """The computer is short of memory, disk space, open files or processes."""
 
 
 class DataQualityError(RidDaqError):
-    """What was recorded is not good enough to go on with."""
+    """The recorded data are not good enough for the next step."""
 
 
 class EstimationError(RidDaqError):
-    """An estimate cannot be computed from what was given."""
+    """An estimate cannot be computed from the data."""
 
 
 def with_notes(text: str, error: BaseException) -> str:
-    """Return a text about an error, and what was noted about the error on its way."""
+    """Return a text about an error, followed by the error's notes."""
     return "; ".join(filter(None, (text, *getattr(error, "__notes__", ()))))
 
 
 @contextmanager
 def system_errors(kind: type[RidDaqError], what: str, *, code: str) -> Iterator[None]:
-    """Raise what the operating system refuses as an error of a kind: `what`, and its reason."""
+    """Turn an OSError into an error of class `kind`; its text is `what` and the system's reason."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Loading of cell, robot, plant and all other YAML files: errors say file, line and column."""
+"""Loading of cell, robot, plant and all other YAML files; errors name file, line and column."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from config.simulation.plant import PlantConfig
 
 T = TypeVar("T")
 
-_MANIFEST = "manifest.json"  # what makes a folder a run's
+_MANIFEST = "manifest.json"  # marks a run folder
 _MANIFEST_BYTES = 4 << 20
 
 
@@ -41,10 +41,10 @@ _MANIFEST_BYTES = 4 << 20
 class LoadedCell:
     """A cell file with the files that it names, and their bytes as used.
 
-    `path` is the cell file; None for one that is bundled. `hashes` are the SHA-256 of all the files
-    that were read, by their paths on the disk; bundled ones are not among them. `eds_files` are the
-    drives' electronic data sheets, one an axis, None where it names none; what they say of 1018h is
-    in the axes' `identity`.
+    `path` is the cell file; None for a bundled one. `hashes` are the SHA-256 of all files that were
+    read, by their paths on disk; bundled files are not included. `eds_files` are the drives'
+    electronic data sheets, one per axis, None for an axis without one. Their 1018h entries are in
+    the axes' `identity`.
     """
 
     config: CellConfig
@@ -59,12 +59,12 @@ class LoadedCell:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """The files that were read, as they lie on the disk; bundled ones are not among them."""
+        """Paths on disk of the files that were read; bundled files are not included."""
         return tuple(self.hashes)
 
     @property
     def files_hash(self) -> str:
-        """A hash of all the files, by which two loads of a cell are told apart."""
+        """Hash of all files; it changes if any of them changes."""
         digest = hashlib.sha256()
         for name, content in sorted(self.files.items()):
             digest.update(f"{name}\0{len(content)}\0".encode() + content)
@@ -74,7 +74,7 @@ class LoadedCell:
 def load_cell(reference: str) -> LoadedCell:
     """Load a cell and the robot, plant, amplifier and drive files that it names.
 
-    A cell file in a run folder is loaded with the files that were kept beside it.
+    If the cell file is in a run folder, the copies of the other files in that folder are used.
 
     Args:
         reference: The name of a bundled cell, or a path to a cell file.
@@ -122,7 +122,7 @@ def load_cell(reference: str) -> LoadedCell:
             below = otherwise if chosen.base is None else resolved(chosen.base, otherwise)
             return chosen.on(below)
         if chosen not in servos:
-            servos[chosen] = ServoProfile()  # a profile that is its own base ends here
+            servos[chosen] = ServoProfile()  # ends the recursion if a profile is its own base
             _, named = read(chosen, "servos", f"servo{len(servos)}.yaml", ServoProfile)
             servos[chosen] = resolved(named, ServoProfile())
         return servos[chosen]
@@ -168,7 +168,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
 
 
 def read_faults(path: str | Path, cell: CellConfig) -> tuple[FaultScript, bytes]:
-    """Return a fault script with the bytes that it was read from; as `load_faults`."""
+    """Return a fault script and the bytes of its file, checked as in `load_faults`."""
     text, name, _ = read_named(str(path), "faults", None)
     tree = parse_yaml(text, name)
     script = validate(tree, FaultScript)
@@ -207,12 +207,12 @@ def read_named(
     Args:
         reference: A name bundled under `kind`, or a path.
         kind: The folder of bundled files: cells, robots, plants, maps, profiles, servos.
-        folder: Where a relative path begins; the working folder where there is none.
-        kept: A run folder; the copy in it, `kept_name`, takes the place of what is named.
+        folder: Base of a relative path; the working folder if None.
+        kept: A run folder. If it contains `kept_name`, that copy is read instead of `reference`.
         kept_name: The copy's name.
 
     Raises:
-        ConfigError: There is no such file, or it cannot be read; the text names what there is.
+        ConfigError: The file does not exist or cannot be read; the text lists the bundled names.
     """
     if kept is not None and (kept / kept_name).is_file():
         reference, folder = str(kept.absolute() / kept_name), None
@@ -226,7 +226,7 @@ def read_named(
     if not looks_like_path and not path.is_file():
         if (path / f"{kind[:-1]}.yaml").is_file():
             raise ConfigError(
-                f"{path}: is a folder: give {path / f'{kind[:-1]}.yaml'}", code="RID-FILE-UNKNOWN"
+                f"{path}: is a folder; give {path / f'{kind[:-1]}.yaml'}", code="RID-FILE-UNKNOWN"
             )
         names = bundled_names(kind)
         hint = difflib.get_close_matches(reference, names, n=1)
@@ -256,10 +256,11 @@ def to_yaml(model: BaseModel, comment: str = "") -> str:
 def validate(tree: YamlTree, model: type[T]) -> T:
     """Turn a YAML tree into a validated model, strictly: no value is converted silently.
 
-    Values outside their plausible range are refused, unless the file overrules that by their keys.
+    Values outside their plausible range are refused, unless `implausible_on_purpose` of the file
+    lists their keys.
 
     Raises:
-        ConfigError: One line an error, each with `file:line:column`, the key, and what is allowed.
+        ConfigError: One line per error, each with `file:line:column`, the key and what is allowed.
     """
     try:
         file = TypeAdapter(model).validate_json(tree.json())
@@ -280,13 +281,13 @@ def validate(tree: YamlTree, model: type[T]) -> T:
 
 
 def _refused(tree: YamlTree, lines: list[str], code: str) -> ConfigError:
-    """Return the error that says what is wrong with a file, a line each, as far as one can read."""
+    """Return an error with one line per problem, at most 20 lines."""
     more = [f"{tree.name}: … and {len(lines) - 20} more"] if len(lines) > 20 else []
     return ConfigError("\n".join((*lines[:20], *more)), code=code)
 
 
 def _is_run_folder(folder: Path) -> bool:
-    """Return whether a folder is a run's, by its manifest."""
+    """Return whether a folder is a run folder, judged by its manifest."""
     path = folder / _MANIFEST
     if not path.is_file():
         return False
@@ -302,8 +303,8 @@ def _check_home(tree: YamlTree, cell: CellConfig, robot: RobotDescription) -> No
         low, high = joint.limits.position_min, joint.limits.position_max
         if not low <= value <= high:
             raise ConfigError(
-                f"{tree.where(('home', number))}: home: {joint.name} would be at {value:g}, outside"
-                f" its limits {low:g} to {high:g}",
+                f"{tree.where(('home', number))}: home: {joint.name} is at {value:g}, outside"
+                f" its limits {low:g} to {high:g}; give a position within the limits",
                 code="RID-CELL-VALUE",
             )
 
@@ -313,18 +314,19 @@ def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) ->
     for key, entries in (("links", plant.links), ("axes", plant.axes)):
         if len(entries) != n:
             raise ConfigError(
-                f"{tree.where((key,))}: {len(entries)} {key} for {n} joints", code="RID-PLANT-UNFIT"
+                f"{tree.where((key,))}: {len(entries)} {key} for {n} joints; give one per joint",
+                code="RID-PLANT-UNFIT",
             )
     if plant.unmodelled is not None and len(plant.unmodelled.axes) != n:
         raise ConfigError(
             f"{tree.where(('unmodelled', 'axes'))}: {len(plant.unmodelled.axes)} axes"
-            f" for {n} joints",
+            f" for {n} joints; give one per joint",
             code="RID-PLANT-UNFIT",
         )
     if (plant.spring is None) != (robot.spring is None):
         raise ConfigError(
-            f"{tree.where(('spring',))}: the plant and the robot must both have a spring or"
-            " neither",
+            f"{tree.where(('spring',))}: spring is given in only one of plant and robot; give it"
+            " in both or in neither",
             code="RID-PLANT-UNFIT",
         )
 

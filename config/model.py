@@ -1,4 +1,4 @@
-"""What every configuration model, file and section of a result has in common."""
+"""`ConfigModel`: common base of configuration models, files and sections of results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ConfigModel(BaseModel):
 
     @classmethod
     def taken(cls, source: object, **others: object) -> Self:
-        """Return a model of a source's attributes by the fields' names, but for `others`.
+        """Return a model whose fields come from `others` or from the source's attributes.
 
         Arrays become tuples.
         """
@@ -31,12 +31,12 @@ class ConfigModel(BaseModel):
 
     @classmethod
     def for_each(cls, **columns: Iterable[object]) -> tuple[Self, ...]:
-        """Return a model for each row of columns of one length, which have the fields' names."""
+        """Return one model per row; each argument is a column, named after its field."""
         rows = zip(*map(_plain, columns.values()), strict=True)
         return tuple(cls.model_validate(dict(zip(columns, row, strict=True))) for row in rows)
 
     def into(self, kind: type[D], **others: object) -> D:
-        """Return a dataclass of the fields of its fields' names, but for `others`."""
+        """Return a dataclass whose fields come from `others` or from this model's fields."""
         names = {field.name for field in dataclasses.fields(kind)} - others.keys()
         return kind(
             **{name: getattr(self, name) for name in names if hasattr(self, name)}, **others
@@ -44,8 +44,8 @@ class ConfigModel(BaseModel):
 
 
 def _plain(value: Any) -> Any:
-    """Return arrays, and what they hold, as tuples of numbers."""
-    import numpy as np  # models are also read where nobody computes
+    """Return arrays, and arrays inside lists, as tuples of numbers."""
+    import numpy as np  # imported late: commands that compute nothing also import this module
 
     if isinstance(value, np.ndarray):
         value = value.tolist()

@@ -1,7 +1,8 @@
 """`Plausible`: the range in which a physical value of a real robot lies.
 
-A key says it beside its type, `Annotated[float, Plausible(0.0, 6.3, "rad")]`; it is asked when a
-file is loaded. What lies outside is most often right in another unit: the message says in which.
+A field declares its range in its type, `Annotated[float, Plausible(0.0, 6.3, "rad")]`; the range is
+checked when a file is loaded. A value outside is usually in another unit: the message names that
+unit.
 """
 
 from __future__ import annotations
@@ -59,14 +60,14 @@ _OTHER_UNITS: Final[dict[str, dict[str, float]]] = {
 
 @dataclass(frozen=True)
 class Plausible:
-    """Sizes from `low` to `high`; zero is a size of its own, and never implausible.
+    """Range of magnitudes from `low` to `high`; zero is always plausible.
 
-    Of a vector its length counts.
+    The magnitude of a vector is its length.
 
     Attributes:
-        low, high: The smallest and the largest size.
-        unit: Of the value; empty for a ratio.
-        prismatic: The range of a prismatic joint, where that has another unit.
+        low, high: The smallest and the largest magnitude.
+        unit: Unit of the value; empty for a ratio.
+        prismatic: The range for a prismatic joint, if that has another unit.
     """
 
     low: float
@@ -82,20 +83,20 @@ class Plausible:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """Add the range in words to a JSON schema."""
+        """Add the range in words to the JSON schema."""
         return {**handler(schema), "plausible": str(self)}
 
     @property
     def in_percent(self) -> Plausible:
-        """The same range of what is a share here, in percent."""
+        """This range of a fraction, converted to percent."""
         return Plausible(100.0 * self.low, 100.0 * self.high, "%")
 
     def holds(self, size: float) -> bool:
-        """Return whether a size lies within the range."""
+        """Return whether a magnitude lies within the range or is zero."""
         return size == 0.0 or self.low <= size <= self.high
 
     def refusal(self, value: float | Sequence[float]) -> str | None:
-        """Return why a value is implausible, and what it may be; None where it is plausible."""
+        """Return why a value is implausible, with the expected range; None if it is plausible."""
         size = math.hypot(*value) if isinstance(value, Sequence) else abs(value)
         if self.holds(size):
             return None
@@ -105,7 +106,7 @@ class Plausible:
         return words.replace("  ", " ") + self.likely_unit(size)
 
     def likely_unit(self, size: float) -> str:
-        """Say in which other unit a size would be plausible; empty where in none it is."""
+        """Name the other unit in which a magnitude would be plausible; empty if there is none."""
         for right in self.unit.split(" or "):
             for unit, factor in _OTHER_UNITS.get(right, {}).items():
                 if self.holds(size * factor):
@@ -118,34 +119,34 @@ class Plausible:
 
 
 class Derived(ConfigModel):
-    """A model whose values have a size with a range together, such as a radius of gyration."""
+    """Model with plausible ranges for values derived from several fields (radius of gyration)."""
 
     @abstractmethod
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the sizes with their ranges, by name; a dot leads into what it is made of."""
+        """Return the derived values with their ranges, by name; a dot separates nested keys."""
 
 
 def radius_of_gyration(
     mass_kg: float, moments_kg_m2: tuple[float, float, float]
 ) -> dict[str, tuple[float, Plausible]]:
-    """Return how far from its centre a body's mass lies (RMS) [m], with its range.
+    """Return a body's RMS radius of gyration about its centre [m], with its plausible range.
 
     Args:
-        mass_kg: Its mass [kg].
-        moments_kg_m2: Its three moments of inertia about the centre [kg m²].
+        mass_kg: Mass [kg].
+        moments_kg_m2: The three moments of inertia about the centre [kg m²].
     """
     radius_m = math.sqrt(max(sum(moments_kg_m2), 0.0) / (2.0 * mass_kg)) if mass_kg else 0.0
     return {"radius_of_gyration_m": (radius_m, Plausible(2e-3, 5.0, _GYRATION))}
 
 
 class PhysicalFile(ConfigModel):
-    """A file whose values have plausible ranges; it may overrule them by key."""
+    """File whose values have plausible ranges; `implausible_on_purpose` lists keys to exempt."""
 
     implausible_on_purpose: tuple[str, ...] = ()
 
     @property
     def read_later(self) -> frozenset[str]:
-        """The keys whose values stand in another file that has not been read yet."""
+        """The keys whose values are in another file that has not been read yet."""
         return frozenset()
 
 
@@ -153,9 +154,10 @@ Path = tuple[str | int, ...]
 
 
 def implausible(file: object) -> Iterator[tuple[Path, str]]:
-    """Yield where a loaded file is implausible, and why.
+    """Yield the path and the reason of each implausible value of a loaded file.
 
-    A name of `implausible_on_purpose` that is no key, or a plausible one, is told too.
+    A name in `implausible_on_purpose` that is not a key, or whose value is plausible, is also
+    reported.
     """
     file = file.root if isinstance(file, RootModel) else file
     if not isinstance(file, PhysicalFile):
@@ -172,13 +174,14 @@ def implausible(file: object) -> Iterator[tuple[Path, str]]:
             close = difflib.get_close_matches(name, values, n=1)
             yield (
                 where,
-                f"no key {name!r} has a range" + (f"; did you mean {close[0]}?" if close else ""),
+                f"{name!r} is not a key with a plausible range; remove it"
+                + (f", or did you mean {close[0]}?" if close else ""),
             )
         elif refusals[name] is None:
-            yield where, f"{name} is plausible: take its name out"
+            yield where, f"{name} is plausible; remove it from this list"
     for name, refusal in refusals.items():
         if refusal is not None and name not in file.implausible_on_purpose:
-            words = f"{refusal}. Correct it, or, if it is meant, add {name} to {ON_PURPOSE}"
+            words = f"{refusal}. Correct it or, if it is intended, add {name} to {ON_PURPOSE}"
             yield values[name][0], words
 
 
@@ -188,12 +191,12 @@ def range_of(annotated: Any) -> Plausible:
 
 
 def key_name(path: Path) -> str:
-    """Return a key as messages and `implausible_on_purpose` have it."""
+    """Return a key as written in messages and in `implausible_on_purpose`."""
     return ".".join(map(str, path))
 
 
 def _ranges(value: object, path: Path, prismatic: bool) -> Iterator[tuple[Path, Any, Plausible]]:
-    """Yield every value below a model that has a range, and the range."""
+    """Yield the path, value and range of every value in a model that has a range."""
     assert isinstance(value, BaseModel)
     prismatic = prismatic or getattr(value, "type", None) == "prismatic"
     if isinstance(value, Derived):
@@ -208,7 +211,7 @@ def _ranges(value: object, path: Path, prismatic: bool) -> Iterator[tuple[Path, 
 def _within(
     value: object, annotation: Any, path: Path, prismatic: bool
 ) -> Iterator[tuple[Path, Any, Plausible]]:
-    """Yield what of a value with an annotation has a range."""
+    """Yield the path, value and range of every part of a value that has a range."""
     if value is None:
         return
     if isinstance(value, BaseModel):

@@ -1,8 +1,8 @@
-"""The ranges of numbers that a person or a program may ask for: the same at every entrance.
+"""Allowed ranges of the numbers in requests, the same for every interface.
 
-A request's field says its range in its type. The bounds of the command's option come from that type
-(`least`, `most`), requests' JSON schemas show it, and a request that is made with another value, or
-with one that is no number, is refused by itself (`Ranged`): it cannot be had, wherever it is made.
+A request's field declares its range in its type. The bounds of the command-line option (`least`,
+`most`) and the JSON schema of the request come from that type. A request (`Ranged`) refuses a
+number that is out of range or not finite when it is constructed.
 """
 
 from __future__ import annotations
@@ -24,98 +24,98 @@ from config.plausible import Path, Plausible, key_name
 CODE: Final = "RID-REQ-RANGE"
 
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
-"""What is drawn by chance comes from it."""
+"""Seed of random numbers."""
 
 Pace = Annotated[float, Field(ge=0.1, le=100.0)]
-"""Times real time at which a simulated cell runs."""
+"""Speed of a simulated cell relative to real time."""
 
 Periods = Annotated[int, Field(ge=2, le=100_000)]
-"""Periods of a motion that count."""
+"""Number of periods of a motion, without the warm-up."""
 
 WarmUpPeriods = Annotated[int, Field(ge=3, le=100_000)]
-"""Periods of a warm-up."""
+"""Number of warm-up periods."""
 
 Repeats = Annotated[int, Field(ge=1, le=20)]
-"""Runs with a payload."""
+"""Number of runs with a payload."""
 
 PeriodS = Annotated[float, Field(ge=0.1, le=3600.0)]
-"""A period of a motion [s]."""
+"""Period of a motion [s]."""
 
 Harmonics = Annotated[int, Field(ge=2, le=100)]
 """The highest harmonic of a motion."""
 
 Starts = Annotated[int, Field(ge=1, le=100_000)]
-"""Starts of a search."""
+"""Number of starting points of a search."""
 
 Tries = Annotated[int, Field(ge=1, le=1_000_000)]
-"""Motions that are drawn and compared."""
+"""Number of random motions that are drawn and compared."""
 
 LimitFraction = Annotated[float, Field(ge=0.01, le=1.0)]
-"""A share of the limits that a motion may use."""
+"""Fraction of the limits that a motion may use."""
 
 BudgetS = Annotated[float, Field(ge=1.0, le=604_800.0)]
-"""The time that a search may take [s]."""
+"""Time limit of a search [s]."""
 
 Realisations = Annotated[int, Field(ge=1, le=100)]
-"""Multisines of one spectrum."""
+"""Number of multisines of one spectrum."""
 
 FrequencyHz = Annotated[float, Field(ge=1e-4, le=1e4)]
 """A frequency [Hz]."""
 
 CheckS = Annotated[float, Field(ge=0.1, le=600.0)]
-"""How long a check counts answers [s]."""
+"""Time during which a check counts answers [s]."""
 
 JogPercent = Annotated[float, Field(ge=0.1, le=10.0)]
-"""Speed of a jog, of each joint's limit [%]."""
+"""Speed of a jog, relative to each joint's limit [%]."""
 
 PositionRad = Annotated[float, Field(ge=-100.0, le=100.0)]
-"""A joint's position [rad or m]."""
+"""Position of a joint [rad or m]."""
 
 ReadingS = Annotated[float, Field(ge=1.0, le=600.0)]
-"""How long a force plate is read [s]."""
+"""Reading time of a force plate [s]."""
 
 SettleS = Annotated[float, Field(ge=0.0, le=600.0)]
-"""Rest before a force plate is read [s]."""
+"""Time at rest before a force plate is read [s]."""
 
 BufferS = Annotated[float, Field(ge=0.0, le=600.0)]
-"""How much of a streamed path is taken in ahead [s]."""
+"""Length of a streamed path that is buffered [s]."""
 
 PatienceS = Annotated[float, Field(ge=0.0, le=86_400.0)]
-"""How long points are waited for [s]."""
+"""Time limit for the next points of a stream [s]."""
 
 Confidence = Annotated[float, Field(ge=0.0, le=0.999_999)]
 """A probability; 0 for no margin."""
 
 FreeShare = Annotated[float, Field(ge=0.0, le=0.99)]
-"""A share of a limit that is kept free."""
+"""Fraction of a limit that is kept as a reserve."""
 
 Rate = Annotated[float, Field(ge=1e-6, le=1e9)]
-"""A further limit of a path: of torque [N m], its rate [N m/s], or jerk [rad/s³]."""
+"""Further limit of a path: torque [N m], torque rate [N m/s] or jerk [rad/s³]."""
 
 TolerancePercent = Annotated[float, Field(ge=0.0, le=100.0)]
-"""A largest difference [%]."""
+"""Largest allowed difference [%]."""
 
 SmoothingRadS = Annotated[float, Field(ge=0.0, le=10.0)]
-"""Speed over which a sign changes [rad/s or m/s]."""
+"""Speed range over which a sign function is smoothed [rad/s or m/s]."""
 
 Coefficient = Annotated[float, Field(ge=-1e9, le=1e9)]
-"""A parameter of friction, in its own unit."""
+"""Friction parameter, in its own unit."""
 
 KnownValue = Annotated[float, Field(ge=-1e4, le=1e4)]
-"""A quantity of a payload that was measured otherwise [kg, m or kg m²]."""
+"""Quantity of a payload that is known from another measurement [kg, m or kg m²]."""
 
 KnownSigma = Annotated[float, Field(ge=0.0, le=1e4)]
-"""Its standard deviation."""
+"""Standard deviation of a `KnownValue`."""
 
 
 @dataclass(frozen=True)
 class Ranged:
-    """A dataclass that refuses numbers outside the ranges of its fields.
+    """Dataclass that refuses numbers outside the ranges of its fields.
 
-    Fields that are dataclasses look at their own numbers.
+    Fields that are dataclasses check their own numbers.
 
     Raises:
-        ConfigError: A number is outside of its field's range, or is none (NaN, infinity).
+        ConfigError: A number is outside its field's range or is not finite (NaN, infinity).
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -145,10 +145,10 @@ def _bounds(limits: Sequence[object], side: str) -> Iterator[float]:
 
 
 def refusal(value: float, limits: Sequence[object]) -> str | None:
-    """Return why a value is refused, None if it is not.
+    """Return why a value is refused; None if it is accepted.
 
     Args:
-        limits: The annotations of its type: bounds, and a plausible range.
+        limits: The annotations of its type: bounds and a plausible range.
     """
     if not math.isfinite(value):
         return f"{value:g} is not a finite number: give a number"
@@ -166,12 +166,10 @@ _HINTS: dict[type, dict[str, Any]] = {}
 def numbers_of(
     request: object, names: Iterable[str], kind: type
 ) -> Iterator[tuple[Path, float, Sequence[object]]]:
-    """Yield the numbers in fields of an object, their paths, and the annotations of their types.
+    """Yield the path, the value and the type annotations of each number in an object's fields.
 
     Args:
-        request: The object.
-        names: Names of the fields.
-        kind: The class that declares them.
+        kind: The class that declares the fields.
     """
     if kind not in _HINTS:
         _HINTS[kind] = typing.get_type_hints(kind, include_extras=True)

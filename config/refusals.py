@@ -1,4 +1,4 @@
-"""`described`: what a validator refuses in a YAML file, with its line and what is wanted."""
+"""`described`: a validator's error in a YAML file as text, with line and expectation."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from config.formats.yaml_tree import YamlTree
 from config.plausible import key_name
 
 PLACEHOLDER: Final = "?"
-"""Stands in a file that was made for a person to complete."""
+"""Placeholder in a generated file for a value that the user must fill in."""
 
 WRITTEN: Final = {
-    r"^[A-Za-z0-9][\w.-]{0,63}$": "a name begins with a letter or a digit, and has letters, digits,"
-    " '_', '.' and '-' only, 64 at most",
-    r"^[A-Za-z][\w-]{0,31}$": "a joint's name begins with a letter, and has letters, digits, '_'"
-    " and '-' only, 32 at most",
+    r"^[A-Za-z0-9][\w.-]{0,63}$": "a name begins with a letter or digit and contains only letters,"
+    " digits, '_', '.' and '-', at most 64",
+    r"^[A-Za-z][\w-]{0,31}$": "a joint's name begins with a letter and contains only letters,"
+    " digits, '_' and '-', at most 32",
     r"^[0-9A-F]{4}h:[0-9A-F]{2}$": "an object is written as 6091h:01",
     r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$": "an object is written as 6091h or 6091h:01",
     r"^[rt]pdo[1-4]$": "a PDO is written as rpdo1 to rpdo4 or tpdo1 to tpdo4",
-    r"^[!-~]{1,8}$": "one to eight characters of ASCII are wanted, no space",
-    r"^[!-/:-@]$": "one punctuation mark of ASCII is wanted",
+    r"^[!-~]{1,8}$": "one to eight ASCII characters without space are expected",
+    r"^[!-/:-@]$": "one ASCII punctuation mark is expected",
 }
-"""What a text must be like, in words, by the pattern that it has in the models."""
+"""Explanation of each text pattern that the models use."""
 
 
 def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
-    """Return a line of what is wrong.
+    """Return one validation error as a line of text.
 
     Args:
         tree: The file.
-        detail: One error of its validation.
-        model: What it was validated as.
+        detail: The error.
+        model: The model that the file was validated against.
     """
     path = _known_path(tree, detail["loc"])
     where = tree.where(path)
@@ -57,15 +57,15 @@ def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
         return f"{prefix}the key {missing!r} is missing"
     if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
         found = _models_at(model, path, set())
-        return _unknown_kind(
+        return _explain_kind(
             tree, path, detail.get("input"), sorted(set().union(*map(_kinds, found)))
         )
     message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
     if given == PLACEHOLDER:
-        return f"{prefix}'?' stands for a value that only you know: put it in its place"
+        return f"{prefix}'?' is a placeholder: replace it by a value"
     if detail["type"] == "string_pattern_mismatch":
-        return f"{prefix}{_unwritten(str(given), detail.get('ctx', {}).get('pattern', ''))}"
+        return f"{prefix}{_explain_pattern(str(given), detail.get('ctx', {}).get('pattern', ''))}"
     if isinstance(given, str) and detail["type"] in ("float_type", "int_type"):
         return f"{prefix}{message} (got {given!r}{number_hint(given)})"
     if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
@@ -73,23 +73,25 @@ def described(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     return f"{prefix}{message}"
 
 
-def _unwritten(given: str, pattern: str) -> str:
-    """Say how a text is to be written, and what of it would do."""
-    said = f"{given!r}: {WRITTEN.get(pattern, f'it does not match {pattern}')}"
+def _explain_pattern(given: str, pattern: str) -> str:
+    """Explain how a text must be written, and suggest a similar one that is valid."""
+    problem = f"{given!r}: {WRITTEN.get(pattern, f'it does not match {pattern}')}"
     near = re.sub(r"[^\w.-]+", "_", given.strip())
-    return f"{said}; {near!r} would do" if near != given and re.search(pattern, near) else said
+    return (
+        f"{problem}; {near!r} is valid" if near != given and re.search(pattern, near) else problem
+    )
 
 
-def _unknown_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]) -> str:
-    """Say which kinds there are, where `kind` is missing or names none of them."""
+def _explain_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]) -> str:
+    """Explain that `kind` is missing or unknown, with the allowed kinds."""
     kind = given.get("kind") if isinstance(given, dict) else None
     if kind is None:
-        return f"{tree.where(path)}: the key 'kind' is missing. It is one of: {', '.join(kinds)}"
+        return f"{tree.where(path)}: the key 'kind' is missing. Allowed: {', '.join(kinds)}"
     close = difflib.get_close_matches(str(kind), kinds, n=1)
     meant = f"; did you mean {close[0]}?" if close else "."
     path = (*path, "kind")
     where = f"{tree.where(path)}: {key_name(path)}"
-    return f"{where}: there is no {kind!r}{meant} Allowed: {', '.join(kinds)}"
+    return f"{where}: unknown kind {kind!r}{meant} Allowed: {', '.join(kinds)}"
 
 
 def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
@@ -103,7 +105,7 @@ def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | 
 def _models_at(
     annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
 ) -> list[type[BaseModel]]:
-    """Collect the models at `path` below a model or annotation, of these kinds if any is."""
+    """Return the models at `path` below a model or annotation, only those of `kinds` if any."""
     models = _models_in(annotation)
     models = [model for model in models if kinds & _kinds(model)] or models
     if not path:
@@ -120,7 +122,7 @@ def _models_at(
 
 
 def _kinds(model: type[BaseModel]) -> set[str]:
-    """Return the values that a model's key `kind` may have."""
+    """Return the allowed values of a model's key `kind`."""
     field = model.model_fields.get("kind")
     return set() if field is None else set(typing.get_args(field.annotation))
 

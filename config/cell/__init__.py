@@ -1,4 +1,4 @@
-"""The cell file: buses, drives, safety, supervision, force plate, monitor, data sheets.
+"""Cell file: buses, drives, safety, supervision, force plate, monitor, data sheets.
 
-What a file may say; whether a drive obeys is found out in `drivers/servo`. Begin with `cell.py`.
+It defines what a file may state; `drivers/servo` checks what a drive does. Begin with `cell.py`.
 """

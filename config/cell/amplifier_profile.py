@@ -1,7 +1,7 @@
-"""`AmplifierProfile`: every string that an amplifier speaks, and the layout of its rows.
+"""`AmplifierProfile`: the commands and answers of an amplifier, and the layout of its rows.
 
-Data, so that another device is another file. Also here: what a stream of such rows asks of the
-line, which must be known before a cell can be taken.
+A profile is data, so that another device only needs another file. This file also computes the load
+that a stream of rows puts on the serial line, which must be known before a cell is used.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Symbol = Annotated[str, Field(pattern=r"^[!-/:-@]$")]
 
 
 class Word(ConfigModel):
-    """A string of the device; `verified` where it was seen in use on a real one, by `source`."""
+    """A string of the device; `verified` if it was seen in use on a real device, see `source`."""
 
     text: Token
     verified: bool = False
@@ -45,12 +45,12 @@ class Word(ConfigModel):
     @model_validator(mode="after")
     def _says_where(self) -> Word:
         if self.verified and not self.source:
-            raise ValueError(f"{self.text!r} is verified: say in `source` where it was seen")
+            raise ValueError(f"{self.text!r} is verified; state in `source` where it was seen")
         return self
 
 
 class Commands(ConfigModel):
-    """The mnemonic of everything that is asked of an amplifier."""
+    """The mnemonics of the commands to an amplifier."""
 
     operate: Word
     identify: Word
@@ -68,7 +68,7 @@ class Commands(ConfigModel):
 
 
 class Events(ConfigModel):
-    """The number of each event that comes between the rows."""
+    """The numbers of the events between the rows."""
 
     overload: Annotated[int, Field(ge=0, le=255)]
     overrun: Annotated[int, Field(ge=0, le=255)]
@@ -78,7 +78,7 @@ class Events(ConfigModel):
 
 
 class StatusBits(ConfigModel):
-    """Where a row's status says more than the overloads of its channels (bits 0 to 7)."""
+    """The bits of a row's status besides the overloads of its channels (bits 0 to 7)."""
 
     operate: Annotated[int, Field(ge=8, le=15)]
     overrun: Annotated[int, Field(ge=8, le=15)]
@@ -86,7 +86,7 @@ class StatusBits(ConfigModel):
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A piece of a row: a literal, or a number `width` characters or bytes wide, `repeat` times."""
+    """A piece of a row: a literal, or `repeat` numbers of `width` characters or bytes."""
 
     name: str
     kind: Literal["literal", "hex", "dec", "u", "i"]
@@ -96,19 +96,19 @@ class Part:
 
     @property
     def size(self) -> int:
-        """Bytes that it takes."""
+        """Length in the row [bytes]."""
         return self.width * self.repeat
 
 
 class FrameTemplates(ConfigModel):
-    """How a row and an event look: literals around ``{name:kind and width}``."""
+    """Layout of a row and of an event: literals around ``{name:kind and width}``."""
 
     row: str = Field(max_length=200)
     event: str = Field(max_length=200)
 
 
 class AmplifierProfile(ConfigModel):
-    """The strings and rows of one kind of amplifier."""
+    """The strings and rows of one type of amplifier."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
     summary: str
@@ -135,7 +135,10 @@ class AmplifierProfile(ConfigModel):
         for name in ("ascii", "binary"):
             row, event = self.row_parts(name), self.event_parts(name)
             if row[0].literal == event[0].literal:
-                raise ValueError(f"{name}: row and event begin alike: {row[0].literal!r}")
+                raise ValueError(
+                    f"{name}: row and event begin with the same literal {row[0].literal!r}; give"
+                    " them different ones"
+                )
         return self
 
     def row_parts(self, form: str) -> tuple[Part, ...]:
@@ -147,11 +150,11 @@ class AmplifierProfile(ConfigModel):
         return _parts(self._templates(form).event, form, _EVENT_FIELDS)
 
     def row_bytes(self, form: str) -> int:
-        """Return what a row takes on the line, with its terminator [bytes]."""
+        """Return the length of a row on the line, with its terminator [bytes]."""
         return sum(part.size for part in self.row_parts(form)) + self._end(form)
 
     def event_bytes(self, form: str) -> int:
-        """Return what an event takes on the line, with its terminator [bytes]."""
+        """Return the length of an event on the line, with its terminator [bytes]."""
         return sum(part.size for part in self.event_parts(form)) + self._end(form)
 
     def _templates(self, form: str) -> FrameTemplates:
@@ -162,9 +165,10 @@ class AmplifierProfile(ConfigModel):
 
 
 def line_load(amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_s: float) -> float:
-    """Return which part of the serial line a stream takes, 1 being all of it.
+    """Return the fraction of the serial line's capacity that a stream uses.
 
-    Rows, and one event a cycle where the SYNC pulse is wired to the trigger input; ten bits a byte.
+    It counts the rows and, if the SYNC pulse is wired to the trigger input, one event per cycle; a
+    byte takes ten bits.
     """
     load_bit_s = BITS_PER_BYTE * (
         amplifier.rate_hz * profile.row_bytes(amplifier.format)
@@ -176,7 +180,7 @@ def line_load(amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_
 def highest_rate_hz(
     amplifier: AmplifierConfig, profile: AmplifierProfile, cycle_time_s: float
 ) -> float:
-    """Return how many rows a second the line carries at most [1/s]; 0 where it carries none."""
+    """Return the highest rate of rows that the line carries [1/s]; 0 if it carries none."""
     room = LINE_LOAD_LIMIT * amplifier.baud_rate / BITS_PER_BYTE
     room -= _event_bytes_s(amplifier, profile, cycle_time_s)
     return max(room / profile.row_bytes(amplifier.format), 0.0)
@@ -188,8 +192,8 @@ def require_line(
     """Return the line's load; refuse a stream that cannot work.
 
     Raises:
-        ConfigError: The stream takes more than `LINE_LOAD_LIMIT`; says which rate or baud rate
-            would do.
+        ConfigError: The stream uses more than `LINE_LOAD_LIMIT`; the text names a rate or baud rate
+            that is possible.
     """
     load = line_load(amplifier, profile, cycle_time_s)
     if load <= LINE_LOAD_LIMIT:
@@ -206,11 +210,11 @@ def require_line(
         binary = amplifier.model_copy(update={"format": "binary"})
         if line_load(binary, profile, cycle_time_s) <= LINE_LOAD_LIMIT:
             ways.append("format binary")
-    would_do = ", or ".join(ways) or "nothing on a serial line"
+    possible = ", or ".join(ways) or "nothing on a serial line"
     raise ConfigError(
         f"{amplifier.rate_hz:g} rows/s of {profile.row_bytes(amplifier.format)} bytes take"
-        f" {100.0 * load:.0f} % of a line at {amplifier.baud_rate} baud, allowed are"
-        f" {100.0 * LINE_LOAD_LIMIT:.0f} %; would do: {would_do}",
+        f" {100.0 * load:.0f} % of a line at {amplifier.baud_rate} baud; at most"
+        f" {100.0 * LINE_LOAD_LIMIT:.0f} % are allowed; possible: {possible}",
         code="RID-AMPLIFIER-LINE-LOAD",
     )
 
@@ -222,7 +226,7 @@ def _event_bytes_s(
 
 
 def _parts(template: str, form: str, names: tuple[str, ...]) -> tuple[Part, ...]:
-    """Take a template apart; a mistake in it is a `ValueError`."""
+    """Return the parts of a template; raise ValueError if it is invalid."""
     parts: list[Part] = []
     position = 0
     for match in _PART.finditer(template):
@@ -231,15 +235,15 @@ def _parts(template: str, form: str, names: tuple[str, ...]) -> tuple[Part, ...]
         position = match.end()
         parts.append(_part(match, form))
     if position != len(template):
-        raise ValueError(f"{form}: {template[position:]!r} of {template!r} is not understood")
+        raise ValueError(f"{form}: cannot read {template[position:]!r} of {template!r}; correct it")
     found = [part.name for part in parts if part.kind != "literal"]
     if sorted(found) != sorted(names) or found[-1] != "checksum" or parts[-1].name != "checksum":
         raise ValueError(
-            f"{form}: {template!r} must have each of {', '.join(names)} once, the checksum at its"
-            " end"
+            f"{form}: {template!r} must have each of {', '.join(names)} once, with the checksum at"
+            " the end"
         )
     if parts[0].kind != "literal":
-        raise ValueError(f"{form}: {template!r} must begin with a literal, to be found by")
+        raise ValueError(f"{form}: {template!r} must begin with a literal that marks its start")
     return tuple(parts)
 
 
@@ -253,20 +257,20 @@ def _part(match: re.Match[str], form: str) -> Part:
     if form == "binary":
         if _BINARY_KINDS.get(name) != f"{kind}{width}":
             raise ValueError(
-                f"binary: {name} is {kind}{width}, must be {_BINARY_KINDS.get(name, 'left out')}"
+                f"binary: {name} is {kind}{width}; it must be {_BINARY_KINDS.get(name, 'left out')}"
             )
         return Part(name, "i" if kind == "i" else "u", width, repeat)
     if name == "counts":
         if kind != "dec" or width < 6:
-            raise ValueError("ascii: counts must be dec6 or wider: a sign and five digits")
+            raise ValueError("ascii: counts must be dec6 or wider, for a sign and five digits")
         return Part(name, "dec", width, repeat)
     if kind != "hex" or _HEX_WIDTHS.get(name) != width:
         wanted = f"hex{_HEX_WIDTHS[name]}" if name in _HEX_WIDTHS else "left out"
-        raise ValueError(f"ascii: {name} is {kind}{width}, must be {wanted}")
+        raise ValueError(f"ascii: {name} is {kind}{width}; it must be {wanted}")
     return Part(name, "hex", width, repeat)
 
 
 def _refuse_twins(what: str, values: list[str] | list[int]) -> None:
     twins = sorted({str(value) for value in values if values.count(value) > 1})  # type: ignore[arg-type]
     if twins:
-        raise ValueError(f"{what}: {', '.join(twins)} stands for two things")
+        raise ValueError(f"{what}: {', '.join(twins)} occurs twice; make it unique")

@@ -1,4 +1,4 @@
-"""`CellConfig`: which device on which bus, at which address, within which limits."""
+"""`CellConfig`: the devices of a cell, their buses, addresses and limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Servo = Annotated[str, Field(min_length=1)] | ServoProfile
 
 
 class CanBusConfig(ConfigModel):
-    """A CAN bus by python-can's names: any interface that python-can knows."""
+    """A CAN bus, named as in python-can: any interface that python-can supports."""
 
     interface: str
     channel: str
@@ -31,9 +31,10 @@ class CanBusConfig(ConfigModel):
 
 
 class DeviceIdentity(ConfigModel):
-    """What 1018h of a drive must answer; what is left out is not compared.
+    """Expected content of a drive's 1018h; values that are left out are not compared.
 
-    Of `revision` the upper 16 bits are: the lower ones change without the drive's behaviour.
+    Only the upper 16 bits of `revision` are compared: the lower ones change without a change of the
+    drive's behaviour.
     """
 
     vendor: Unsigned32 | None = None
@@ -44,14 +45,15 @@ class DeviceIdentity(ConfigModel):
 class DriveAxis(ConfigModel):
     """One CiA 402 drive and the joint that it moves.
 
-    `direction` is -1 where positive drive counts turn the joint backwards. `servo` is the drive's
-    profile, as in the cell, where it is another than the cell's. `velocity_unit` stands for the
-    profile's. `position_zero_counts` is 6064h at joint position zero.
+    `direction` is -1 if positive drive counts turn the joint backwards. `servo` is the drive's
+    profile in the same form as in the cell; it is needed only if it differs from the cell's.
+    `velocity_unit` overrides that of the profile. `position_zero_counts` is 6064h at joint position
+    zero.
 
-    `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file:
-    the drive must have the objects that are used, by its EDS, and must be the one that the EDS
-    is of. `identity` says what the drive must be where the EDS says something else, or without
-    one.
+    `eds` is the path of the drive's electronic data sheet (EDS or DCF), relative to the cell file.
+    The EDS must contain all objects that are used, and the drive must be the device that the EDS
+    describes. `identity` states the expected device if there is no EDS or if it must differ from
+    the EDS.
     """
 
     joint: str
@@ -65,20 +67,21 @@ class DriveAxis(ConfigModel):
 
 
 class DriveSafety(ConfigModel):
-    """What every drive is told, and read back from it, before motion.
+    """Safety settings that are written to every drive, and read back, before motion.
 
-    The heartbeat consumer (1016h) with abort connection (6007h) is what stops the drive when
-    this computer dies; `allow_drive_without_watchdog` names the drives (node ids) that may run
-    without it. With `trip_watchdog_with_power` the preflight switches the drives on, at rest, and
-    withholds this computer's heartbeat until each has stopped by itself; without it, it does so
-    without power and sees their emergency message. A drive that lacks an object of its reactions,
-    or is watched by life guarding, is switched on for that in any case, in a cell that is clear.
+    If this computer fails, the heartbeat consumer (1016h) with abort connection (6007h) stops the
+    drive. `allow_drive_without_watchdog` names the drives (node ids) that may run without it. With
+    `trip_watchdog_with_power` the preflight switches the drives on, at rest, and withholds this
+    computer's heartbeat until each drive has stopped. Without it, the preflight does the same
+    without power and checks the drives' emergency messages. A drive that lacks an object of its
+    reactions, or uses life guarding, is always switched on for this test, in a cell that is clear.
 
-    Numbers with which an axis would not stop in time, or not within its range, are refused by what
-    the drive reads back: see the preflight's lines on a stop and on rest after a fault.
+    Numbers with which an axis would not stop in time, or not within its range, are refused, based
+    on the values that the drive reads back: see the preflight's lines on a stop and on rest after a
+    fault.
 
-    On a cell that is not simulated neither heartbeat's time-out may be longer than 100 ms: for as
-    long a robot goes on after this computer, or a drive, has died.
+    On a cell that is not simulated, both heartbeat timeouts must be at most 100 ms. After a failure
+    of this computer or of a drive, the robot continues to move for this time.
     """
 
     master_node_id: Annotated[int, Field(ge=1, le=127)] = 127
@@ -99,33 +102,40 @@ class DriveSafety(ConfigModel):
     @model_validator(mode="after")
     def _beats_within_timeouts(self) -> DriveSafety:
         if self.master_heartbeat_ms * 2 > self.master_heartbeat_timeout_ms:
-            raise ValueError("master_heartbeat_ms must be at most half master_heartbeat_timeout_ms")
+            raise ValueError(
+                "master_heartbeat_ms must be at most half of master_heartbeat_timeout_ms"
+            )
         if self.drive_heartbeat_ms * 2 > self.drive_heartbeat_timeout_ms:
-            raise ValueError("drive_heartbeat_ms must be at most half drive_heartbeat_timeout_ms")
+            raise ValueError(
+                "drive_heartbeat_ms must be at most half of drive_heartbeat_timeout_ms"
+            )
         if self.trip_watchdog_with_power and self.abort_connection == 1:
             raise ValueError(
-                "trip_watchdog_with_power would leave the drives in fault: abort_connection is 1"
+                "trip_watchdog_with_power and abort_connection 1 would leave the drives in fault;"
+                " change one of them"
             )
         return self
 
 
 class Supervision(ConfigModel):
-    """When the cyclic task stops the motion by itself.
+    """Rules by which the cyclic task stops the motion.
 
-    `missed_frames_limit` and `late_cycles_limit` count in a row; `late_answers_limit` counts the
-    cycles, of the last 100, whose drives' answers came after their cycle. `second_answers_limit`
-    counts the cycles, of the last 100, in which a drive's identifier answered more than once;
-    answers of one cycle that differ are not used and count as missing besides.
+    `missed_frames_limit` and `late_cycles_limit` count consecutive cycles. `late_answers_limit`
+    counts the cycles, of the last 100, in which a drive's answer came after its cycle.
+    `second_answers_limit` counts the cycles, of the last 100, in which a drive's identifier
+    answered more than once. Different answers in one cycle are not used and also count as missing.
 
-    A stuck encoder stands still for `stuck_encoder_cycles` while more than
-    `stuck_encoder_velocity_rad_s` is commanded; or while less is, and the torque has changed by
-    `stuck_encoder_torque_fraction` of the joint's limit since it stands: stiction gives way before.
-    What a joint was braked by is measured late, and does not count for so many cycles; what
-    pre-compensation adds to the command does not count at all.
+    An encoder is stuck if it stands still for `stuck_encoder_cycles` while more than
+    `stuck_encoder_velocity_rad_s` is commanded. With a slower command it is stuck if, since
+    standstill, the torque has also changed by more than `stuck_encoder_torque_fraction` of the
+    joint's limit; a joint in stiction would break away before. The torque that braked a joint is
+    measured late and is ignored for that many cycles. The part of the command that comes from
+    pre-compensation is always ignored.
 
-    Following error: `following_error_min_rad` at standstill, growing with the commanded speed by
-    `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR). As far beyond its
-    position limit, and a twentieth of its range at most, a joint may be found.
+    The allowed following error is `following_error_min_rad` at standstill and grows with the
+    commanded speed by `following_error_per_velocity_s` (a line, as LinuxCNC's FERROR/MIN_FERROR). A
+    joint may be found beyond its position limit by the value at standstill, but by a twentieth of
+    its range at most.
     """
 
     missed_frames_limit: Annotated[int, Field(ge=1)] = 3
@@ -142,32 +152,33 @@ class Supervision(ConfigModel):
 
 
 class ButterworthFilter(ConfigModel):
-    """The analog anti-alias filter before the drives' torque converters."""
+    """The analog anti-alias filter in front of the drives' torque converters."""
 
     order: Annotated[int, Field(ge=1, le=12)]
     cutoff_hz: Annotated[Positive, Plausible(0.5, 2e4, "Hz")]
 
 
 class CellConfig(PhysicalFile):
-    """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits held.
+    """A cell: one robot, its drives, their bus, its force plate, the cycle, and the limits.
 
     `servo` is the drives' profile: a bundled name, a path relative to the cell file, or its keys,
-    with what the drives do not tell; without it, drives that do all that CiA 402 says.
+    including data that the drives do not report. Without it, drives are assumed to follow CiA 402
+    completely.
 
-    `monitor` is a second way to the drives (Modbus), for temperatures and nominal data.
+    `monitor` is a second connection to the drives (Modbus), for temperatures and nominal data.
 
-    `velocity_loop_band_hz` is where multisines measure the drives' velocity loops: the lowest and
-    the highest frequency.
+    `velocity_loop_band_hz` is the band in which multisines measure the drives' velocity loops: the
+    lowest and the highest frequency.
 
-    `exchange` says what a cycle carries for each axis: `full`, 6 bytes there and 8 back;
-    `trimmed`, 4 there (velocity) and 6 back (position and torque), so that a fourth axis fits into
-    1 ms at 1 Mbit/s. Controlword and statusword then go in frames of their own, when they change
-    and a few times a second.
+    `exchange` is the amount of data per axis and cycle. `full`: 6 bytes to the drive and 8 from it.
+    `trimmed`: 4 to the drive (velocity) and 6 from it (position and torque), so that a fourth axis
+    fits into 1 ms at 1 Mbit/s. Controlword and statusword then have their own frames, which are
+    sent when they change and a few times a second.
 
-    `home` is the pose that `jog --home` leads to, one position a joint.
+    `home` is the pose to which `jog --home` moves, one position per joint.
 
-    `robot` and `plant` name a bundled file or give a path relative to the cell file. A cell with
-    `simulated: true` gets its mock hardware started by the command that needs it.
+    `robot` and `plant` name a bundled file or give a path relative to the cell file. If a cell has
+    `simulated: true`, a command that needs its mock hardware starts it.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -196,30 +207,40 @@ class CellConfig(PhysicalFile):
     def _consistent(self) -> CellConfig:
         nodes = [axis.node_id for axis in self.axes]
         if len(set(nodes)) != len(nodes):
-            raise ValueError("two axes have the same node_id")
+            raise ValueError("two axes have the same node_id; give each its own")
         if self.drive_safety.master_node_id in nodes:
-            raise ValueError(f"node {self.drive_safety.master_node_id} is the master's own node_id")
+            raise ValueError(
+                f"an axis has node_id {self.drive_safety.master_node_id}, which is the master's;"
+                " give it another"
+            )
         joints = [axis.joint for axis in self.axes]
         if len(set(joints)) != len(joints):
-            raise ValueError("two axes move the same joint")
+            raise ValueError("two axes move the same joint; list each joint once")
         if self.simulated and self.plant is None:
-            raise ValueError("a simulated cell needs plant: the file that says what is simulated")
+            raise ValueError("a simulated cell needs plant; name a plant file")
         self._check_band()
         limits = self.validation_limits_percent
         if limits is not None and len(limits) != len(self.axes):
             raise ValueError(
-                f"validation_limits_percent has {len(limits)} values for {len(self.axes)} axes"
+                f"validation_limits_percent has {len(limits)} values for {len(self.axes)} axes;"
+                " give one per axis"
             )
         if self.home is not None and len(self.home) != len(self.axes):
-            raise ValueError(f"home has {len(self.home)} positions for {len(self.axes)} axes")
+            raise ValueError(
+                f"home has {len(self.home)} positions for {len(self.axes)} axes; give one per axis"
+            )
         if self.monitor is not None and len(self.monitor.units) != len(self.axes):
             raise ValueError(
-                f"monitor.units has {len(self.monitor.units)} addresses for {len(self.axes)} axes"
+                f"monitor.units has {len(self.monitor.units)} addresses for {len(self.axes)} axes;"
+                " give one per axis"
             )
         self._check_heartbeats()
         unknown = set(self.drive_safety.allow_drive_without_watchdog) - set(nodes)
         if unknown:
-            raise ValueError(f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}")
+            raise ValueError(
+                f"allow_drive_without_watchdog names unknown nodes {sorted(unknown)}; name nodes of"
+                " the axes"
+            )
         return self
 
     def _check_heartbeats(self) -> None:
@@ -232,8 +253,8 @@ class CellConfig(PhysicalFile):
         ):
             if timeout_ms > LONGEST_SILENCE_MS:
                 raise ValueError(
-                    f"drive_safety.{name} {timeout_ms}: the robot would go on for so long after"
-                    f" one side has died; at most {LONGEST_SILENCE_MS} on a cell that is not"
+                    f"drive_safety.{name} is {timeout_ms} ms: the robot would go on for this time"
+                    f" after a failure; give at most {LONGEST_SILENCE_MS} ms on a cell that is not"
                     " simulated"
                 )
 
@@ -244,26 +265,27 @@ class CellConfig(PhysicalFile):
         half = 500.0 / self.cycle_time_ms
         if not lowest < highest < half:
             raise ValueError(
-                f"velocity_loop_band_hz [{lowest:g}, {highest:g}]: the first must be the smaller,"
-                f" and the second below half the cycle's frequency, {half:g} Hz"
+                f"velocity_loop_band_hz is [{lowest:g}, {highest:g}]: the first must be smaller,"
+                f" and the second below half the cycle frequency, {half:g} Hz"
             )
 
     def servo_of(self, axis: DriveAxis) -> ServoProfile:
-        """Return the profile of one of the axes' drives, as its own keys and the cell's say.
+        """Return the profile of an axis's drive: its own keys on top of the cell's.
 
         Raises:
-            ConfigError: The profile is named only: `config.load` puts what it names in its place.
+            ConfigError: The profile is a name only, because the cell was not loaded by
+                `config.load`; or it does not support the trimmed exchange.
         """
         chosen = self.servo if axis.servo is None else axis.servo
         if isinstance(chosen, str) or chosen.base is not None:
             raise ConfigError(
-                f"cell {self.name}: load the cell, so that its servo is read",
+                f"cell {self.name}: its servo profile was not read; load the cell with load_cell",
                 code="RID-INTERNAL-ERROR",
             )
         if chosen.spread and self.exchange == "trimmed":
             raise ConfigError(
-                f"cell {self.name}: exchange: trimmed needs drives whose PDOs can be mapped, and"
-                f" that of {axis.joint} has fixed ones, or is asked for its torque; leave it out",
+                f"cell {self.name}: exchange: trimmed needs drives with mappable PDOs, but that"
+                f" of {axis.joint} has fixed PDOs, or its torque is read by SDO; remove the key",
                 code="RID-CELL-VALUE",
             )
         if axis.velocity_unit is None:

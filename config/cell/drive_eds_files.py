@@ -1,4 +1,4 @@
-"""The electronic data sheets that a cell file names, read with the cell."""
+"""Reader of the electronic data sheets that a cell file names."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def read_eds_files(
 
     Args:
         tree, cell: The cell file.
-        folder: Where it lies: relative paths begin there.
-        kept: The same folder where it is a run's, with copies of the files by the names returned
-            here.
+        folder: Folder of the cell file, the base of relative paths.
+        kept: The same folder if it is a run folder. It has copies of the files, under the names
+            that this function returns.
 
     Returns:
-        One EDS an axis, None where it names none; the files' bytes by the names that a run folder
-        keeps them under; and where each of them lies.
+        One EDS per axis, None for an axis without one; the files' bytes by the names under which a
+        run folder stores them; and the paths of the files.
 
     Raises:
-        ConfigError: A file cannot be read, or is no data sheet; the message has file and line.
+        ConfigError: A file cannot be read, or is not a data sheet; the message has file and line.
     """
     eds_files: list[ElectronicDataSheet | None] = []
     known: dict[str, ElectronicDataSheet] = {}
@@ -56,7 +56,7 @@ def read_eds_files(
 
 
 def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:
-    """Return the cell with each drive's identity by its EDS, where it says nothing of it."""
+    """Return the cell with drive identities from the EDS, for axes that do not state their own."""
     axes = []
     for axis, eds in zip(cell.axes, eds_files, strict=True):
         if eds is None or axis.identity is not None:
@@ -67,7 +67,6 @@ def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:
 
 
 def _bytes(path: Path, where: str) -> bytes:
-    """Return an EDS's bytes."""
     try:
         return read_file(path, MAX_BYTES)
     except OSError as error:

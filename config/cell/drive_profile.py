@@ -1,7 +1,7 @@
-"""`DriveProfile`: which Modbus registers of a drive hold what, in which type, order and scale.
+"""`DriveProfile`: Modbus registers of a drive: their quantity, type, word order and scale.
 
-Data, so that another maker's drive is another file. Addresses are as on the wire, from 0; manuals
-that count from 1, or write 40001, are one (or 40001) higher.
+A profile is data, so that a drive of another maker only needs another file. Addresses are as on the
+wire, from 0; manuals that count from 1, or from 40001, are one (or 40001) higher.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ NAMEPLATE: Final[tuple[Quantity, ...]] = (
     "rated_current_a",
     "rotor_inertia_kg_m2",
 )
-MOST_REGISTERS: Final = 125  # of one read (Modbus application protocol 1.1b3, 6.3)
+MOST_REGISTERS: Final = 125  # per read (Modbus application protocol 1.1b3, 6.3)
 
 
 class Register(ConfigModel):
-    """Where a quantity stands: its value in SI is `scale` times what is read, plus `offset`.
+    """Register of a quantity; its value in SI units is `scale` times the number plus `offset`.
 
     A temperature in tenths of a degree Celsius has the scale 0.1 and the offset 273.15.
     """
@@ -53,21 +53,23 @@ class Register(ConfigModel):
         if self.scale == 0.0:
             raise ValueError("scale must not be 0")
         if self.address + self.count > 0x10000:
-            raise ValueError(f"address {self.address} leaves no room for a {self.type}")
+            raise ValueError(
+                f"a {self.type} does not fit at address {self.address}; correct address or type"
+            )
         return self
 
     @property
     def count(self) -> int:
-        """How many registers it takes."""
+        """Number of registers of the quantity."""
         return 1 if self.type.endswith("16") else 2
 
 
 class DriveProfile(ConfigModel):
-    """The registers of one kind of drive.
+    """The registers of one type of drive.
 
-    `word_order` says which register of a 32-bit number comes first: `big`, as usual, the more
-    significant one. Registers up to `largest_gap` apart are read together, `most_registers` at a
-    time at most.
+    `word_order` is the order of the registers of a 32-bit number: `big`, the usual one, has the
+    more significant register first. Registers up to `largest_gap` apart are read together, at most
+    `most_registers` at a time.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -79,11 +81,13 @@ class DriveProfile(ConfigModel):
     @model_validator(mode="after")
     def _worth_polling(self) -> DriveProfile:
         if "motor_temperature_k" not in self.registers:
-            raise ValueError("registers must have motor_temperature_k: that is what is polled for")
+            raise ValueError("registers lacks motor_temperature_k, which is polled; add it")
         taken: dict[tuple[str, int], str] = {}
         for name, register in self.registers.items():
             for address in range(register.address, register.address + register.count):
                 other = taken.setdefault((register.table, address), name)
                 if other != name:
-                    raise ValueError(f"{other} and {name} share the register {address}")
+                    raise ValueError(
+                        f"{other} and {name} share the register {address}; correct one of them"
+                    )
         return self

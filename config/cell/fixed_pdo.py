@@ -1,4 +1,4 @@
-"""`FixedPdo`: a PDO that carries what its drive's maker chose, and cannot be mapped otherwise."""
+"""`FixedPdo`: a PDO with fixed content, which the drive does not let be mapped."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def object_address(name: str) -> tuple[int, int]:
 class FixedEntry(ConfigModel):
     """One object in such a PDO.
 
-    `signal` says what of a cycle it carries. What carries none is, in an RPDO, always told `holds`;
-    in a TPDO it is not looked at.
+    `signal` is the cyclic signal that the object carries. An object without a signal always gets
+    the value `holds` in an RPDO, and is ignored in a TPDO.
     """
 
     object: ObjectName
@@ -43,8 +43,8 @@ class FixedEntry(ConfigModel):
 class FixedPdo(ConfigModel):
     """A PDO with its objects in order, and its transmission type.
 
-    Type 1: with every SYNC. An RPDO of 254 or 255 acts when it comes. A TPDO of another type than 1
-    may come whenever it likes, and is not used.
+    Type 1 means with every SYNC. An RPDO of type 254 or 255 acts on arrival. A TPDO of a type other
+    than 1 may come at any time and is not used.
     """
 
     pdo: Annotated[str, Field(pattern=r"^[rt]pdo[1-4]$")]
@@ -55,40 +55,45 @@ class FixedPdo(ConfigModel):
     def _usable(self) -> Self:
         signals = self.signals
         if sum(entry.bits for entry in self.objects) > 64:
-            raise ValueError(f"{self.pdo}: more than 64 bits do not fit a frame")
+            raise ValueError(f"{self.pdo}: its objects have more than 64 bits; remove some")
         if any(signal not in (COMMANDS if self.receives else ANSWERS) for signal in signals):
-            raise ValueError(f"{self.pdo} cannot carry {', '.join(signals)}")
+            raise ValueError(f"{self.pdo} cannot carry {', '.join(signals)}; use another PDO")
         for entry in self.objects:
             free = entry.signal is None
             if entry.signal is not None and entry.bits not in _BITS[entry.signal]:
-                raise ValueError(f"{self.pdo}: {entry.signal} does not have {entry.bits} bits")
+                raise ValueError(
+                    f"{self.pdo}: {entry.signal} cannot have {entry.bits} bits; correct bits"
+                )
             if (entry.holds is not None) != (free and self.receives and bool(signals)):
-                raise ValueError(f"{self.pdo}: {entry.object}: name what it holds, or its signal")
+                raise ValueError(f"{self.pdo}: {entry.object} needs either signal or holds")
             if entry.holds is not None and entry.holds >= 1 << entry.bits:
-                raise ValueError(f"{self.pdo}: {entry.holds} does not fit {entry.bits} bits")
+                raise ValueError(f"{self.pdo}: holds {entry.holds} does not fit {entry.bits} bits")
         in_time = (1, *ON_ARRIVAL) if self.receives else (1,)
         if signals and self.transmission not in in_time:
-            raise ValueError(f"{self.pdo}: transmission {self.transmission} comes in no cycle")
+            raise ValueError(
+                f"{self.pdo}: transmission {self.transmission} is not cyclic; give one of"
+                f" {', '.join(map(str, in_time))}"
+            )
         return self
 
     @property
     def receives(self) -> bool:
-        """Whether the drive receives it."""
+        """True if the drive receives this PDO."""
         return self.pdo.startswith("r")
 
     @property
     def number(self) -> int:
-        """Which of the drive's it is, from 1."""
+        """Number of the PDO, from 1."""
         return int(self.pdo[-1])
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """What of a cycle it carries."""
+        """The cyclic signals that the PDO carries."""
         return tuple(entry.signal for entry in self.objects if entry.signal is not None)
 
 
 def object_of(pdos: tuple[FixedPdo, ...], signal: Signal) -> tuple[int, int] | None:
-    """Return the address of the object that carries a signal; None where none does."""
+    """Return the address of the object that carries a signal; None if there is none."""
     for pdo in pdos:
         for entry in pdo.objects:
             if entry.signal == signal:

@@ -1,4 +1,4 @@
-"""`MonitorConfig`: how the drives' own parameters and temperatures are read, beside the motion."""
+"""`MonitorConfig`: connection that reads the drives' parameters and temperatures during motion."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from config.robot.robot import Temperature
 
 
 class ModbusTls(ConfigModel):
-    """Modbus/TCP Security: both sides show certificates (Modbus/TCP Security v3.6, 3.1).
+    """Modbus/TCP Security: both sides present certificates (Modbus/TCP Security v3.6, 3.1).
 
-    Paths are relative to where the program runs. `server_name` is what the drive's certificate must
-    say; the host where left out.
+    Paths are relative to the folder in which the program runs. `server_name` is the expected name
+    in the drive's certificate; by default it is the host.
     """
 
     ca_file: str = Field(min_length=1)
@@ -25,12 +25,12 @@ class ModbusTls(ConfigModel):
     @model_validator(mode="after")
     def _pair(self) -> ModbusTls:
         if (self.certificate_file is None) != (self.key_file is None):
-            raise ValueError("certificate_file and key_file belong together: give both or none")
+            raise ValueError("certificate_file and key_file belong together; give both or neither")
         return self
 
 
 class ModbusTcp(ConfigModel):
-    """Drives, or a gateway before them, on a network; the usual port is 502, with TLS 802."""
+    """Drives, or a gateway to them, on a network; the usual port is 502, with TLS 802."""
 
     kind: Literal["tcp"]
     host: str = Field(min_length=1, max_length=253)
@@ -49,11 +49,11 @@ class ModbusRtu(ConfigModel):
 
 
 class MonitorConfig(ConfigModel):
-    """What is polled, how often, and from whom.
+    """The drives that are polled, the quantities and the period.
 
-    `units` are the Modbus addresses of the drives, one an axis, in the order of `axes`. `profile`
+    `units` are the Modbus addresses of the drives, one per axis, in the order of `axes`. `profile`
     names a bundled file or gives a path relative to the cell file. A request that is not answered
-    within `timeout_s` is given up; what comes of it later is thrown away.
+    within `timeout_s` is abandoned; a later answer is discarded.
     """
 
     link: Annotated[ModbusTcp | ModbusRtu, Field(discriminator="kind")]
@@ -66,5 +66,5 @@ class MonitorConfig(ConfigModel):
     @model_validator(mode="after")
     def _units_differ(self) -> MonitorConfig:
         if len(set(self.units)) != len(self.units):
-            raise ValueError("units names an address twice")
+            raise ValueError("units names an address twice; give each drive its own")
         return self

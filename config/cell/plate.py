@@ -1,7 +1,7 @@
-"""`PlateConfig`: the force plate under the robot, and `AmplifierConfig`: what carries its charges.
+"""`PlateConfig`: the force plate under the robot; `AmplifierConfig`: its charge amplifier.
 
-The channels are fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4, in this order, wherever eight values
-stand in a row.
+The channels are fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4; every array of eight values has this
+order.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ ThreeMoments = tuple[Moment, Moment, Moment]
 
 
 class AmplifierConfig(ConfigModel):
-    """An eight-channel charge amplifier on a serial line, and how it is to be set.
+    """An eight-channel charge amplifier on a serial line, with its settings.
 
     `address` is anything that pyserial opens: a device's path, `rfc2217://host:port`,
-    `socket://host:port`. `profile` names a bundled file or gives a path relative to the cell file:
-    the strings and rows that this amplifier speaks. `range_n` is what full scale means on each
-    channel; `sensitivity_pc_n` is the sensors', with its sign, as on their certificate. With
-    `trigger` the SYNC pulse is wired to the amplifier's trigger input: the device time of each
-    edge comes with the rows, and its bytes count on the line.
+    `socket://host:port`. `profile` names a bundled file or gives a path relative to the cell file;
+    it defines the commands and rows of this amplifier. `range_n` is the full scale of each channel;
+    `sensitivity_pc_n` is the sensors', with its sign, as on their certificate. With `trigger` the
+    SYNC pulse is wired to the amplifier's trigger input: the device time of each edge is sent with
+    the rows, and its bytes count on the line.
     """
 
     address: str = Field(min_length=1, max_length=256)
@@ -67,31 +67,31 @@ class AmplifierConfig(ConfigModel):
     def _measurable(self) -> AmplifierConfig:
         if self.low_pass_hz > self.rate_hz / 2.0:
             raise ValueError(
-                f"low_pass_hz is {self.low_pass_hz:g}, above half of rate_hz"
-                f" ({self.rate_hz / 2.0:g} Hz): what lies between is folded into the measurement;"
+                f"low_pass_hz is {self.low_pass_hz:g} Hz, above half of rate_hz"
+                f" ({self.rate_hz / 2.0:g} Hz), so that frequencies between them would alias;"
                 " lower it or raise rate_hz"
             )
         if 0.0 in self.sensitivity_pc_n:
             channel = CHANNEL_NAMES[self.sensitivity_pc_n.index(0.0)]
-            raise ValueError(f"sensitivity_pc_n of {channel} is 0: it would measure nothing")
+            raise ValueError(f"sensitivity_pc_n of {channel} is 0; give the sensor's value")
         return self
 
     @property
     def full_scale_counts(self) -> int:
-        """Counts that stand for `range_n`."""
+        """Counts that correspond to `range_n`."""
         return 1 << (self.bits - 1)
 
     @property
     def newtons_per_count(self) -> Eight:
-        """Force that one count stands for, per channel [N]."""
+        """Force that corresponds to one count, per channel [N]."""
         return tuple(range_n / self.full_scale_counts for range_n in self.range_n)
 
 
 class PlateZero(ConfigModel):
-    """What `rid-daq plate zero` found: each channel's offset and its drift.
+    """Result of `rid-daq plate zero`: each channel's offset and its drift.
 
-    `pose` is where the robot stood at the end of it (rad or m, base to flange), `rest_n` what the
-    channels show there beyond the offset: the moment of gravity.
+    `pose` is the robot's pose at the end of the measurement (rad or m, base to flange). `rest_n` is
+    the reading of the channels in this pose beyond the offset, caused by the moment of gravity.
     """
 
     offset_n: EightOffsets
@@ -101,21 +101,21 @@ class PlateZero(ConfigModel):
 
 
 class PlateLimits(ConfigModel):
-    """What the floor may see: the largest force and moment about the base's axes, either sign."""
+    """Load limits of the floor: the largest force and moment about the base's axes, either sign."""
 
     force_n: ThreeForces
     moment_nm: ThreeMoments
 
 
 class PlateConfig(ConfigModel):
-    """A force plate of four three-component sensors, as C3D's FORCE_PLATFORM type 3 has it.
+    """A force plate of four three-component sensors, as C3D's FORCE_PLATFORM type 3 defines it.
 
-    `a_m` and `b_m` are the sensors' distances from the middle along the plate's x and y; `az0_m`
-    is the sensors' plane seen from the surface, negative: the plate's z points down. All three
-    stand on the plate's certificate. `sensitivity` is the crosstalk: channel readings = matrix
-    times sensor forces. `position_m` and `rotation_rad` (roll, pitch, yaw as in a URDF) put the
-    plate's frame, its origin in the middle of the surface, into the robot's base frame. A period
-    in which a channel drifts faster than `drift_limit_n_s` is not averaged.
+    `a_m` and `b_m` are the sensors' distances from the centre along the plate's x and y. `az0_m` is
+    the position of the sensors' plane relative to the surface; it is negative, because the plate's
+    z points down. All three are on the plate's certificate. `sensitivity` is the crosstalk: channel
+    readings = matrix times sensor forces. `position_m` and `rotation_rad` (roll, pitch, yaw as in a
+    URDF) are the pose of the plate's frame, its origin in the centre of the surface, in the robot's
+    base frame. A period in which a channel drifts faster than `drift_limit_n_s` is not averaged.
     """
 
     a_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
@@ -135,6 +135,7 @@ class PlateConfig(ConfigModel):
             sizes = np.linalg.svd(np.array(self.sensitivity), compute_uv=False)
             if sizes[-1] * WORST_CROSSTALK < sizes[0]:
                 raise ValueError(
-                    "sensitivity cannot be undone: its rows, one a channel, are not independent"
+                    "sensitivity cannot be inverted, because its rows, one per channel, are not"
+                    " independent; correct it"
                 )
         return self

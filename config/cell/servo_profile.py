@@ -1,7 +1,8 @@
-"""`ServoProfile`: which objects a family of servo drives uses, and what their numbers mean.
+"""`ServoProfile`: the objects that a family of servo drives uses, and the units of their numbers.
 
-Data, so that another maker's drive is another file. What a drive must hold before motion stands in
-`drivers/servo/requirements.py`; this is what differs between drives that keep to CiA 402.
+A profile is data, so that a drive of another maker only needs another file. It describes how drives
+that follow CiA 402 differ. `drivers/servo/requirements.py` defines the values that a drive must
+have before motion.
 """
 
 from __future__ import annotations
@@ -38,19 +39,19 @@ _STATUSWORD: Final = "6041h:00"
 _MAKERS_STATUS_BITS: Final = 1 << 8 | 1 << 14 | 1 << 15
 _INCREMENTS: Final = ("increments_per_s", 1.0)
 RATINGS_AGREE: Final = 1.6
-"""By which factor the torque constant may differ from rated torque over rated current."""
+"""Largest factor between the torque constant and the rated torque over the rated current."""
 _TENTHS: Final = {"0.1rpm": 10.0}
 
 
 BY_RAMP: Final[tuple[Mode, ...]] = ("profile_velocity", "makers")
-"""Modes in which the drive's own ramp, by 6083h and 6084h, leads to each velocity."""
+"""Modes in which the drive ramps to each velocity, by its 6083h and 6084h."""
 
 
 class TorqueObject(ConfigModel):
     """An object that holds a torque or a current.
 
-    `units` of its numbers are the rated torque, the rated current, or one ampere. `asked`: no PDO
-    can carry it, and it is asked for by SDO after every SYNC.
+    `of` is the unit, of which `units` counts are one: the rated torque, the rated current, or one
+    ampere. `asked` is true if no PDO can carry the object; it is then read by SDO after every SYNC.
     """
 
     object: ObjectName
@@ -61,9 +62,9 @@ class TorqueObject(ConfigModel):
 
 
 class ExtraSetting(ConfigModel):
-    """An object of the maker's, or of an older profile, that must hold a value.
+    """An object of the manufacturer, or of an older profile, that must hold a value.
 
-    With `written: false` it is left to the drive to be right.
+    With `written: false` the value is only compared.
     """
 
     object: ObjectName
@@ -73,11 +74,11 @@ class ExtraSetting(ConfigModel):
 
 
 class ReferencedBits(ConfigModel):
-    """Bits of an object that say that a drive has been homed since its encoder lost its position.
+    """Bits of an object that report whether a drive was homed since its encoder lost position.
 
-    The drive is referenced if the object, masked by `mask`, is `value`; without `value`, if all
+    The drive is referenced if the object, masked by `mask`, equals `value`; without `value`, if all
     bits of the mask are set. Of 6041h only bits 8, 14 and 15 can be used: CiA 402 leaves no other
-    to the manufacturer, and bit 12 means "homing attained" in homing mode alone.
+    bit to the manufacturer, and bit 12 means "homing attained" only in homing mode.
     """
 
     object: ObjectName
@@ -88,9 +89,13 @@ class ReferencedBits(ConfigModel):
     @model_validator(mode="after")
     def _within_object(self) -> Self:
         if self.mask >> self.bits:
-            raise ValueError(f"mask {self.mask} does not fit the object's {self.bits} bits")
+            raise ValueError(
+                f"mask {self.mask} does not fit the object's {self.bits} bits; correct mask or bits"
+            )
         if self.wanted & ~self.mask:
-            raise ValueError(f"value {self.wanted} has bits outside mask {self.mask}")
+            raise ValueError(
+                f"value {self.wanted} has bits outside mask {self.mask}; correct one of them"
+            )
         if self.object == _STATUSWORD and self.mask & ~_MAKERS_STATUS_BITS:
             raise ValueError(
                 f"mask {self.mask} of 6041h uses bits that CiA 402 defines; use bit 8 (256),"
@@ -100,47 +105,49 @@ class ReferencedBits(ConfigModel):
 
     @property
     def wanted(self) -> int:
-        """The masked bits of a drive that is referenced."""
+        """The masked bits of a referenced drive."""
         return self.mask if self.value is None else self.value
 
 
 class ServoProfile(ConfigModel):
-    """One family of drives, or what a cell file adds for one drive.
+    """One family of drives, or the keys that a cell file adds for one drive.
 
-    Keys that are left out are those of `base`, a bundled profile; without it, what CiA 402 says.
+    Keys that are left out come from `base`, a bundled profile; without it, from CiA 402.
 
-    `mode` is one of CiA 402's: 9, 3, 8 or 7 in 6060h; or the maker's own -1, in which `pdos` say
-    what is told a velocity. A drive that follows positions is told the sum of its velocities, in
-    increments.
-    `encoder_increments`, units of 6064h in a motor revolution, stand for 608Fh; `rated_torque_nm`
-    for 6076h, of whose numbers `rated_torque_units` are 1 N m; `rated_current_a` for 6075h. A drive
-    that tells a current in place of a torque needs `torque_constant_nm_per_a`, the motor's.
+    `mode` is one of CiA 402's, which are 9, 3, 8 or 7 in 6060h, or the manufacturer's own -1; for
+    the latter, `pdos` name the object that receives the velocity. A drive in a position mode
+    receives the sum of its velocities, in increments.
+    `encoder_increments`, units of 6064h per motor revolution, replaces 608Fh. `rated_torque_nm`
+    replaces 6076h, in which `rated_torque_units` counts are 1 N m. `rated_current_a` replaces
+    6075h. A drive that reports a current instead of a torque needs the motor's
+    `torque_constant_nm_per_a`.
 
-    `velocity_units` of 60FFh are one `velocity_unit`; `acceleration_units` of 6083h to 6085h are
-    one `acceleration_unit` per second, as those of velocity where they are left out.
+    `velocity_units` counts of 60FFh are one `velocity_unit`; `acceleration_units` counts of 6083h
+    to 6085h are one `acceleration_unit` per second. Acceleration keys that are left out are those
+    of velocity.
 
-    `torque` goes into the answer of every cycle. `torque_limit` is written to what the cell's
-    `drive_safety` says, or, with `torque_limit_written: false`, read and shown; null: there is
-    none. `deceleration_rad_s2` is the joint's where the drive has no 6085h that could be set.
+    `torque` is part of every cycle's answer. The cell's `drive_safety` is written to `torque_limit`
+    or, with `torque_limit_written: false`, the limit is only read and shown; null means that there
+    is none. `deceleration_rad_s2` is the joint's deceleration if the drive has no 6085h to set.
 
-    `commands` are taken up at the next SYNC, or, of a drive whose RPDOs know no SYNC, when they
-    come. `pdos` are those of a drive that does not let them be mapped; they are used as they are.
+    `commands` take effect at the next SYNC or, for a drive whose RPDOs ignore SYNC, on arrival.
+    `pdos` are those of a drive that does not let them be mapped; they are used as they are.
 
     `cycle_time_written: false` is for a drive that takes the period of its set-points from SYNC, or
-    from its own tool: 60C2h is then compared if it has it, and not written.
+    from its own tool: 60C2h is then compared, if it exists, and not written.
 
-    `enable_timeout_s` is how long the drive may take from Switch On Disabled to Operation Enabled,
-    brakes and precharge included. `follows_bit: false` is for a drive that never sets bit 12 of
-    6041h (drive follows the command value).
+    `enable_timeout_s` is the longest time from Switch On Disabled to Operation Enabled, including
+    brakes and precharge. `follows_bit: false` is for a drive that never sets bit 12 of 6041h (drive
+    follows the command value).
 
-    `referenced` names the bits that say that the drive has been homed. A drive that says that it is
-    not is refused; without the key, nothing is known of it.
+    `referenced` names the bits that report that the drive has been homed. A drive that reports that
+    it has not is refused; without the key, the state is unknown.
 
-    `watch` is how drive and computer notice each other's silence: by heartbeats (1016h, 1017h), or,
-    of a drive without 1016h, by life guarding (100Ch, 100Dh), in which it is asked for its state.
+    `watch` is how drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
+    for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is requested.
 
-    A simulated drive of the family lacks the objects of `lacks`, does not let those of `read_only`
-    be written, and has those of `settings` besides.
+    A simulated drive of the family lacks the objects of `lacks`, refuses writing to those of
+    `read_only`, and also has those of `settings`.
     """
 
     base: str | None = Field(default=None, min_length=1)
@@ -173,39 +180,39 @@ class ServoProfile(ConfigModel):
     @model_validator(mode="after")
     def _mappable(self) -> Self:
         if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
-            raise ValueError("torque goes into an answer of 8 bytes: bits must be 16")
+            raise ValueError(f"torque.bits is {self.torque.bits}; an answer of 8 bytes needs 16")
         if self.by_position and (self.velocity_unit, self.velocity_units) != _INCREMENTS:
-            raise ValueError("a drive that follows positions is told increments: no velocity_unit")
+            raise ValueError("velocity_unit does not apply to position-mode drives; remove it")
         if self.mode == "makers" and not (self.pdos or self.base):
-            raise ValueError("mode makers: name the PDO that is told the velocity, in pdos")
+            raise ValueError("mode makers needs pdos; name the PDO that receives the velocity")
         _check_ratings(self.rated_torque_nm, self.rated_current_a, self.torque_constant_nm_per_a)
         if self.pdos:
             _check_pdos(self.pdos, self.torque, complete=self.base is None)
         return self
 
     def on(self, base: ServoProfile) -> ServoProfile:
-        """Return this profile with what it leaves out taken from another."""
-        said = {name: getattr(self, name) for name in self.model_fields_set}
-        return base.model_copy(update=said | {"base": None})
+        """Return this profile with its missing keys taken from another."""
+        own_keys = {name: getattr(self, name) for name in self.model_fields_set}
+        return base.model_copy(update=own_keys | {"base": None})
 
     @property
     def spread(self) -> bool:
-        """Whether what a cycle tells of the drive comes in more than one frame."""
+        """True if the drive's data of one cycle are in more than one frame."""
         return bool(self.pdos) or self.torque.asked
 
     @property
     def by_ramp(self) -> bool:
-        """Whether the drive's own ramp leads to each velocity."""
+        """True if the drive ramps to each velocity."""
         return self.mode in BY_RAMP
 
     @property
     def by_position(self) -> bool:
-        """Whether the drive is told positions."""
+        """True if the drive receives positions."""
         return self.mode in BY_POSITION
 
     @property
     def sets_increments(self) -> bool:
-        """Whether 608Fh is set, as a factor, and does not tell the encoder."""
+        """True if 608Fh is set as a factor, so that it does not describe the encoder."""
         return any(extra.object.startswith("608Fh") for extra in self.settings)
 
     @property
@@ -228,15 +235,15 @@ def _per(unit: VelocityUnit, units: float) -> tuple[float, float]:
 
 
 def _check_ratings(torque: float | None, current: float | None, constant: float | None) -> None:
-    """Refuse three ratings of a motor of which one contradicts the others.
+    """Refuse ratings of a motor that contradict each other.
 
-    The torque constant is the rated torque over the rated current, but for the motor's losses.
+    The torque constant is the rated torque over the rated current, except for the motor's losses.
     """
     if torque is None or current is None or constant is None:
         return
     if not 1.0 / RATINGS_AGREE <= constant * current / torque <= RATINGS_AGREE:
         raise ValueError(
-            f"the motor's ratings contradict one another: {torque:g} N m / {current:g} A ="
+            f"the motor's ratings contradict each other: {torque:g} N m / {current:g} A ="
             f" {torque / current:.3g} N m/A, not {constant:g} N m/A; correct the wrong one by the"
             " motor's data sheet (effective and peak values differ by 1.41)"
         )
@@ -248,9 +255,11 @@ def _check_pdos(pdos: tuple[FixedPdo, ...], torque: TorqueObject, *, complete: b
     if torque.asked:
         wanted.remove("torque")
     if len({pdo.pdo for pdo in pdos}) < len(pdos) or len(set(carried)) < len(carried):
-        raise ValueError("pdos: each PDO, and each signal, is named once")
+        raise ValueError("pdos names a PDO or a signal twice; name each once")
     if complete and set(carried) != set(wanted):
-        raise ValueError(f"pdos must carry {', '.join(wanted)}; they carry {', '.join(carried)}")
-    told = object_of(pdos, "torque")
-    if complete and told not in (None, object_address(torque.object)):
-        raise ValueError(f"pdos: the torque is {torque.object}, which they do not carry as such")
+        raise ValueError(f"pdos must carry {', '.join(wanted)}, but carry {', '.join(carried)}")
+    carrier = object_of(pdos, "torque")
+    if complete and carrier not in (None, object_address(torque.object)):
+        raise ValueError(
+            f"pdos do not carry {torque.object} as signal torque; correct pdos or torque.object"
+        )

@@ -1,5 +1,5 @@
-"""Bytes to trees: YAML, JSON, XML, URDF and EDS, read within bounds and with file and line.
+"""Conversion of bytes to trees: YAML, JSON, XML, URDF and EDS, size-limited, with line numbers.
 
-Formats alone; what a key means stands in the rooms of the schemas. Begin with `bounded_file.py`,
-which every reader goes through, and `yaml_tree.py`.
+Only file formats; the meaning of keys is defined by the schemas elsewhere in `config`. Begin with
+`bounded_file.py`, which every reader uses, and `yaml_tree.py`.
 """

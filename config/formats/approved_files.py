@@ -1,7 +1,7 @@
-"""The files that a job was accepted with: what the job reads of them must be the same bytes.
+"""Hashes of the files that a job was accepted with, to detect files that changed since.
 
-A process has one list, empty unless something was approved. `read_file` asks it, so that no reader
-of files can go round it.
+A process has one list, empty unless files were approved. `read_file` checks it, so that every
+reader of files is covered.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from config.errors import ConfigError
 
 CODE: Final = "RID-JOB-FILES"
 SHORT: Final = 12
-"""Digits of a SHA-256 that people are shown."""
+"""Number of SHA-256 digits shown to people."""
 
 _approved: dict[str, str] = {}
 
 
 def approve_files(hashes: Mapping[str, str]) -> None:
-    """Approve files for all further reads of this process; others may be read as they are.
+    """Approve files for all further reads of this process; files not listed are not checked.
 
     Args:
         hashes: The SHA-256 of each file, by its path.
@@ -32,10 +32,10 @@ def approve_files(hashes: Mapping[str, str]) -> None:
 
 
 def require_approved(path: Path, content: bytes) -> None:
-    """Refuse bytes of an approved file that are not those that were approved.
+    """Refuse an approved file whose bytes differ from the approved ones.
 
     Raises:
-        ConfigError: They differ.
+        ConfigError: The bytes differ.
     """
     approved = _approved.get(os.path.abspath(path)) if _approved else None
     if approved is None:
@@ -44,12 +44,12 @@ def require_approved(path: Path, content: bytes) -> None:
     if found != approved:
         raise ConfigError(
             f"{path}: has changed since the job was accepted (SHA-256 {approved[:SHORT]} then,"
-            f" {found[:SHORT]} now): nothing was moved; check the cell if the file is one of its"
-            " own, and begin the job again",
+            f" {found[:SHORT]} now); nothing was moved. Check the cell if this is one of its"
+            " files, and start the job again",
             code=CODE,
         )
 
 
 def sha256_of(content: bytes) -> str:
-    """Return the SHA-256 of bytes, in hexadecimal digits."""
+    """Return the SHA-256 of bytes as hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()

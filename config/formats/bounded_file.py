@@ -1,4 +1,4 @@
-"""`open_file`, `read_file`: a file's bytes, its size looked at before any of it is read."""
+"""`open_file`, `read_file`: a file's bytes, with its size checked before reading."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from config.formats.approved_files import require_approved
 
 @contextlib.contextmanager
 def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Iterator[BinaryIO]:
-    """Open a file for reading, its kind and size looked at first.
+    """Open a file for reading after checking its type and size.
 
-    What is opened is what is looked at: a file that is replaced meanwhile changes nothing. A pipe,
-    a device or a folder is refused without waiting for it.
+    The check applies to the opened file: replacing the path meanwhile has no effect. A pipe, a
+    device or a folder is refused without blocking.
 
     Args:
         path: The file.
-        most_bytes: The largest size that such a file can have.
+        most_bytes: The largest allowed size.
         follow_link: Whether the last part of the path may be a symbolic link.
 
     Raises:
-        OSError: It cannot be read, is no file, or is larger; `strerror` says which in words.
+        OSError: It cannot be read, is not a file, or is larger; `strerror` explains which.
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow_link else os.O_NOFOLLOW)
     try:
@@ -36,9 +36,9 @@ def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Itera
     try:
         about = os.fstat(descriptor)
         if not stat.S_ISREG(about.st_mode):
-            raise OSError(errno.EINVAL, "is no file; name a file", str(path))
+            raise OSError(errno.EINVAL, "is not a file; name a file", str(path))
         if about.st_size > most_bytes:
-            larger = f"is larger than the {_size(most_bytes)} that such a file has at most"
+            larger = f"is larger than the largest size of such a file, {_size(most_bytes)}"
             raise OSError(errno.EFBIG, larger, str(path))
         with open(descriptor, "rb", closefd=False) as file:
             yield file
@@ -47,19 +47,19 @@ def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Itera
 
 
 def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes:
-    """Return the bytes that a file has when it is opened; one that grows meanwhile is cut there.
+    """Return a file's bytes up to its size at opening, even if it grows meanwhile.
 
     Arguments and errors are those of `open_file`, and of `require_approved`.
     """
     with open_file(path, most_bytes, follow_link=follow_link) as file:
         size = os.fstat(file.fileno()).st_size
-        content = file.read(size + 1)[:size]  # one more: a bad disk says so
+        content = file.read(size + 1)[:size]  # reading one byte more reveals a bad disk
     require_approved(path, content)
     return content
 
 
 def _size(count: int) -> str:
-    """Return a number of bytes for people."""
+    """Return a number of bytes in GB, MB or kB."""
     for unit, factor in (("GB", 10**9), ("MB", 10**6)):
         if count >= factor:
             return f"{count / factor:.3g} {unit}"

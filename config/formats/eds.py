@@ -1,9 +1,9 @@
-"""`ElectronicDataSheet`: what a CANopen device is and which objects it has, by its EDS or DCF file.
+"""`ElectronicDataSheet`: identity and objects of a CANopen device, from its EDS or DCF file.
 
-Source: CiA 306-1. Vendors' files differ from it, so sections, keys and counters that are missing
-or not known are passed over, and objects are taken from their own sections rather than from the
-lists. What is read, on the other hand, must be what it should be: the error has file and line. A
-value or limit that cannot be read is kept as a fault of its object: many have one somewhere.
+Source: CiA 306-1. Vendors' files differ from it. Missing or unknown sections, keys and counters are
+therefore skipped, and objects are read from their own sections and not from the lists. Anything
+that is read must be valid; an error names file and line. A value or limit that cannot be read is
+stored as a fault of its object, because many files contain one.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ElectronicDataSheet:
-    """A device type, or with `node_id` one configured device (DCF); None is what it does not say.
+    """Description of a device type or, with `node_id`, of one device (DCF); None means not stated.
 
     Attributes:
-        name: What the file is called in messages.
-        sha256: Of the file's bytes.
-        vendor, product, revision: VendorNumber, ProductNumber and RevisionNumber: what 1018h should
-            answer.
-        vendor_name, product_name: As they stand in the file: escape them before they are shown.
-        node_id: Of a DCF: the device that it configures.
-        objects: By index and sub-index, in that order.
+        name: Name of the file in messages.
+        sha256: Hash of the file's bytes.
+        vendor, product, revision: VendorNumber, ProductNumber and RevisionNumber, the expected
+            content of 1018h.
+        vendor_name, product_name: Unescaped text of the file: escape it before showing it.
+        node_id: Node id of the device that a DCF configures.
+        objects: Sorted by index and sub-index.
     """
 
     name: str
@@ -66,15 +66,17 @@ class ElectronicDataSheet:
         for number in (self.vendor, self.product, self.revision):
             if number is not None and not 0 <= number < 1 << 32:
                 raise ConfigError(
-                    f"{self.name}: {number} does not fit 1018h, of 32 bits", code="RID-EDS-INVALID"
+                    f"{self.name}: {number} does not fit the 32 bits of 1018h; correct the file",
+                    code="RID-EDS-INVALID",
                 )
         if self.node_id is not None and not 1 <= self.node_id <= 127:
             raise ConfigError(
-                f"{self.name}: node id {self.node_id} is not 1 to 127", code="RID-EDS-INVALID"
+                f"{self.name}: node id {self.node_id} is outside 1 to 127; correct the file",
+                code="RID-EDS-INVALID",
             )
         if len(self._by_address) != len(self.objects):
             raise ConfigError(
-                f"{self.name}: two objects have the same index and sub-index",
+                f"{self.name}: two objects have the same index and sub-index; remove one",
                 code="RID-EDS-INVALID",
             )
 
@@ -84,12 +86,12 @@ class ElectronicDataSheet:
 
     @property
     def faults(self) -> tuple[EdsFault, ...]:
-        """The values that cannot be read, each once."""
+        """The values that cannot be read, without duplicates."""
         faults = dict.fromkeys(fault for item in self.objects for fault in item.faults)
         return tuple(sorted(faults, key=lambda fault: fault.line))
 
     def get(self, index: int, subindex: int) -> EdsObject | None:
-        """Return an object; None where the EDS does not have it."""
+        """Return an object; None if the EDS does not contain it."""
         return self._by_address.get((index, subindex))
 
 
@@ -98,23 +100,24 @@ def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
 
     Args:
         data: The file's bytes, at most 4 MB.
-        name: What to call the file in messages.
+        name: Name of the file in messages.
 
     Raises:
-        ConfigError: The file is no data sheet, or a line of it is invalid; the message has
+        ConfigError: The file is not a data sheet, or a line is invalid; the message has
             `name:line`.
     """
     reader = _Reader(name, parse_sections(data, name))
     info = reader.sections.get("deviceinfo")
     if info is None:
         raise ConfigError(
-            f"{name}: there is no [DeviceInfo]; is it an electronic data sheet (EDS or DCF)?",
+            f"{name}: section [DeviceInfo] is missing; is it an electronic data sheet (EDS or"
+            " DCF)?",
             code="RID-FILE-TYPE",
         )
     objects = reader.objects()
     if not objects:
         raise ConfigError(
-            f"{name}: there is no object in it, such as [1000]; is it the whole file?",
+            f"{name}: it contains no object, such as [1000]; is it the whole file?",
             code="RID-FILE-TYPE",
         )
     return ElectronicDataSheet(
@@ -151,7 +154,7 @@ class _Reader:
             refuse(
                 self.name,
                 entry.line,
-                f"{entry.key} of [{section.name}] is {shown(entry.text)}; it is {allowed[0]} to"
+                f"{entry.key} of [{section.name}] is {shown(entry.text)}; give {allowed[0]} to"
                 f" {allowed[-1]:#x}",
             )
         return number
@@ -185,7 +188,7 @@ class _Reader:
         return tuple(found[address] for address in sorted(found))
 
     def _of_parent(self, section: EdsSection, index: int, *, composed: bool) -> Iterable[EdsObject]:
-        """Return the objects that [1018] itself describes: one, or an array written compactly."""
+        """Return the objects that [1018] itself describes: one object, or a compact array."""
         kind = self.integer(section, "objecttype", range(0x100))
         compact = self.integer(section, "compactsubobj", range(0x100)) or 0
         if compact:
@@ -195,13 +198,13 @@ class _Reader:
         if composed or kind in (_ARRAY, _RECORD, *_NO_OBJECTS):
             return ()
         if kind not in (None, _VAR, _DOMAIN):
-            self._refuse_key(section, "objecttype", "no kind of object: 0x7, 0x8 or 0x9 is usual")
+            self._refuse_key(section, "objecttype", "unknown kind of object; use 0x7, 0x8 or 0x9")
         if kind is None and section.get("subnumber") is not None:
             return ()
         return (self._object(section, index, 0),)
 
     def _array(self, section: EdsSection, index: int, count: int) -> list[EdsObject]:
-        """Return an array written with CompactSubObj (CiA 306-1, 4.6.3.3) and its names."""
+        """Return the objects of an array with CompactSubObj (CiA 306-1, 4.6.3.3)."""
         first = self._object(section, index, 1)
         names = self.sections.get(f"{section.name.lower()}name")
         values = self.sections.get(f"{section.name.lower()}value")
@@ -273,7 +276,7 @@ class _Reader:
 def _tried(
     section: EdsSection, key: str, parse: Callable[[str], T], faults: list[EdsFault]
 ) -> T | None:
-    """Return the value of a key; None where there is none, or none that can be read."""
+    """Return the value of a key; None if it is missing or cannot be read."""
     entry = section.get(key)
     if entry is None:
         return None

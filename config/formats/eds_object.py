@@ -71,7 +71,7 @@ _BITS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class EdsValue:
-    """A value in a data sheet; that of an identifier may be counted from the node id."""
+    """A value in a data sheet; an identifier may be relative to the node id."""
 
     content: int | float | str
     adds_node_id: bool = False
@@ -79,14 +79,14 @@ class EdsValue:
     def __post_init__(self) -> None:
         if self.adds_node_id and not isinstance(self.content, int):
             raise ConfigError(
-                f"$NODEID and {self.content!r}: it can be added to a whole number only",
+                f"$NODEID and {self.content!r}: $NODEID can only be added to a whole number",
                 code="RID-EDS-INVALID",
             )
         if isinstance(self.content, float) and not math.isfinite(self.content):
             raise ConfigError(f"{self.content} is not a finite number", code="RID-EDS-INVALID")
 
     def of_node(self, node_id: int) -> int | float | str:
-        """Return the value in the device with this node id."""
+        """Return the value for a device with this node id."""
         if self.adds_node_id and isinstance(self.content, int):
             return self.content + node_id
         return self.content
@@ -94,7 +94,7 @@ class EdsValue:
 
 @dataclass(frozen=True, slots=True)
 class EdsFault:
-    """A value that cannot be read, and the line that it stands in."""
+    """A value that cannot be read, with its line."""
 
     line: int
     text: str
@@ -102,19 +102,19 @@ class EdsFault:
 
 @dataclass(frozen=True, slots=True)
 class EdsObject:
-    """One object; None is what the EDS does not say, or not so that it can be read.
+    """One object; None means that the EDS does not state a value, or states an unreadable one.
 
     Attributes:
         index, subindex: The address.
-        name: What the vendor calls it, as it stands in the file: escape it before it is shown.
-        line: Where its section begins.
-        data_type: A `DataType`, or a number of the vendor's own.
-        access: How SDO may use it; `rwr` and `rww` say which PDOs may carry it, too.
+        name: Unescaped name in the file: escape it before showing it.
+        line: First line of its section.
+        data_type: A `DataType`, or a vendor-specific number.
+        access: Access by SDO; `rwr` and `rww` also state which PDOs may carry the object.
         mappable: Whether a PDO may carry it.
         default: Its value after a reset.
-        value: What it is configured to be, in a DCF.
+        value: Its configured value, in a DCF.
         low, high: LowLimit and HighLimit as written.
-        faults: Its values and limits that cannot be read: no matter, unless the object is used.
+        faults: Its values and limits that cannot be read; they matter only if the object is used.
     """
 
     index: int
@@ -133,23 +133,23 @@ class EdsObject:
     def __post_init__(self) -> None:
         if not (0 <= self.index <= 0xFFFF and 0 <= self.subindex <= 0xFF):
             raise ConfigError(
-                f"{self.index:X}h:{self.subindex:X} is no address of an object",
+                f"{self.index:X}h:{self.subindex:X} is not a valid object address; correct it",
                 code="RID-EDS-INVALID",
             )
         if self.access is not None and self.access not in ACCESSES:
             raise ConfigError(
-                f"access {self.access!r}; it is one of {', '.join(ACCESSES)}",
+                f"access {self.access!r} is unknown; use one of {', '.join(ACCESSES)}",
                 code="RID-EDS-INVALID",
             )
 
     @property
     def bits(self) -> int | None:
-        """Its length [bit]; None for texts, domains and types that are not known."""
+        """Its length [bit]; None for texts, domains and unknown types."""
         return None if self.data_type is None else _BITS.get(self.data_type)
 
     @property
     def limits(self) -> tuple[int | float, int | float]:
-        """The least and the greatest value; limits of 0 and 0, or turned round, say nothing."""
+        """The lowest and the highest value; limits that are both 0, or reversed, are ignored."""
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         return (low, high) if low < high or low == high != 0 else (-math.inf, math.inf)
@@ -171,10 +171,10 @@ class EdsObject:
 
 
 def parse_integer(text: str) -> int:
-    """Return a number as CiA 306 has it: decimal, hexadecimal (0x) or octal (a leading 0).
+    """Return an integer in the notation of CiA 306: decimal, hexadecimal (0x), octal (leading 0).
 
     Raises:
-        ConfigError: It is none, or has more digits than any object could hold.
+        ConfigError: It is not an integer, or has more digits than any object can hold.
     """
     if len(text) > MAX_DIGITS:
         raise ConfigError(
@@ -187,7 +187,7 @@ def parse_integer(text: str) -> int:
     if _OCTAL.fullmatch(text):
         return int(text, 8)
     raise ConfigError(
-        f"{text!r} is not a whole number: write it decimal, or hexadecimal with 0x",
+        f"{text!r} is not a whole number; write it decimal, or hexadecimal with 0x",
         code="RID-EDS-INVALID",
     )
 
@@ -195,10 +195,11 @@ def parse_integer(text: str) -> int:
 def parse_value(text: str, data_type: int | None) -> EdsValue:
     """Return a DefaultValue or ParameterValue of an object of this type.
 
-    Of types that hold no number the text is kept. A signed one may be written by its bits (0xFFFF).
+    For a type that is not a number, the text is returned. A signed number may be written as its
+    bits (0xFFFF).
 
     Raises:
-        ConfigError: It is no value of the type.
+        ConfigError: The text is not a value of the type.
     """
     if data_type in REAL_BITS:
         return EdsValue(_real(text, REAL_BITS[data_type]))
@@ -218,7 +219,7 @@ def parse_value(text: str, data_type: int | None) -> EdsValue:
 def parse_limit(text: str, data_type: int | None) -> int | float | None:
     """Return a LowLimit or HighLimit; None for types without an order. Raises as `parse_value`.
 
-    One beyond what the type can hold is no mistake: it limits nothing.
+    A limit beyond the range of the type is valid; it has no effect.
     """
     if data_type in REAL_BITS:
         return _real(text, REAL_BITS[data_type])
@@ -230,17 +231,17 @@ def parse_limit(text: str, data_type: int | None) -> int | float | None:
 
 
 def is_signed(data_type: int) -> bool:
-    """Return whether a type holds negative whole numbers."""
+    """Return whether a type is a signed integer."""
     return data_type in INTEGER_BITS and DataType(data_type).name.startswith("INTEGER")
 
 
 def _by_bits(value: int, bits: int) -> int:
-    """Read a number as two's complement where it was written by its bits."""
+    """Return the signed value of a number that was written as its bits (two's complement)."""
     return value - (1 << bits) if 1 << bits - 1 <= value < 1 << bits else value
 
 
 def _without_node_id(text: str) -> tuple[str, bool]:
-    """Return `$NODEID+0x200`, or `0x200+$NODEID`, as its number and True."""
+    """Return the number in `$NODEID+0x200` or `0x200+$NODEID` and True; else the text and False."""
     plain = "".join(text.split())
     upper = plain.upper()
     if "$NODEID" not in upper:
@@ -255,7 +256,7 @@ def _without_node_id(text: str) -> tuple[str, bool]:
 
 
 def _real(text: str, bits: int) -> float:
-    """Return a real number, written in decimals or by its bits in hexadecimal."""
+    """Return a real number, written in decimals or as its bits in hexadecimal."""
     if len(text) > 64:
         raise ConfigError(
             f"{text[:MAX_DIGITS]!r}… has too many digits for a number", code="RID-EDS-INVALID"

@@ -1,8 +1,8 @@
-"""The text of an electronic data sheet: its sections and keys, with the lines that they stand in.
+"""Text of an electronic data sheet: its sections and keys, with their line numbers.
 
 The INI dialect of CiA 306-1, 4.2, as vendors write it: any case, spaces around keys and values,
-comments behind `;`, any line ends, UTF-8 or Latin-1. Only sections and keys that are read are kept;
-in other sections, and there are many of vendors' own, anything may stand.
+comments after `;`, any line ends, UTF-8 or Latin-1. Only known sections and keys are kept. Other
+sections, which are mostly vendor-specific, may contain anything.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MAX_LINE_CHARACTERS = 4096
 MAX_SECTIONS = 30_000
 
 _SHOWN = 40
-_PLACE_DIGITS = 3  # a number as key: one of a compact array's objects
+_PLACE_DIGITS = 3  # a number as a key denotes an object of a compact array
 _KEYS = frozenset(
     (
         "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "nodeid",
@@ -35,7 +35,7 @@ _READ = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class EdsEntry:
-    """A key as it is spelt, its value, and its line, counted from 1."""
+    """A key in its original case, its value, and its line, counted from 1."""
 
     key: str
     text: str
@@ -44,29 +44,29 @@ class EdsEntry:
 
 @dataclass(frozen=True)
 class EdsSection:
-    """A section as it is spelt, where it begins, and its entries by their keys in lower case."""
+    """A section in its original case, its first line, and its entries by keys in lower case."""
 
     name: str
     line: int
     entries: dict[str, EdsEntry] = field(default_factory=dict)
 
     def get(self, key: str) -> EdsEntry | None:
-        """Return the entry of a key in lower case; None where it is missing or empty."""
+        """Return the entry of a key in lower case; None if it is missing or empty."""
         entry = self.entries.get(key)
         return entry if entry is not None and entry.text else None
 
 
 def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
-    """Return the sections that are read of a data sheet, by their names in lower case.
+    """Return the known sections of a data sheet, by their names in lower case.
 
-    Those are the device's description, its commissioning (of a DCF), and every object's.
+    These are the device information, the commissioning (of a DCF) and the objects.
 
     Args:
         data: The file's bytes.
-        name: What to call the file in messages.
+        name: Name of the file in messages.
 
     Raises:
-        ConfigError: The file is too large, is no text, or a line of it is invalid; the message has
+        ConfigError: The file is too large, is not text, or a line is invalid; the message has
             `name:line`.
     """
     if len(data) > MAX_BYTES:
@@ -83,13 +83,15 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
             continue
         if len(line) > MAX_LINE_CHARACTERS:
             refuse(
-                name, number, f"{len(line)} characters; a line has at most {MAX_LINE_CHARACTERS}"
+                name,
+                number,
+                f"the line has {len(line)} characters, at most {MAX_LINE_CHARACTERS} are allowed",
             )
         if "\0" in line:
             refuse(
                 name,
                 number,
-                "a zero byte: this is no text; save the file as UTF-8",
+                "a zero byte: this is not a text file; save it as UTF-8",
                 "RID-FILE-TYPE",
             )
         if line[0] == "[":
@@ -104,19 +106,19 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
             refuse(
                 name,
                 number,
-                f"{shown(line)} stands before the first [section]; is it a data sheet (EDS, DCF)?",
+                f"{shown(line)} is before the first [section]; is it a data sheet (EDS, DCF)?",
                 "RID-FILE-TYPE",
             )
     return sections
 
 
 def refuse(name: str, line: int, problem: str, code: str = "RID-EDS-INVALID") -> NoReturn:
-    """Raise a `ConfigError` that says file and line."""
+    """Raise a `ConfigError` that names file and line."""
     raise ConfigError(f"{name}:{line}: {problem}", code=code)
 
 
 def shown(text: str) -> str:
-    """Return text of a file in quotes, cut, with everything escaped that is not printable."""
+    """Return text of a file in quotes, shortened, with non-printable characters escaped."""
     return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}…"
 
 
@@ -132,7 +134,7 @@ def _title(line: str, name: str, number: int) -> str:
     if not closed:
         refuse(name, number, f"{shown(line)} has no closing ]; write [section]")
     if rest.strip()[:1] not in ("", ";", "#"):
-        refuse(name, number, f"{shown(rest)} stands behind [section]; put it on a line of its own")
+        refuse(name, number, f"{shown(rest)} follows [section]; put it on a line of its own")
     return title.strip()
 
 
@@ -145,7 +147,7 @@ def _begin(sections: dict[str, EdsSection], title: str, name: str, number: int) 
         refuse(
             name,
             number,
-            f"[{title}] stands here a second time, first in line {earlier.line}; remove one",
+            f"[{title}] is a duplicate of line {earlier.line}; remove one",
             "RID-FILE-DUPLICATE",
         )
     if len(sections) == MAX_SECTIONS:
@@ -169,14 +171,14 @@ def _enter(section: EdsSection, line: str, name: str, number: int) -> None:
         refuse(
             name,
             number,
-            f"{shown(key)} stands in [{section.name}] a second time with another value, first in"
-            f" line {earlier.line}; remove one",
+            f"{shown(key)} in [{section.name}] is a duplicate of line {earlier.line} with another"
+            " value; remove one",
             "RID-FILE-DUPLICATE",
         )
     section.entries.setdefault(lower, EdsEntry(key, text, number))
 
 
 def _without_comment(line: str) -> str:
-    """Cut a comment off that ends a line: a `;` behind a space."""
+    """Remove a comment at the end of a line: a `;` after a space."""
     comment = _COMMENT.search(line)
     return line if comment is None else line[: comment.start()].rstrip()

@@ -1,4 +1,4 @@
-"""Which kind of file one is, by its keys or its first bytes: said where another was wanted."""
+"""Guess of a file's type from its keys or magic bytes, for errors about a wrong type."""
 
 from __future__ import annotations
 
@@ -49,24 +49,24 @@ _LOOKED_AT: Final = 1 << 16  # bytes
 
 
 def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
-    """Return the one line that says that a file is of another kind than wanted; else none.
+    """Return a one-line error if a file is of another type than expected; else an empty list.
 
     Args:
-        tree: The file, which is not what was wanted.
-        wanted: The name of the model that it was read as.
+        tree: The file, which failed validation.
+        wanted: Name of the model that it was validated against.
     """
     kind = _kind_of(tree.data)
     if kind is None or wanted not in _WANTED or kind == _WANTED[wanted]:
         return []
-    return [f"{tree.name}: this is {kind}; {_WANTED[wanted]} is wanted here"]
+    return [f"{tree.name}: this is {kind}; give {_WANTED[wanted]}"]
 
 
 def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
-    """Return which kind of file some bytes are that could not be read as what was wanted.
+    """Return the probable type of a file that could not be read as the expected type.
 
     Args:
         data: The file.
-        by_keys: Whether its keys count, which tell one YAML file from another.
+        by_keys: Whether to distinguish YAML files by their keys.
     """
     head = data[:_LOOKED_AT]
     for kind, beginning in _BEGINNINGS:
@@ -87,13 +87,13 @@ def _kind_of(data: Any) -> str | None:
 
 
 def _of_document(document: dict[str, Any]) -> str | None:
-    """Return what a file of this program says that it is."""
+    """Return the type that a file of this program states."""
     found = (document_kind(document.get(key)) for key in ("kind", "schema", "format"))
     return next((kind for kind in found if kind is not None), None)
 
 
 def document_kind(stated: object) -> str | None:
-    """Return what a file is that states this kind, version and all; None for no such kind."""
+    """Return the file type for a stated `kind`, any version; None if it is unknown."""
     return _DOCUMENTS.get(re.sub(r" \d+$", "", stated)) if isinstance(stated, str) else None
 
 

@@ -1,4 +1,4 @@
-"""`interval`: a value and how far it may be off, with the digits that people can rely on."""
+"""`interval`: format a value and its uncertainty with the significant digits only."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ _PLAIN = (-5, 6)  # powers of ten that are written without one
 
 
 def interval(value: float, reach: float) -> tuple[str, str]:
-    """Return a value and its interval: the interval to two significant digits, both to the same.
+    """Return a value and its half-width with the same last digit; the latter has two digits.
 
     Args:
-        value, reach: A finite value, and how far its interval reaches to either side; above 0 and
-            finite.
+        value, reach: A finite value, and the half-width of its interval, finite and above 0.
 
     Returns:
-        Such as 9.61 and 0.12, or 1230 and 340.
+        Text such as 9.61 and 0.12, or 1230 and 340.
     """
     last = math.floor(math.log10(float(f"{reach:.1e}"))) - 1  # the place of the last digit
     power = math.floor(math.log10(max(abs(value), reach)))
@@ -30,17 +29,17 @@ def interval(value: float, reach: float) -> tuple[str, str]:
 
 
 def minus(text: str) -> str:
-    """Return a number's text with the sign that print has."""
+    """Return a number's text with the typographic minus sign."""
     return text.replace("-", "\N{MINUS SIGN}")
 
 
 def raised(power: int) -> str:
-    """Return a power as it stands above the line."""
+    """Return an exponent in superscript digits."""
     return str(power).translate(_SUPERSCRIPT)
 
 
 def plus_minus(value: float, reach: float, unit: str) -> str:
-    """Return a value with its interval in one text, as 9.61 ± 0.12 kg."""
+    """Return a value with its interval as one text, such as 9.61 ± 0.12 kg."""
     if not (math.isfinite(value) and math.isfinite(reach) and reach > 0.0):
         return f"{value:.6g} ± {reach:.2g} {unit}".rstrip()
     return f"{' ± '.join(interval(value, reach))} {unit}".rstrip()

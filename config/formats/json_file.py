@@ -1,7 +1,7 @@
-"""JSON text and files to data, without what JSON's readers disagree about.
+"""Strict reading of JSON text and files, without features that JSON readers treat differently.
 
-Refused are numbers that are none (`NaN`, `Infinity`, `1e999`) or that no machine word holds, keys
-that stand twice, half characters, and nesting that ends a reader.
+Refused are non-finite numbers (`NaN`, `Infinity`, `1e999`), integers beyond 64 bits, duplicate
+keys, lone surrogates, and excessive nesting.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def parse_json(data: bytes | str) -> Any:
     """Parse one JSON document.
 
     Raises:
-        ConfigError: The text is not JSON, or uses a part of it that is refused. The message names
-            the key, or line and column, and not the file.
+        ConfigError: The text is not JSON, or uses a refused feature. The message names the key, or
+            line and column, but not the file.
     """
     try:
         text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
@@ -52,7 +52,8 @@ def parse_json(data: bytes | str) -> Any:
         ) from None
     except RecursionError:
         raise ConfigError(
-            f"not valid JSON: nested more than {MAX_DEPTH} deep", code="RID-FILE-SIZE"
+            f"not valid JSON: nested more than {MAX_DEPTH} deep",
+            code="RID-FILE-SIZE",
         ) from None
     _look_through(tree)
     return tree
@@ -63,18 +64,18 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
 
     Args:
         path: The file.
-        model: What stands in it.
-        most_bytes: The largest size that such a file can have.
-        what: What the file is, for the message, as "a payload of `rid-daq payload identify`".
+        model: Model of the content.
+        most_bytes: The largest allowed size.
+        what: Description of the file for the message: "a payload of `rid-daq payload identify`".
 
     Raises:
-        ConfigError: The file cannot be read, or is none; the message has the file and the key.
+        ConfigError: The file cannot be read or is not valid; the message has the file and the key.
     """
     return json_content(read_content(path, most_bytes), path, model, what)
 
 
 def read_content(path: Path, most_bytes: int) -> bytes:
-    """Return a file's bytes, to be read once and kept.
+    """Return a file's bytes, for callers that read a file once and keep it.
 
     Raises:
         ConfigError: The file cannot be read, or is larger than `most_bytes`.
@@ -84,7 +85,7 @@ def read_content(path: Path, most_bytes: int) -> bytes:
 
 
 def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
-    """Return what stands in the bytes of a JSON file; arguments and errors as `read_json_file`."""
+    """Return the content of a JSON file's bytes; arguments and errors as `read_json_file`."""
     try:
         parse_json(data)
         return model.model_validate_json(data)
@@ -102,7 +103,7 @@ def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
 
 
 def _refuse_format(path: Path, error: ErrorDetails, what: str) -> None:
-    """Refuse a file whose first error is that it states another format of its own kind."""
+    """Refuse a file whose first error is another version of its own format."""
     if error["loc"] == ("format",) and error["type"] == "literal_error":
         expected, found = str(error.get("ctx", {}).get("expected")), error["input"]
         if _format_name(expected) == _format_name(repr(found)):
@@ -115,32 +116,30 @@ def _format_name(shown: str) -> str:
 
 
 def other_format(where: str, found: object, expected: object) -> ConfigError:
-    """Return the error for a file of another format than the one that this program reads.
+    """Return the error for a file in a format version that this program does not read.
 
     Args:
-        where: The file and what it is.
-        found, expected: The formats.
+        where: Path and description of the file.
+        found, expected: The format versions.
     """
     return ConfigError(
-        f"{where}: format {str(found)[:80]}, this program reads format {expected} only: write the"
-        " file again with this version",
+        f"{where}: format {str(found)[:80]}, but this program reads only format {expected}; write"
+        " the file again with this version",
         code=OTHER_FORMAT,
     )
 
 
 def _refuse_kind(path: Path, data: bytes, model: type[BaseModel], what: str) -> None:
-    """Refuse a file of another kind by what it is."""
+    """Refuse a file of another type, with the type in the message."""
     kind = kind_of_text(data)
     literals = [get_args(field.annotation) for field in model.model_fields.values()]
     own = {document_kind(each) for literal in literals for each in literal}
     if kind is not None and kind not in own:
-        raise ConfigError(
-            f"{path}: this is {kind}; {what} is wanted here", code="RID-FILE-TYPE"
-        ) from None
+        raise ConfigError(f"{path}: this is {kind}; give {what}", code="RID-FILE-TYPE") from None
 
 
 def _integer(digits: str) -> int | float:
-    """Return an integer; infinity, which is refused by its key, where it is none to count with."""
+    """Return an integer; infinity, which is refused later with its key, if it exceeds 64 bits."""
     number = int(digits) if len(digits) <= _LONGEST_INTEGER else math.inf
     return number if abs(number) < _LARGEST_INTEGER else math.inf
 
@@ -150,14 +149,14 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(members) < len(pairs):
         double = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise ConfigError(
-            f"the key {double[:80]!r} stands twice in the same place; remove one",
+            f"the key {double[:80]!r} is there twice at the same level; remove one",
             code="RID-FILE-DUPLICATE",
         )
     return members
 
 
 def _look_through(tree: Any) -> None:
-    """Refuse what is no value, and say where it stands."""
+    """Refuse invalid values anywhere in a tree, with their keys."""
     waiting: list[tuple[tuple[str, ...], Any]] = [((), tree)]
     while waiting:
         path, value = waiting.pop()
@@ -172,12 +171,12 @@ def _look_through(tree: Any) -> None:
         elif isinstance(value, str):
             _refuse_half_characters(path, value)
         elif isinstance(value, float) and not math.isfinite(value):
-            _refuse(path, "is not a finite number")
+            _refuse(path, "is not a finite number; give a finite one")
 
 
 def _refuse_half_characters(path: tuple[str, ...], text: str) -> None:
     if not text.isascii() and any("\ud800" <= character <= "\udfff" for character in text):
-        _refuse(path, "is text with half a character (a lone surrogate)")
+        _refuse(path, "contains half a character (a lone surrogate); correct the text")
 
 
 def _refuse(path: tuple[str, ...], problem: str) -> NoReturn:

@@ -1,7 +1,7 @@
-"""`parse_number`: decimal text to a number, strictly; and `number_hint`, why a text is none.
+"""`parse_number`: strict conversion of decimal text to a number; `number_hint`: why it fails.
 
-Python's own `float` reads `1_5` as 15, `nan` and `infinity`. A file that holds such a text means
-something else, and no default may take its place.
+Python's own `float` reads `1_5` as 15, and accepts `nan` and `infinity`. A file with such a text
+means something else, so it is an error and no default is used.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _EXPRESSION: Final = re.compile(r"\$[({]")
 
 
 def parse_number(text: str) -> float:
-    """Return the finite number that a text holds in plain decimal digits.
+    """Return the finite number that a text states in plain decimal digits.
 
     Raises:
-        ConfigError: The text is anything else; it says what, and what to write.
+        ConfigError: The text is anything else; the message states the text and what to write.
     """
     words = text.strip()
     if _NUMBER.fullmatch(words):
@@ -38,38 +38,38 @@ def parse_number(text: str) -> float:
 
 
 def parse_numbers(text: str) -> tuple[float, ...]:
-    """Return the finite numbers of a text with commas between them.
+    """Return the finite numbers of a comma-separated text.
 
     Raises:
-        ConfigError: One of them is none.
+        ConfigError: One of them is not a finite number.
     """
     return tuple(parse_number(word) for word in text.split(","))
 
 
 def is_infinite(text: str) -> bool:
-    """Return True if a text says infinity, as limits do that are none."""
+    """Return True if a text means infinity, as files write it for "no limit"."""
     return _INFINITE.fullmatch(text.strip()) is not None
 
 
 def is_not_finite(text: str) -> bool:
-    """Return True if a text says infinity or nan."""
+    """Return True if a text means infinity or nan."""
     return _NOT_FINITE.fullmatch(text.strip()) is not None
 
 
 def number_hint(text: str) -> str:
-    """Return what a text that is no number seems to be; empty if it resembles none."""
+    """Return a hint about a text that is not a number; empty if there is none."""
     if _EXPRESSION.search(text):
         return ": an expression that xacro has not expanded; run xacro FILE > robot.urdf first"
     if any(_COMMA.fullmatch(word) for word in text.split()):
         return f": a decimal comma; write {text.replace(',', '.')}"
     if any(_NOT_FINITE.fullmatch(word) for word in text.split()):
-        return ": only finite numbers are read"
+        return ": give a finite number"
     if not text:
-        return ": it is empty"
+        return ": it is empty; give a number"
     if _GROUPED.fullmatch(text):
         return ": write plain digits with a decimal point, without separators"
     if _WITH_UNIT.fullmatch(text):
         return ": write the number without a unit, in SI units"
     if _NUMBER.fullmatch(text):
-        return ": it is too large"
+        return ": it is too large; give a smaller number"
     return ""

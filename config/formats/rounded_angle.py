@@ -1,7 +1,7 @@
-"""`AngleReading`: an angle as a person wrote it, and the multiple of 15 degrees that it means.
+"""`AngleReading`: an angle as written, and the multiple of 15 degrees that it stands for.
 
-Files round right angles to 1.57 or 1.5708. Taken literally, parallel axes are nearly parallel, and
-parameters that the geometry makes inseparable are estimated from noise.
+Files round right angles to 1.57 or 1.5708. Used literally, parallel axes become nearly parallel,
+and parameters that the geometry makes inseparable are estimated from noise.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ import numpy as np
 STEP_RAD: Final = math.pi / 12.0
 NEAR_RAD: Final = 1e-3
 ROUNDED_QUARTER_RAD: Final = 5e-3
-"""How far a quarter turn with two decimals is off at most: 3.14, 4.71."""
+"""Largest error of a quarter turn with two decimals: 3.14, 4.71."""
 EXACT_RAD: Final = 1e-9
 NAMED_RAD: Final = 1e-6
-"""Below this a correction is not worth a note."""
+"""Smallest correction that is noted."""
 FEWEST_DECIMALS: Final = 2
 
 
 @dataclass(frozen=True)
 class AngleReading:
-    """An angle: as written, and as taken.
+    """An angle as written and as used.
 
     Attributes:
-        written_rad: What the file says.
-        taken_rad: A whole multiple of 15 degrees if the file says that with few digits.
+        written_rad: The value in the file.
+        taken_rad: A multiple of 15 degrees if the value is that, rounded; else the value itself.
         nearest_rad: The nearest multiple of 15 degrees.
     """
 
@@ -38,15 +38,15 @@ class AngleReading:
 
     @classmethod
     def of(cls, angle_rad: float, exact_rad: float = 0.0) -> AngleReading:
-        """Read an angle.
+        """Return the reading of an angle.
 
-        It is taken as a multiple of 15 degrees if it differs from that, or from its value in single
+        It is read as a multiple of 15 degrees if it differs from that, or from its value in single
         precision, by less than one unit of its last decimal, and by 1e-3 rad at most (quarter
         turns: 5e-3 rad).
 
         Args:
-            angle_rad: What the file says.
-            exact_rad: Quarter turns may differ by this, whatever their decimals.
+            angle_rad: The value in the file.
+            exact_rad: Largest error of a quarter turn that is read as exact for any decimals.
         """
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)
@@ -64,33 +64,34 @@ class AngleReading:
 
     @property
     def is_corrected(self) -> bool:
-        """True if what is taken differs from what is written by more than rounding of doubles."""
+        """True if the used value differs from the written one by more than rounding of doubles."""
         return abs(self.taken_rad - self.written_rad) > NAMED_RAD
 
     @property
     def is_doubtful(self) -> bool:
-        """True if the angle is nearly, and neither exactly nor by rounding, such a multiple."""
+        """True if the used value is close to a multiple of 15 degrees but not exactly one."""
         return EXACT_RAD < abs(self.taken_rad - self.nearest_rad) <= NEAR_RAD
 
 
 def angle_notes(readings: list[tuple[str, AngleReading]]) -> list[str]:
-    """Return what to say of angles: which were corrected, and which are doubtful.
+    """Return notes about angles that were corrected and angles that are doubtful.
 
     Args:
-        readings: Where each angle stands, and the angle.
+        readings: The key of each angle, and the angle.
     """
     corrected = [(where, each) for where, each in readings if each.is_corrected]
     doubtful = [(where, each) for where, each in readings if each.is_doubtful]
     notes = []
     if corrected:
         notes.append(
-            f"{len(corrected)} rounded angles were taken as exactly that multiple of 15 degrees:"
+            f"{len(corrected)} rounded angles were read as exact multiples of 15 degrees:"
             f" {_listed(corrected)}"
         )
     if doubtful:
         notes.append(
-            "nearly a multiple of 15 degrees, and taken as written (correct them if they are meant"
-            f" to be exact; axes that are nearly parallel spoil the estimate): {_listed(doubtful)}"
+            "angles close to a multiple of 15 degrees, used as written (correct them if they are"
+            " meant to be exact; nearly parallel axes degrade the estimate):"
+            f" {_listed(doubtful)}"
         )
     return notes
 
@@ -104,7 +105,7 @@ def _listed(readings: list[tuple[str, AngleReading]], most: int = 6) -> str:
 
 
 def _decimals(value: float) -> int:
-    """Return how many decimals the shortest text of a number has."""
+    """Return the number of decimals in the shortest text of a number."""
     mantissa, _, exponent = repr(value).partition("e")
     _, _, decimals = mantissa.partition(".")
     count = 0 if decimals == "0" else len(decimals)

@@ -1,4 +1,4 @@
-"""`UrdfTree`: links and joints as a URDF file states them."""
+"""`UrdfTree`: links and joints of a URDF file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class UrdfInertial:
 
 @dataclass(frozen=True, eq=False)
 class UrdfCollision:
-    """A primitive of a link's collision geometry; `size` is what the shape needs, in m."""
+    """A primitive of a link's collision geometry; `size` has the shape's dimensions in m."""
 
     shape: str
     size: tuple[float, ...]
@@ -38,7 +38,7 @@ class UrdfCollision:
 class UrdfLink:
     """A link; `meshes` are the files of its collision geometry, which are not read.
 
-    `oddities` are what of its elements is invalid, and how that was read.
+    `oddities` describes its invalid elements and how they were read.
     """
 
     name: str
@@ -51,7 +51,7 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class Mimic:
-    """The joint that another one follows, at `multiplier` times its position plus `offset`."""
+    """The joint that a mimic joint follows, at `multiplier` times its position plus `offset`."""
 
     joint: str
     multiplier: float
@@ -63,11 +63,11 @@ class UrdfJoint:
     """A joint; `placement` (4, 4) is the child's frame in the parent's at position zero.
 
     Attributes:
-        limits: What the file states of lower, upper, velocity, effort, acceleration, deceleration,
-            soft_lower and soft_upper; infinite if it says so.
-        mimic: The joint that it follows.
+        limits: The stated lower, upper, velocity, effort, acceleration, deceleration, soft_lower
+            and soft_upper; infinite if stated so.
+        mimic: The joint that this one mimics.
         damping, friction: Viscous and Coulomb friction [N m s/rad or N s/m, N m or N].
-        rotor_inertia_kg_m2: The motor's own, before the gear.
+        rotor_inertia_kg_m2: Inertia of the motor's rotor, before the gear.
     """
 
     name: str
@@ -85,7 +85,7 @@ class UrdfJoint:
 
     @property
     def is_driven(self) -> bool:
-        """True if it moves, and not as another joint does."""
+        """True if it moves and does not mimic another joint."""
         return self.kind in MOVING and self.mimic is None
 
     @property
@@ -111,15 +111,15 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class UrdfTree:
-    """A whole URDF, of one tree or several.
+    """A whole URDF with one tree or several.
 
     Attributes:
-        name, file: What the robot and the file are called.
-        roots: The links that hang on no joint.
-        links: By name.
-        joints: In the file's order.
+        name, file: Names of the robot and of the file.
+        roots: The links that are not the child of a joint.
+        links: Links by name.
+        joints: Joints in the file's order.
         gear_ratios: The reductions of simple transmissions, by joint.
-        unread_ratios: Reductions that are no ratio, as the file has them, by joint.
+        unread_ratios: Reductions that are not a ratio, as written in the file, by joint.
         notes: What was corrected, and what is not read.
     """
 
@@ -134,19 +134,19 @@ class UrdfTree:
 
     @cached_property
     def joint_above(self) -> dict[str, UrdfJoint]:
-        """The joint that a link is the child of; a root has none."""
+        """The parent joint of each link; a root has none."""
         return {joint.child: joint for joint in self.joints}
 
     @cached_property
     def joints_below(self) -> dict[str, list[UrdfJoint]]:
-        """The joints that a link is the parent of, in the file's order."""
+        """The child joints of each link, in the file's order."""
         below: dict[str, list[UrdfJoint]] = {}
         for joint in self.joints:
             below.setdefault(joint.parent, []).append(joint)
         return below
 
     def root_of(self, link: str) -> str:
-        """Return the root that a link hangs on."""
+        """Return the root of the tree that contains a link."""
         while link in self.joint_above:
             link = self.joint_above[link].parent
         return link
@@ -155,7 +155,7 @@ class UrdfTree:
         """Return the joints from base to tip, of any kind.
 
         Raises:
-            ConfigError: The tip does not hang on the base.
+            ConfigError: The tip is not below the base.
         """
         joints: list[UrdfJoint] = []
         link = tip
@@ -163,7 +163,8 @@ class UrdfTree:
             joint = self.joint_above.get(link)
             if joint is None:
                 raise ConfigError(
-                    f"{self.file}: link {tip!r} does not hang on {base!r}", code="RID-URDF-LINK"
+                    f"{self.file}: link {tip!r} is not below {base!r}; name other links",
+                    code="RID-URDF-LINK",
                 )
             joints.append(joint)
             link = joint.parent
@@ -172,11 +173,11 @@ class UrdfTree:
     def placements(
         self, base: str, positions: Mapping[str, float] | None = None
     ) -> dict[str, FloatArray]:
-        """Return where every link below the base is in its frame, (4, 4) each.
+        """Return the pose of every link below the base in the base's frame, (4, 4) each.
 
         Args:
-            base: The link in whose frame they are.
-            positions: Where joints stand [rad or m]; zero if not given.
+            base: The reference link.
+            positions: Positions of joints [rad or m]; zero if not given.
         """
         stand = positions or {}
         places: dict[str, FloatArray] = {base: np.eye(4)}
@@ -191,7 +192,7 @@ class UrdfTree:
 
 
 def rotation_of_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
-    """Return Rot_z(yaw) Rot_y(pitch) Rot_x(roll), (3, 3): what `rpy` of a URDF means."""
+    """Return Rot_z(yaw) Rot_y(pitch) Rot_x(roll), (3, 3), the meaning of `rpy` in a URDF."""
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
         [
@@ -203,9 +204,9 @@ def rotation_of_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
 
 
 def rpy_of_rotation(rotation: FloatArray) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a rotation (3, 3), to rounding at every attitude."""
+    """Return roll, pitch and yaw of a rotation (3, 3), exact to rounding at every attitude."""
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = float(np.arctan2(-rotation[2, 0], level))
     yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0])) if level > 1e-15 else 0.0
-    rest = rotation_of_rpy(0.0, pitch, yaw).T @ rotation  # whatever yaw is near pitch = 90 degrees
+    rest = rotation_of_rpy(0.0, pitch, yaw).T @ rotation  # valid for any yaw if pitch is 90 degrees
     return float(np.arctan2(rest[2, 1], rest[1, 1])), pitch, yaw

@@ -1,8 +1,8 @@
-"""A URDF file (ROS, "URDF XML specification") to a `UrdfTree`, with everything that is wrong in it.
+"""Conversion of a URDF file (ROS, "URDF XML specification") to a `UrdfTree`, with all its errors.
 
-What cannot be read, a number or the tree of links and joints, is refused, all of it at once. What
-can be read and states nothing (a box of no size, an inertia that is unknown) is left out and kept
-as an oddity of its link, for whoever needs that link.
+A file with an unreadable number or an invalid tree of links and joints is refused; the message
+lists all errors. A readable element that states nothing (a box without size, an unknown inertia) is
+omitted and noted in the `oddities` of its link.
 """
 
 from __future__ import annotations
@@ -51,23 +51,23 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
 
     Args:
         data: The file's bytes.
-        file: What to call it in messages.
-        literal_angles: Take angles as they are written. Otherwise those that are a multiple of 15
-            degrees, rounded to few digits, are taken as exactly that (`AngleReading`).
+        file: Name of the file in messages.
+        literal_angles: Use angles as written. Otherwise a multiple of 15 degrees that is rounded to
+            few digits is replaced by the exact multiple (`AngleReading`).
 
     Raises:
-        ConfigError: The file is not XML, not a URDF, or has links and joints that cannot be read or
-            make no tree; a line a problem.
+        ConfigError: The file is not XML, is not a URDF, or its links and joints cannot be read or
+            do not form trees; one line per problem.
     """
     root = parse_xml(data, file)
     if root.tag != "robot":
         raise ConfigError(
-            f"{root.where}: the root is <{root.tag}>, a URDF begins with <robot>",
+            f"{root.where}: the root element is <{root.tag}>; a URDF begins with <robot>",
             code="RID-FILE-TYPE",
         )
     if _has_xacro(root):
         raise ConfigError(
-            f"{file}: this is a xacro file: expand it first (pip install xacro;"
+            f"{file}: this is a xacro file; expand it first (pip install xacro;"
             " xacro FILE > robot.urdf), then give robot.urdf",
             code="RID-URDF-XACRO",
         )
@@ -85,7 +85,7 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
     children = {joint.child for joint in whole}
     unknown = sorted({*gears.ratios, *gears.rotors_kg_m2} - {joint.name for joint in whole})
     if unknown:
-        reader.notes.append(f"transmissions of {', '.join(unknown)}: there is no such joint")
+        reader.notes.append(f"transmissions of {', '.join(unknown)}: no joint has this name")
     return UrdfTree(
         name=root.attributes.get("name", ""),
         file=file,
@@ -99,14 +99,14 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
 
 
 def _has_xacro(element: XmlElement) -> bool:
-    """Return whether something is left to expand that is more than a colour."""
+    """Return whether xacro elements other than those of visuals and Gazebo are left to expand."""
     return element.tag.startswith("xacro:") or any(
         _has_xacro(part) for part in element.children if part.tag not in ("visual", "gazebo")
     )
 
 
 class _Reader:
-    """Turns elements into links and joints, and keeps what is wrong with them."""
+    """Converter of elements to links and joints; it collects their errors and notes."""
 
     def __init__(self, literal_angles: bool) -> None:
         self._literal = literal_angles
@@ -115,7 +115,7 @@ class _Reader:
         self.errors: list[ConfigError] = []
 
     def _try(self, read: Callable[[XmlElement], T], element: XmlElement) -> T | None:
-        """Return what is read, or None, with the problem kept."""
+        """Return the result of `read`; on an error store it and return None."""
         try:
             return read(element)
         except ConfigError as error:
@@ -123,7 +123,7 @@ class _Reader:
             return None
 
     def link(self, element: XmlElement) -> UrdfLink | None:
-        """Return a link, or None where it has no name."""
+        """Return a link; None if it has no name."""
         name = self._try(lambda found: found.attribute("name"), element)
         oddities: list[str] = []
         collisions: list[UrdfCollision] = []
@@ -138,7 +138,7 @@ class _Reader:
                     if size is not None and size and min(size) > 0.0:
                         collisions.append(UrdfCollision(shape.tag, size, placement))
                     elif size is not None:
-                        oddities.append(f"a <{shape.tag}> without size is no body")
+                        oddities.append(f"a <{shape.tag}> without size is ignored")
         inertial = self._try(lambda found: found.one("inertial"), element)
         read = None
         if inertial is not None:
@@ -155,7 +155,7 @@ class _Reader:
         )
 
     def joint(self, element: XmlElement, gears: Transmissions) -> UrdfJoint | None:
-        """Return a joint, or None if something of it cannot be read."""
+        """Return a joint; None if a part of it cannot be read."""
         before = len(self.errors)
         name = self._try(lambda found: found.attribute("name"), element)
         kind = self._try(joint_kind, element)
@@ -175,8 +175,8 @@ class _Reader:
         direction, length = axis
         if kind in MOVING and abs(length - 1.0) > UNIT_LENGTH:
             self.notes.append(
-                f"{element.where}: the axis of joint {name!r} has the length {length:.4g}: its"
-                " direction was taken"
+                f"{element.where}: the axis of joint {name!r} has the length {length:.4g} and was"
+                " scaled to 1"
             )
         return UrdfJoint(
             name=name,
@@ -196,12 +196,12 @@ class _Reader:
     def _inertial(self, element: XmlElement, oddities: list[str]) -> UrdfInertial | None:
         mass, inertia = element.one("mass"), element.one("inertia")
         if mass is None:
-            oddities.append("its <inertial> has no <mass>: it counts as without mass")
+            oddities.append("its <inertial> has no <mass>; it counts as without mass")
             return None
         mass_kg = mass.number("value")
         if mass_kg < 0.0:
             raise ConfigError(
-                f"{mass.where}: a mass of {mass_kg:g} kg: no body has that",
+                f"{mass.where}: mass is {mass_kg:g} kg; it cannot be negative",
                 code="RID-URDF-NEGATIVE",
             )
         matrix = np.zeros((3, 3))
@@ -209,7 +209,7 @@ class _Reader:
             words = [inertia.attributes.get(key, "0") for key in _ELEMENTS]
             if any(is_not_finite(word) for word in words):
                 oddities.append(
-                    f"its inertia ({inertia.where}) is no finite number: it counts as unknown"
+                    f"its inertia ({inertia.where}) is not a finite number; it counts as unknown"
                 )
             else:
                 xx, xy, xz, yy, yz, zz = (inertia.numbers(key, 1, (0.0,))[0] for key in _ELEMENTS)
@@ -225,8 +225,8 @@ class _Reader:
             angles = origin.numbers("rpy", 3, (0.0,) * 3)
             if max(map(abs, angles)) > LARGEST_ANGLE_RAD:
                 raise ConfigError(
-                    f"{origin.where}: rpy of <origin> is {origin.attributes['rpy']!r}: more than a"
-                    " turn. A URDF has radians: are these degrees?",
+                    f"{origin.where}: rpy of <origin> is {origin.attributes['rpy']!r}, more than a"
+                    " turn. A URDF uses radians: are these degrees?",
                     code="RID-URDF-ANGLE",
                 )
             placement[:3, :3] = rotation_of_rpy(*(self._angle(origin, each) for each in angles))
@@ -249,31 +249,31 @@ _SIZES: Final[dict[str, Callable[[XmlElement], tuple[float, ...]]]] = {
 
 
 def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) -> list[str]:
-    """Return why links and joints make no trees, a line each."""
+    """Return why links and joints do not form trees, one line per problem."""
     if len(joints) > MOST_JOINTS:
-        return [f"{file}: {len(joints)} joints; at most {MOST_JOINTS} are read"]
+        return [f"{file}: {len(joints)} joints; at most {MOST_JOINTS} are allowed"]
     problems = []
     names = Counter[str]()
     for link in links:
         names[link.name] += 1
         if names[link.name] == 2:
-            problems.append(f"{link.where}: a second link is called {link.name!r}")
+            problems.append(f"{link.where}: a second link is named {link.name!r}; rename one")
     called, hung = Counter[str](), Counter[str]()
     for joint in joints:
         called[joint.name] += 1
         hung[joint.child] += 1
         if called[joint.name] == 2:
-            problems.append(f"{joint.where}: a second joint is called {joint.name!r}")
+            problems.append(f"{joint.where}: a second joint is named {joint.name!r}; rename one")
         problems += [
-            f"{joint.where}: joint {joint.name!r} names no link {link!r}: add it, or remove the"
-            " joint"
+            f"{joint.where}: joint {joint.name!r} refers to a missing link {link!r}; add it, or"
+            " remove the joint"
             for link in (joint.parent, joint.child)
             if link not in names
         ]
         if hung[joint.child] == 2:
             problems.append(
-                f"{joint.where}: link {joint.child!r} hangs on two joints: closed chains cannot be"
-                " told in a URDF"
+                f"{joint.where}: link {joint.child!r} is the child of two joints; a URDF cannot"
+                " describe closed chains"
             )
     problems += _mimics(joints)
     above = {joint.child: joint.parent for joint in joints}
@@ -285,19 +285,19 @@ def _structure(file: str, links: list[UrdfLink], joints: tuple[UrdfJoint, ...]) 
             way.append(at)
             at = above[at]
         if at in way:
-            problems.append(f"{file}: the links {', '.join(sorted(way))} hang on one another")
+            problems.append(f"{file}: the links {', '.join(sorted(way))} form a loop; correct it")
             break
         grounded.update(way)
     if not names:
         problems.append(
-            f"{file}: there is no link: a xacro file that only defines macros expands to nothing;"
-            " expand the one that calls them"
+            f"{file}: it contains no link. A xacro file that only defines macros expands to"
+            " nothing; expand the file that calls them"
         )
     return problems
 
 
 def _mimics(joints: tuple[UrdfJoint, ...]) -> list[str]:
-    """Return which joints follow one that is not there, or themselves."""
+    """Return errors of joints that mimic themselves or a joint that does not exist."""
     leaders = {joint.name: joint.mimic.joint if joint.mimic else None for joint in joints}
     problems = []
     for joint in joints:
@@ -307,6 +307,10 @@ def _mimics(joints: tuple[UrdfJoint, ...]) -> list[str]:
             followed.append(leader)
             leader = leaders[leader]
         if leader is not None:
-            what = "follows itself" if leader in leaders else f"mimics {leader!r}: no such joint"
-            problems.append(f"{joint.where}: joint {joint.name!r} {what}")
+            what = (
+                "mimics itself"
+                if leader in leaders
+                else f"mimics {leader!r}, which is not a joint of the file"
+            )
+            problems.append(f"{joint.where}: joint {joint.name!r} {what}; correct <mimic>")
     return problems

@@ -1,4 +1,4 @@
-"""What a URDF's `<joint>` states: ends, axis, limits, friction, and the joint that it follows."""
+"""The parts of a URDF's `<joint>`: ends, axis, limits, friction and mimicked joint."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def joint_kind(element: XmlElement) -> str:
     """Return a joint's type.
 
     Raises:
-        ConfigError: It has none that a URDF knows.
+        ConfigError: The type is missing or unknown.
     """
     kind = element.attribute("type")
     if kind not in KINDS:
         raise ConfigError(
-            f"{element.where}: joint type {kind!r} is none of {', '.join(KINDS)}",
+            f"{element.where}: unknown joint type {kind!r}; use one of {', '.join(KINDS)}",
             code="RID-URDF-STRUCTURE",
         )
     return kind
@@ -39,16 +39,18 @@ def joint_end(element: XmlElement, tag: str) -> str:
     """Return the link that a joint's `<parent>` or `<child>` names.
 
     Raises:
-        ConfigError: It names none.
+        ConfigError: It names no link.
     """
     end = element.one(tag)
     if end is None:
-        raise ConfigError(f"{element.where}: the joint has no <{tag}>", code="RID-URDF-STRUCTURE")
+        raise ConfigError(
+            f"{element.where}: the joint has no <{tag}>; add one", code="RID-URDF-STRUCTURE"
+        )
     return end.attribute("link")
 
 
 def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
-    """Return the unit vector of a joint's axis, (3,), and the length of what is stated.
+    """Return the unit vector of a joint's axis, (3,), and the length of the stated vector.
 
     The axis is x if none is stated.
 
@@ -62,16 +64,17 @@ def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
     length = float(np.linalg.norm(axis))
     if length < SHORTEST_AXIS and element.attributes.get("type") in MOVING:
         raise ConfigError(
-            f"{element.where}: the joint's axis has no direction", code="RID-URDF-STRUCTURE"
+            f"{element.where}: the joint's axis has no direction; give xyz of length 1",
+            code="RID-URDF-STRUCTURE",
         )
     return axis / max(length, SHORTEST_AXIS), length
 
 
 def joint_limits(element: XmlElement) -> dict[str, float]:
-    """Return the limits that are stated; infinite if the file says so.
+    """Return the stated limits; infinite if the file states so.
 
     Raises:
-        ConfigError: One of them is no number.
+        ConfigError: A limit is not a number.
     """
     limits: dict[str, float] = {}
     stated = element.one("limit")
@@ -95,10 +98,10 @@ def _limit(element: XmlElement, name: str) -> float:
 
 @dataclass(frozen=True)
 class JointDynamics:
-    """Friction and rotor of a `<joint>`; None for what it does not state.
+    """Friction and rotor of a `<joint>`; None if not stated.
 
     `damping` is viscous friction [N m s/rad or N s/m], `friction` Coulomb friction [N m or N],
-    `rotor_inertia_kg_m2` the motor's own, before the gear.
+    `rotor_inertia_kg_m2` the inertia of the motor's rotor, before the gear.
     """
 
     damping: float | None = None
@@ -107,10 +110,10 @@ class JointDynamics:
 
 
 def joint_dynamics(element: XmlElement) -> JointDynamics:
-    """Return what `<dynamics>` states.
+    """Return the content of `<dynamics>`.
 
     Raises:
-        ConfigError: A value is no number, or negative: such friction drives.
+        ConfigError: A value is not a number, or is negative, which would accelerate the joint.
     """
     stated = element.one("dynamics")
     if stated is None:
@@ -124,22 +127,22 @@ def joint_dynamics(element: XmlElement) -> JointDynamics:
 
 
 def not_negative(element: XmlElement, name: str) -> float | None:
-    """Return a number that is not negative, None if the attribute is missing.
+    """Return a number that is not negative; None if the attribute is missing.
 
     Raises:
-        ConfigError: It is anything else.
+        ConfigError: The attribute is negative or not a number.
     """
     value = element.optional_number(name)
     if value is not None and value < 0.0:
         raise ConfigError(
-            f"{element.where}: {name} of <{element.tag}> is {value:g}: it cannot be negative",
+            f"{element.where}: {name} of <{element.tag}> is {value:g}; it cannot be negative",
             code="RID-URDF-NEGATIVE",
         )
     return value
 
 
 def joint_mimic(element: XmlElement) -> Mimic | None:
-    """Return the joint that a joint follows, None if it moves by itself.
+    """Return the joint that a joint mimics; None if it moves independently.
 
     Raises:
         ConfigError: `<mimic>` names no joint, or has a number that cannot be read.

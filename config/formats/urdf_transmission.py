@@ -1,4 +1,4 @@
-"""What a URDF's `<transmission>` elements state of gears and rotors, by joint."""
+"""Gears and rotors from a URDF's `<transmission>` elements, by joint."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _LARGEST_RATIO: Final = 1e6
 
 @dataclass(frozen=True)
 class Transmissions:
-    """Gear ratios, rotor inertias [kg m²] and what is wrong.
+    """Gear ratios, rotor inertias [kg m²] and errors.
 
     Attributes:
         ratios: Motor turns per joint turn; negative if the motor turns against its joint.
-        unread: Reductions that are not the ratio of one joint, as the file has them.
+        unread: Reductions that are not the ratio of one joint, as written in the file.
         rotors_kg_m2: The rotors' inertias, before the gear.
         errors: Values that cannot be read.
     """
@@ -36,7 +36,7 @@ class Transmissions:
 def transmissions_of(root: XmlElement) -> Transmissions:
     """Return the gears and rotors of a URDF.
 
-    Read are those of a joint that has a transmission of its own: in the transmission itself (the
+    Only transmissions of a single joint are read: the values in the transmission itself (the
     oldest form), in its actuator or its joint, in <ros2_control>, and in Drake's elements.
     """
     found = Transmissions()
@@ -52,7 +52,7 @@ def transmissions_of(root: XmlElement) -> Transmissions:
                 if name in places:
                     raise ConfigError(
                         f"{element.where}: a second transmission of joint {name!r}; the first is"
-                        f" at {places[name]}: remove one",
+                        f" at {places[name]}; remove one",
                         code="RID-FILE-DUPLICATE",
                     )
                 places[name] = element.where
@@ -76,7 +76,7 @@ def _parts(element: XmlElement) -> tuple[XmlElement, ...]:
 
 
 def _stated(element: XmlElement) -> Iterator[tuple[XmlElement, str]]:
-    """Yield the reductions of a transmission, and the elements that hold them."""
+    """Yield the reductions of a transmission, and the elements that contain them."""
     for holder in _parts(element):
         for tag in _REDUCTIONS:
             yield from ((part, part.text) for part in holder.all(tag))
@@ -85,10 +85,10 @@ def _stated(element: XmlElement) -> Iterator[tuple[XmlElement, str]]:
 
 
 def _ratio(element: XmlElement, text: str) -> float | None:
-    """Return a reduction; None if nothing or 0 is stated.
+    """Return a reduction; None if it is empty or 0.
 
     Raises:
-        ConfigError: It is something else than a number, or one that no gear has.
+        ConfigError: It is not a number, or is too large for a gear.
     """
     if not text.strip():
         return None
@@ -100,6 +100,7 @@ def _ratio(element: XmlElement, text: str) -> float | None:
         ) from None
     if abs(ratio) >= _LARGEST_RATIO:
         raise ConfigError(
-            f"{element.where}: a reduction of {ratio:g} is none of a gear", code="RID-URDF-GEAR"
+            f"{element.where}: a reduction of {ratio:g} is too large for a gear; correct it",
+            code="RID-URDF-GEAR",
         )
     return ratio if ratio != 0.0 else None

@@ -1,4 +1,4 @@
-"""Elements and attributes of a URDF's joints and links that are not read, often typing errors."""
+"""Parts of a URDF's joints and links that are not read, which often are typing errors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 from config.formats.xml_tree import XmlElement
 
-_NOBODY: Final[frozenset[str]] = frozenset()
+_NO_NAMES: Final[frozenset[str]] = frozenset()
 _ATTRIBUTES: Final = {
     "origin": {"xyz", "rpy"},
     "axis": {"xyz"},
@@ -20,7 +20,7 @@ _ATTRIBUTES: Final = {
     "mass": {"value"},
     "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"},
 }
-"""The attributes that are read, or that state nothing of a motion (the gains of a controller)."""
+"""Attributes that are read, or that do not affect the motion (the gains of a controller)."""
 _CHILDREN: Final = {
     "robot": {"link", "joint", "transmission", "ros2_control", "material", "gazebo", "sensor"},
     "joint": {
@@ -33,11 +33,7 @@ _CHILDREN: Final = {
 
 
 def unread_parts(root: XmlElement) -> tuple[str, ...]:
-    """Return a line for each element and attribute that may state something and is not read.
-
-    Args:
-        root: The `<robot>`.
-    """
+    """Return one line for each element and attribute that may matter but is not read."""
     found: dict[str, list[str]] = {}
     waiting = [root]
     while waiting:
@@ -47,7 +43,7 @@ def unread_parts(root: XmlElement) -> tuple[str, ...]:
                 found.setdefault(f"<{part.tag}> of <{element.tag}>", []).append(part.where)
             elif part.tag in _CHILDREN or part.tag in _ATTRIBUTES:
                 waiting.append(part)
-        for name in element.attributes if element.tag in _ATTRIBUTES else _NOBODY:
+        for name in element.attributes if element.tag in _ATTRIBUTES else _NO_NAMES:
             if name not in _ATTRIBUTES[element.tag]:
                 found.setdefault(f"{name!r} of <{element.tag}>", []).append(element.where)
     return tuple(

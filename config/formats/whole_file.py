@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing of files: completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from config.errors import ConfigError, RecordingError, system_errors
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that a reader, even after a power cut, finds all of it or what was before.
+    """Write a file atomically: a reader finds the old or the new bytes, even after a power failure.
 
-    The bytes go into a `.tmp` file beside it, reach the disk, are read back and compared, and take
-    the file's place. Where the path is a link, they take the place of what it points at.
+    The bytes are written to a `.tmp` file in the same folder, flushed to disk, read back and
+    compared; then the file is renamed. If the path is a link, its target is replaced.
 
     Raises:
-        RecordingError: The file cannot be written, or reads back otherwise; what was there before
-            is untouched.
+        RecordingError: The file cannot be written, or reads back differently; the old file is
+            unchanged.
     """
     _write(path, data, replace=True)
 
 
 def write_new(path: Path, data: bytes) -> None:
-    """Write a file as `write_whole`, but only if there is none of this name at the end either.
+    """Write a file as `write_whole`, but never replace a file that already exists.
 
     Raises:
-        ConfigError: There is one (`RID-FILE-EXISTS`); it is untouched.
+        ConfigError: The file exists (`RID-FILE-EXISTS`); it is unchanged.
         RecordingError: The file cannot be written.
     """
     try:
         _write(path, data, replace=False)
     except FileExistsError:
         raise ConfigError(
-            f"{path.name}: is there already; choose another name", code="RID-FILE-EXISTS"
+            f"{path.name}: already exists; choose another name", code="RID-FILE-EXISTS"
         ) from None
 
 
@@ -44,7 +44,8 @@ def _write(path: Path, data: bytes, *, replace: bool) -> None:
         target = path.resolve() if path.is_symlink() else path
         if not target.name or (target.exists() and not target.is_file()):
             raise RecordingError(
-                f"{path}: cannot be written: is no file; choose another name", code="RID-FILE-WRITE"
+                f"{path}: cannot be written, because it is not a file; choose another name",
+                code="RID-FILE-WRITE",
             )
         temporary = target.with_name(f"{target.name}.{os.getpid()}.tmp")
         try:
@@ -55,7 +56,7 @@ def _write(path: Path, data: bytes, *, replace: bool) -> None:
                 file.flush()
                 os.fsync(file.fileno())
             if temporary.read_bytes() != data:
-                raise OSError(errno.EIO, "what was written reads back otherwise; check the disk")
+                raise OSError(errno.EIO, "the file reads back differently; check the disk")
             if replace:
                 temporary.replace(target)
             else:

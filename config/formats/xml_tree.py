@@ -1,7 +1,7 @@
-"""XML text to plain elements with their lines, without XML's traps.
+"""Conversion of XML text to plain elements with line numbers, safe against hostile files.
 
-Document types are refused, and with them every entity (expansion bombs, files and addresses pulled
-in); size and depth are bounded.
+Document types are refused, and with them all entities (expansion bombs, inclusion of files and
+addresses); size and depth are limited.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ LARGEST_NUMBER: Final = 1e12
 
 @dataclass(frozen=True)
 class XmlElement:
-    """One element: its tag, attributes, children and the line where it begins.
+    """One element: its tag, attributes, children and first line.
 
-    `file` is what the file is called in messages.
+    `file` is the name of the file in messages.
     """
 
     tag: str
@@ -38,19 +38,20 @@ class XmlElement:
         return f"{self.file}:{self.line}"
 
     def all(self, tag: str) -> list[XmlElement]:
-        """Return the children of one tag."""
+        """Return the children with a tag."""
         return [child for child in self.children if child.tag == tag]
 
     def one(self, tag: str) -> XmlElement | None:
-        """Return the only child of one tag, or None.
+        """Return the only child with a tag; None if there is none.
 
         Raises:
-            ConfigError: If there are two.
+            ConfigError: There are several.
         """
         found = self.all(tag)
         if len(found) > 1:
             raise ConfigError(
-                f"{found[1].where}: <{self.tag}> has a second <{tag}>", code="RID-FILE-DUPLICATE"
+                f"{found[1].where}: <{self.tag}> has a second <{tag}>; remove one",
+                code="RID-FILE-DUPLICATE",
             )
         return found[0] if found else None
 
@@ -58,12 +59,12 @@ class XmlElement:
         """Return an attribute.
 
         Raises:
-            ConfigError: If it is missing.
+            ConfigError: It is missing.
         """
         value = self.attributes.get(name)
         if value is None:
             raise ConfigError(
-                f"{self.where}: <{self.tag}> has no {name!r}", code="RID-URDF-STRUCTURE"
+                f"{self.where}: <{self.tag}> has no {name!r}; add it", code="RID-URDF-STRUCTURE"
             )
         return value
 
@@ -71,7 +72,7 @@ class XmlElement:
         """Return `count` finite numbers of an attribute, or the default if it is missing.
 
         Raises:
-            ConfigError: The attribute is anything else.
+            ConfigError: The attribute is not that.
         """
         text = self.attributes.get(name)
         if text is None:
@@ -93,7 +94,7 @@ class XmlElement:
         """Return one finite number.
 
         Raises:
-            ConfigError: The attribute is missing or anything else.
+            ConfigError: The attribute is missing or not a finite number.
         """
         self.attribute(name)
         return self.numbers(name, 1, ())[0]
@@ -102,14 +103,14 @@ class XmlElement:
         """Return one finite number, or None if the attribute is missing.
 
         Raises:
-            ConfigError: The attribute is anything else.
+            ConfigError: The attribute is not a finite number.
         """
         return self.number(name) if name in self.attributes else None
 
 
 @dataclass(frozen=True)
 class _Open:
-    """An element whose end has not been read yet; its lists grow."""
+    """An element that is still being read; its lists grow."""
 
     tag: str
     attributes: dict[str, str]
@@ -123,14 +124,14 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
 
     Args:
         data: The file's bytes, in an encoding that XML declares.
-        name: What to call the file in messages.
+        name: Name of the file in messages.
 
     Raises:
-        ConfigError: The text is not XML, has a document type, is too large or too deep.
+        ConfigError: The text is not XML, has a document type, or is too large or too deep.
     """
     if len(data) > MAX_BYTES:
         raise ConfigError(
-            f"{name}: {len(data)} bytes; at most {MAX_BYTES} are read", code="RID-FILE-SIZE"
+            f"{name}: {len(data)} bytes; at most {MAX_BYTES} are allowed", code="RID-FILE-SIZE"
         )
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -162,8 +163,8 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
 
     def refuse(*_: object) -> None:
         raise ConfigError(
-            f"{name}:{parser.CurrentLineNumber}: a document type or entity is declared; a robot"
-            " needs none: delete the declaration",
+            f"{name}:{parser.CurrentLineNumber}: a document type or entity is declared; delete the"
+            " declaration, a robot needs none",
             code="RID-URDF-ENTITY",
         )
 

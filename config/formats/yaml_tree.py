@@ -1,8 +1,8 @@
-"""YAML text to plain data with positions, without YAML's traps.
+"""Conversion of YAML text to plain data with positions, in a strict subset of YAML.
 
 The rules are the YAML 1.2 core schema on top of PyYAML's parser: no tags, no duplicate keys, no
-merge keys, bounded size, depth and alias expansion. What YAML 1.1 reads as something else than it
-looks (`010`, `1:30`, `no`) is refused rather than guessed.
+merge keys, limited size, depth and alias expansion. Text that YAML 1.1 reads in a surprising way
+(`010`, `1:30`, `no`) is refused.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from config.formats.file_kinds import kind_of_text
 MAX_BYTES = 1_000_000
 MAX_NODES = 200_000
 MAX_DEPTH = 40
-_QUOTED = tuple("[]{},:#&*!|>%@`'\"")  # mean something where a text begins, or in it
+_QUOTED = tuple("[]{},:#&*!|>%@`'\"")  # special at the beginning of a text or inside it
 WIDTH = 100
 
 Path = tuple[str | int, ...]
@@ -40,7 +40,7 @@ _OLD_BOOLEANS = frozenset({"yes", "no", "on", "off", "y", "n"})
 
 @dataclass(frozen=True)
 class YamlTree:
-    """Plain data (dict, list, str, int, float, bool, None) and where each piece stands.
+    """Plain data (dict, list, str, int, float, bool, None) with the position of each value.
 
     `positions` maps a path of keys and indices to (line, column), both counted from 1.
     """
@@ -50,7 +50,7 @@ class YamlTree:
     positions: dict[Path, tuple[int, int]]
 
     def where(self, path: Path) -> str:
-        """Return `name:line:column` of the deepest known piece on the way to `path`."""
+        """Return `name:line:column` of `path`, or of its closest parent with a known position."""
         for length in range(len(path), -1, -1):
             position = self.positions.get(path[:length])
             if position is not None:
@@ -58,7 +58,7 @@ class YamlTree:
         return self.name
 
     def json(self) -> str:
-        """Return the data as JSON text, for validators with JSON's strictness."""
+        """Return the data as JSON text, because validators are stricter for JSON."""
         return json.dumps(self.data)
 
 
@@ -67,21 +67,21 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
 
     Args:
         text: The file's bytes, UTF-8.
-        name: What to call the file in messages.
+        name: Name of the file in messages.
 
     Raises:
-        ConfigError: The text is not YAML, or uses a part of YAML that is refused; the message has
+        ConfigError: The text is not YAML, or uses a refused feature of YAML; the message has
             `name:line:column`.
     """
     if len(text) > MAX_BYTES:
         raise ConfigError(
-            f"{name}: {len(text)} bytes; a file here has at most {MAX_BYTES}", code="RID-FILE-SIZE"
+            f"{name}: {len(text)} bytes; at most {MAX_BYTES} are allowed", code="RID-FILE-SIZE"
         )
     try:
         root = yaml.compose(text.decode("utf-8-sig"), Loader=yaml.SafeLoader)
     except UnicodeDecodeError as error:
         kind = kind_of_text(text)
-        what = "not UTF-8 text" if kind is None else f"this is {kind}, and not UTF-8 text"
+        what = "not UTF-8 text" if kind is None else f"this is {kind}, not UTF-8 text"
         raise ConfigError(
             f"{name}: {what} (byte {error.start}); is it the right file?", code="RID-FILE-TYPE"
         ) from None
@@ -89,9 +89,9 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
         kind = kind_of_text(text, by_keys=False)
         if kind is not None:
             raise ConfigError(
-                f"{name}: this is {kind}, no YAML file", code="RID-FILE-TYPE"
+                f"{name}: this is {kind}, not a YAML file", code="RID-FILE-TYPE"
             ) from None
-        raise ConfigError(_not_valid(error, text, name), code="RID-FILE-SYNTAX") from None
+        raise ConfigError(_syntax_error(error, text, name), code="RID-FILE-SYNTAX") from None
     except yaml.YAMLError as error:
         raise ConfigError(
             f"{name}: not valid YAML: {str(error).splitlines()[0]}", code="RID-FILE-SYNTAX"
@@ -109,15 +109,15 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
     return YamlTree(name, data, positions)
 
 
-def _not_valid(error: yaml.MarkedYAMLError, text: bytes, name: str) -> str:
-    """Say where a text is no YAML, and what a newcomer may have left out there."""
+def _syntax_error(error: yaml.MarkedYAMLError, text: bytes, name: str) -> str:
+    """Return a syntax error with its position, and a hint at a missing quote."""
     mark = error.problem_mark or error.context_mark
     said = f"not valid YAML: {error.problem or error.context}"
     if mark is None:
         return f"{name}: {said}"
     line = text.decode("utf-8-sig").splitlines()[mark.line : mark.line + 1]
     if line and line[0][mark.column : mark.column + 1] in _QUOTED:
-        said += "; a text that holds such a sign belongs in quotes"
+        said += "; put a text with such a character in quotes"
     return f"{name}:{mark.line + 1}:{mark.column + 1}: {said}"
 
 
@@ -155,7 +155,7 @@ class _Builder:
             if key in result:
                 self._refuse(
                     key_node,
-                    f"the key {key!r} stands here a second time; remove one",
+                    f"the key {key!r} is a duplicate; remove one",
                     "RID-FILE-DUPLICATE",
                 )
             child = (*path, key)
@@ -232,8 +232,8 @@ def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | No
 
     Args:
         data: Nested dict, list, str, int, float, bool, None.
-        comment: Text put above the data, each line behind `# `.
-        comments: Texts put above the lines on which what is at the paths begins.
+        comment: Text above the data; each line is prefixed by `# `.
+        comments: Texts by path; each is written above the first line of its value.
     """
     head = "".join(f"# {line}\n" if line else "#\n" for line in comment.splitlines())
     text = yaml.dump(
@@ -248,7 +248,7 @@ def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | No
 
 
 def _commented(text: str, comments: Mapping[Path, str]) -> str:
-    """Return YAML text with comments above the lines of their paths, as deep as those."""
+    """Return YAML text with each comment above the line of its path, equally indented."""
     positions = parse_yaml(text.encode(), "").positions
     above: dict[int, list[str]] = {}
     for path, comment in comments.items():
@@ -263,7 +263,7 @@ def _commented(text: str, comments: Mapping[Path, str]) -> str:
 
 
 class _Dumper(yaml.SafeDumper):
-    """PyYAML's dumper, quoting every string that another reader could take for something else."""
+    """PyYAML's dumper that quotes every string that another reader could misread."""
 
 
 def _dump_string(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:

@@ -1,4 +1,5 @@
-"""What a process of ours does with its operating system: signals, names, locks, shortages.
+"""Interaction of rid-daq's processes with the operating system: signals, names, locks, shortages.
 
-Nothing about robots or files of users. Begin with `termination.py`: which signals stop what.
+It contains nothing about robots or users' files. Begin with `termination.py`: which signals stop
+what.
 """

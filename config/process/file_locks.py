@@ -1,7 +1,7 @@
-"""Lock files: held by one process of this computer, and looked at without being touched.
+"""Lock files: each is held by one process of this computer; queries do not touch the lock.
 
-The lock is flock's: it belongs to an open file, and the kernel ends it with the process. Who holds
-one stands in the kernel's own list, so nobody needs to try the lock in order to look.
+The lock is an flock: it belongs to an open file, and the kernel releases it with the process. The
+holder is read from the kernel's list of locks, so a query never has to try the lock.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from config.errors import RecordingError
 LOCKS = Path("/proc/locks")
 _OPEN = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 _TRIES = 100
-_LOOKS = 3  # the list is read a page at a time, between which locks move up
+_LOOKS = 3  # the list is read in pages; locks may move up between two pages
 
 
 @contextlib.contextmanager
 def held_file(path: Path) -> Iterator[None]:
-    """Hold a lock file alone for as long as the `with` lasts; it is removed at the end.
+    """Hold a lock file exclusively during the `with` block; remove it at the end.
 
-    Another user's file is held as well as an own one; it stays. Processes that are started
+    Another user's lock file can be held too; it is not removed. Processes that are started
     meanwhile do not inherit the lock.
 
     Args:
-        path: The file; made where there is none, readable by every user.
+        path: The file; created if missing, readable by every user.
 
     Raises:
         BlockingIOError: Another process, or another `with` of this one, holds it.
-        OSError: The file cannot be opened: it is closed to this user, or a symbolic link.
+        OSError: The file cannot be opened: no permission, or a symbolic link.
     """
     descriptor = _locked(path)
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):  # another user's, in a folder for all
+        with contextlib.suppress(OSError):  # another user's file in a shared folder
             if _leads_to(path, descriptor):
                 path.unlink()
         os.close(descriptor)
 
 
 def file_holder(path: Path) -> int | None:
-    """Return the process that holds a lock file, as `lock_holder`; None where there is no file."""
+    """Return the process that holds a lock file, as `lock_holder`; None if the file is missing."""
     try:
         descriptor = os.open(path, os.O_PATH | os.O_CLOEXEC | os.O_NOFOLLOW)
     except OSError:
@@ -58,23 +58,22 @@ def file_holder(path: Path) -> int | None:
 
 
 def lock_holder(descriptor: int) -> int | None:
-    """Return the process that holds an exclusive flock on an open file, None where none does.
+    """Return the process that holds an exclusive flock on an open file; None if there is none.
 
-    The lock is not touched, so nobody who takes it at this moment fails.
+    The lock is not touched, so a process that takes it at the same time does not fail.
 
     Args:
-        descriptor: Of the file, opened in any way; with O_PATH that needs no permission and never
-            blocks.
+        descriptor: The file, opened in any mode; O_PATH needs no permission and never blocks.
 
     Returns:
-        The process id. The kernel names the process that took the lock and lists it only where that
-        process is visible here: not one in another container.
+        The process id. The kernel names the process that took the lock, and lists it only if that
+        process is visible here: not a process in another container.
 
     Raises:
         RecordingError: The kernel's list cannot be read.
 
     Note:
-        proc(5): ``1: FLOCK ADVISORY WRITE 4711 fe:00:2146400 0 EOF``; one that waits has an arrow.
+        proc(5): ``1: FLOCK ADVISORY WRITE 4711 fe:00:2146400 0 EOF``; an arrow marks a waiting one.
     """
     try:
         inode = _inode(descriptor)
@@ -85,22 +84,22 @@ def lock_holder(descriptor: int) -> int | None:
                     return int(words[4])
     except OSError as error:
         raise RecordingError(
-            f"{error.filename}: cannot be read ({error.strerror}), so nobody can say who holds a"
-            " lock; is /proc mounted?",
+            f"{error.filename}: cannot be read ({error.strerror}), so the holder of a lock is"
+            " unknown; mount /proc",
             code="RID-FILE-ACCESS",
         ) from None
     return None
 
 
 def _locked(path: Path) -> int:
-    """Return a descriptor that holds the lock, on the file that the path leads to."""
+    """Return a descriptor that holds the lock, on the file to which the path points."""
     for _ in range(_TRIES):
         try:
             descriptor = _opened(path)
         except (FileExistsError, FileNotFoundError):
             if not path.parent.is_dir():
                 raise
-            continue  # made or removed by another at this moment
+            continue  # another process has just created or removed it
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _leads_to(path, descriptor):
@@ -108,16 +107,16 @@ def _locked(path: Path) -> int:
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # its holder has removed it meanwhile
-    raise OSError(errno.ESTALE, "is replaced again and again", str(path))
+        os.close(descriptor)  # its holder has removed it in the meantime
+    raise OSError(errno.ESTALE, "is replaced repeatedly", str(path))
 
 
 def _opened(path: Path) -> int:
-    # Without O_CREAT first: in a folder for all, a kernel may refuse that on another user's file.
+    # First without O_CREAT: in a shared folder a kernel may refuse O_CREAT on another user's file.
     with contextlib.suppress(FileNotFoundError):
         return os.open(path, _OPEN)
     descriptor = os.open(path, _OPEN | os.O_CREAT | os.O_EXCL, 0o644)
-    os.fchmod(descriptor, 0o644)  # whatever the umask
+    os.fchmod(descriptor, 0o644)  # regardless of the umask
     return descriptor
 
 
@@ -129,17 +128,17 @@ def _leads_to(path: Path, descriptor: int) -> bool:
 
 
 def _inode(descriptor: int) -> str:
-    """Return a file as /proc/locks names it: by its file system's device, not by stat's.
+    """Return a file as named in /proc/locks: by its file system's device, not by stat's.
 
-    The two differ on btrfs and overlayfs; the mount that the file was opened on has the former.
+    The two devices differ on btrfs and overlayfs; mountinfo has the file system's device.
     """
     info = Path(f"/proc/self/fdinfo/{descriptor}").read_text(encoding="utf-8")
-    told = dict(line.split(":\t", 1) for line in info.splitlines() if ":\t" in line)
+    info_lines = dict(line.split(":\t", 1) for line in info.splitlines() if ":\t" in line)
     status = os.fstat(descriptor)
     device = f"{os.major(status.st_dev)}:{os.minor(status.st_dev)}"
     for line in Path("/proc/self/mountinfo").read_text(errors="replace").splitlines():
         mount, _, of_mount, _ = line.split(maxsplit=3)
-        if mount == told.get("mnt_id"):
+        if mount == info_lines.get("mnt_id"):
             device = of_mount
     major, minor = map(int, device.split(":"))
-    return f"{major:02x}:{minor:02x}:{told.get('ino', status.st_ino)}"
+    return f"{major:02x}:{minor:02x}:{info_lines.get('ino', status.st_ino)}"

@@ -1,4 +1,4 @@
-"""A process of this program: how it is started, what it is called, when it collects garbage."""
+"""Properties of rid-daq's processes: start command, name, garbage collection."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ProcessName(StrEnum):
 
 
 def set_process_name(name: ProcessName) -> None:
-    """Let this process be seen under a name; the program's own process keeps what it has."""
+    """Set this process's name, as shown by ps; the main process keeps its name."""
     if multiprocessing.parent_process() is None:
         return
     with contextlib.suppress(OSError):
@@ -28,21 +28,20 @@ def set_process_name(name: ProcessName) -> None:
 def own_python(module: str, *arguments: str) -> list[str]:
     """Return the command line that runs a module of this program.
 
-    What lies in the folder where it starts, a `config.py` or a folder `drivers`, is not taken for
-    ours (`python -P`).
+    Files in the start folder, such as `config.py` or a folder `drivers`, do not shadow modules of
+    rid-daq (`python -P`).
 
     Args:
-        module: The module that is run, `rid_daq.worker`.
-        *arguments: Its arguments.
+        module: The module to run, such as `rid_daq.worker`.
     """
     return [sys.executable, "-P", "-m", module, *arguments]
 
 
 def keep_from_collections() -> None:
-    """Leave all that a process has imported and made so far out of its collections of garbage.
+    """Exclude all objects that exist now from garbage collection.
 
-    A full one goes through every object: 50 to 100 ms for a server's hundred thousand, in which a
-    stop would wait. What is made afterwards is collected as ever.
+    A full collection visits every object: 50 to 100 ms for a server's hundred thousand objects,
+    during which a stop would wait. Objects that are created later are collected as usual.
     """
     gc.collect()
     gc.freeze()

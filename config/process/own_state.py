@@ -1,4 +1,4 @@
-"""`own_state_folder`, `own_secret`: what this account keeps on this computer, for itself alone."""
+"""`own_state_folder`, `own_secret`: private state of this user account on this computer."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ FOREIGN: Final = "RID-STATE-FOREIGN"
 
 
 def own_state_folder() -> Path:
-    """Return this account's folder for the program's state; it is made where there is none.
+    """Return this account's folder for the program's state; create it if missing.
 
     It is ``$XDG_STATE_HOME/rid-daq``, or ``~/.local/state/rid-daq``.
 
     Raises:
-        RecordingError: It cannot be made, or another account owns it or can write to it.
+        RecordingError: It cannot be created, or another account owns it or can write to it.
     """
-    told = os.environ.get("XDG_STATE_HOME", "")
-    home = Path(told) if Path(told).is_absolute() else Path("~/.local/state").expanduser()
+    stated = os.environ.get("XDG_STATE_HOME", "")
+    home = Path(stated) if Path(stated).is_absolute() else Path("~/.local/state").expanduser()
     folder = home / "rid-daq"
-    with system_errors(RecordingError, f"{folder}: cannot be made", code="RID-FILE-ACCESS"):
+    with system_errors(RecordingError, f"{folder}: cannot be created", code="RID-FILE-ACCESS"):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         _require_own(folder, os.stat(folder), forbidden=0o022)
     return folder
 
 
 def own_secret(name: str) -> bytes:
-    """Return a secret of this account; it is made where there is none.
+    """Return a secret of this account; create it if missing.
 
     Args:
         name: The name of its file in `own_state_folder`.
 
     Raises:
-        RecordingError: It cannot be read or made, or another account owns it or can read it.
+        RecordingError: It cannot be read or created, or another account owns it or can read it.
     """
     path = own_state_folder() / name
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-ACCESS"):
@@ -51,14 +51,14 @@ def own_secret(name: str) -> bytes:
             secret = file.read(SECRET_BYTES + 1)
     if len(secret) != SECRET_BYTES:
         raise RecordingError(
-            f"{path}: is no secret of rid-daq: move it away, and it is made anew",
+            f"{path}: is not a secret of rid-daq; move it away, and a new one is created",
             code="RID-STATE-DAMAGED",
         )
     return secret
 
 
 def _make(path: Path) -> None:
-    """Make a secret whole, unless another process has made it meanwhile."""
+    """Create a complete secret file, unless another process has just created it."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW
     try:
@@ -75,7 +75,7 @@ def _make(path: Path) -> None:
 def _require_own(path: Path, status: os.stat_result, forbidden: int) -> None:
     if status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & forbidden:
         raise RecordingError(
-            f"{path}: belongs to user {status.st_uid} with mode {stat.S_IMODE(status.st_mode):03o}:"
+            f"{path}: belongs to user {status.st_uid} with mode {stat.S_IMODE(status.st_mode):03o};"
             f" only user {os.geteuid()} may own, read and write it. Find out who made it, then"
             " move it away or correct owner and mode",
             code=FOREIGN,

@@ -1,4 +1,4 @@
-"""`private_folder_problem`: who else could read, write or replace what lies in a folder of ours."""
+"""`private_folder_problem`: check that no other user can read, write or replace private files."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pathlib import Path
 
 
 def private_folder_problem(folder: Path) -> str:
-    """Return why another user could reach into a folder of this user, empty if nobody could.
+    """Return why another user could access a folder of this user; empty if no other user can.
 
     Args:
-        folder: The folder itself, no symbolic link to it.
+        folder: The folder itself, not a symbolic link to it.
 
     Raises:
-        OSError: It cannot be looked at.
+        OSError: The folder cannot be inspected.
     """
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode):
-        return "is not a folder (a link or a file has its place); remove it"
+        return "is not a folder but a link or a file; remove it"
     if status.st_uid != os.geteuid():
         return f"belongs to {user_name(status.st_uid)}; let its owner or root remove it"
     if status.st_mode & 0o077:
@@ -29,13 +29,13 @@ def private_folder_problem(folder: Path) -> str:
 
 
 def changeable_by_others(folder: Path) -> str:
-    """Return why another user could replace what lies in a folder, empty if nobody could.
+    """Return why another user could replace files in a folder; empty if no other user can.
 
-    Root may. Others may not own it, nor write in it unless it is sticky; the group that is this
-    user's alone is no other user.
+    Root is allowed. Others must not own the folder, nor write to it unless it is sticky. A group
+    that belongs to this user alone does not count as another user.
 
     Raises:
-        OSError: It cannot be looked at.
+        OSError: The folder cannot be inspected.
     """
     status = folder.stat()
     if status.st_uid not in (0, os.geteuid()):
@@ -48,10 +48,10 @@ def changeable_by_others(folder: Path) -> str:
 
 
 def file_problem(path: Path) -> str:
-    """Return why a file or folder in a private folder may be another user's, empty if it is not.
+    """Return why a file or folder in a private folder may be another user's; empty if it is not.
 
     Raises:
-        OSError: It cannot be looked at.
+        OSError: It cannot be inspected.
     """
     status = path.lstat()
     if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
@@ -64,7 +64,7 @@ def file_problem(path: Path) -> str:
 
 
 def user_name(uid: int) -> str:
-    """Return what a user is called."""
+    """Return a user's name, or the number if the user has no name."""
     try:
         return f"user {pwd.getpwuid(uid).pw_name}"
     except KeyError:
@@ -77,7 +77,7 @@ def _is_writable_by_others(status: os.stat_result) -> bool:
 
 
 def _is_own_group(gid: int) -> bool:
-    """Return whether a group is this user's private one, as most systems make it."""
+    """Return whether a group is this user's private group, as most systems create it."""
     try:
         user = pwd.getpwuid(os.geteuid())
         group = grp.getgrgid(gid)

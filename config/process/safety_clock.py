@@ -1,4 +1,4 @@
-"""`safety_now_s`: the clock of what guards people: leases, readiness checks, held keys."""
+"""`safety_now_s`: the clock for functions that protect people: leases, readiness, held keys."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def safety_now_s() -> float:
-    """Return the time since the computer started [s], time in suspension included.
+    """Return the time since the computer started [s], including suspension.
 
     A change of the date does not move this clock, and all processes of the computer share it.
 
@@ -18,8 +18,8 @@ def safety_now_s() -> float:
 
 
 def boot_id() -> str:
-    """Return the kernel's identifier of this start of the computer.
+    """Return the kernel's identifier of the current boot.
 
-    A time of `safety_now_s` means nothing after a restart; keep this identifier beside it.
+    A time of `safety_now_s` means nothing after a reboot; store this identifier with it.
     """
     return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

@@ -1,7 +1,7 @@
-"""`as_shortage`: what Python, C libraries and the kernel say where a computer lacks something.
+"""`as_shortage`: recognise errors that mean that the computer is short of a resource.
 
-Python says it in many ways: as an error of memory, of a file, of a library that cannot be loaded,
-of a thread that cannot start, often inside of another error that it led to.
+Python reports a shortage in many ways: as an error of memory, of a file, of a library that cannot
+be loaded, of a thread that cannot start, often as the cause of another error.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _BY_NUMBER: Final[dict[int, str]] = {
     errno.EAGAIN: _PROCESSES,
     errno.EMFILE: _FILES,
     errno.ENFILE: "this computer has too many files open: end other programs",
-    errno.EFBIG: "a file would be larger than files may be: raise the limit (`ulimit -f`)",
-    errno.ENOSPC: "the disk is full: make room",
-    errno.EDQUOT: "your share of the disk is used up: make room",
-    errno.EROFS: "the disk may only be read: choose a folder on another one",
-    errno.EIO: "the disk or a device failed: look at its health (`dmesg`)",
+    errno.EFBIG: "a file would exceed the size limit of files: raise the limit (`ulimit -f`)",
+    errno.ENOSPC: "the disk is full: delete files",
+    errno.EDQUOT: "your disk quota is used up: delete files",
+    errno.EROFS: "the disk is read-only: choose a folder on another disk",
+    errno.EIO: "the disk or a device failed: check its health (`dmesg`)",
 }
 
 _BY_WORDS: Final[dict[str, str]] = {
@@ -38,13 +38,13 @@ _BY_WORDS: Final[dict[str, str]] = {
     "start new thread": _PROCESSES,
     "too many open files": _FILES,
 }
-"""What libraries say in words alone."""
+"""Texts of libraries that report a shortage without an error number."""
 
 _NEAR_BYTES: Final = 4 << 20
 
 
 def as_shortage(error: BaseException) -> ShortageError | None:
-    """Return what is lacking, where an error or one that led to it says so; else None."""
+    """Return the shortage that an error or one of its causes reports; None if there is none."""
     for each in _with_causes(error):
         if isinstance(each, ShortageError):
             return each
@@ -54,8 +54,8 @@ def as_shortage(error: BaseException) -> ShortageError | None:
             where = "" if each.filename is None else f"{each.filename}: "
             return ShortageError(f"{where}{_BY_NUMBER[each.errno]}", code="RID-SYSTEM-SHORTAGE")
         words = str(each).lower()
-        for said, lacking in _BY_WORDS.items():
-            if said in words and isinstance(each, (ImportError, OSError, RuntimeError)):
+        for phrase, lacking in _BY_WORDS.items():
+            if phrase in words and isinstance(each, (ImportError, OSError, RuntimeError)):
                 return ShortageError(lacking, code="RID-SYSTEM-SHORTAGE")
     if isinstance(error, Exception) and not isinstance(error, RidDaqError) and _memory_was_full():
         return ShortageError(
@@ -65,10 +65,10 @@ def as_shortage(error: BaseException) -> ShortageError | None:
 
 
 def as_named(error: Exception) -> RidDaqError:
-    """Return an error that has a name of ours: itself, or what is lacking.
+    """Return the error itself if it is a `RidDaqError`, or the shortage that it reports.
 
     Raises:
-        Exception: The error, which is then a mistake of the program.
+        Exception: The error, if it is a defect of the program.
     """
     if isinstance(error, RidDaqError):
         return error
@@ -79,12 +79,12 @@ def as_named(error: Exception) -> RidDaqError:
 
 
 def require_memory(needed_bytes: int) -> None:
-    """Refuse to begin what could not be finished: numerical libraries do not fail well.
+    """Refuse a computation for which there is not enough memory.
 
-    Without memory one ends the program, another waits for ever.
+    Without memory, some numerical libraries end the program and others hang.
 
     Raises:
-        ShortageError: So much address space cannot be had.
+        ShortageError: This much address space is not available.
     """
     try:
         flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
@@ -96,7 +96,7 @@ def require_memory(needed_bytes: int) -> None:
 
 
 def _with_causes(error: BaseException) -> Iterator[BaseException]:
-    """Yield an error and those that led to it."""
+    """Yield an error and its causes."""
     seen: set[int] = set()
     waiting: list[BaseException | None] = [error]
     while waiting:
@@ -108,7 +108,7 @@ def _with_causes(error: BaseException) -> Iterator[BaseException]:
 
 
 def _memory_was_full() -> bool:
-    """Return whether this process was at its limit: any error may come of that."""
+    """Return whether this process was at its memory limit, which can cause any error."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return False

@@ -1,4 +1,4 @@
-"""Termination signals: the program turns them into a request to stop, its processes ignore them."""
+"""Termination signals: the program turns them into a stop request, its processes ignore them."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from types import FrameType
 
 TERMINATION = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SUSPENSION = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-"""What a terminal suspends processes by: Ctrl-Z, and reading or writing in the background."""
+"""Signals by which a terminal suspends processes: Ctrl-Z, background input and output."""
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
     """Return the signals that end this program.
 
-    A hang-up that is ignored stays ignored: that is what `nohup` asks for. An interrupt never does:
-    shells start background commands with it ignored, which nobody asked for, and who sends one
-    wants the robot to stop.
+    An ignored hang-up stays ignored, as `nohup` intends. An ignored interrupt does not: shells
+    start background commands with interrupts ignored, which nobody intends, and a person who
+    sends one wants the robot to stop.
     """
     nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return tuple(each for each in TERMINATION if not (nohup and each == signal.SIGHUP))
 
 
 def ignore_termination() -> None:
-    """Ignore Ctrl-C, SIGTERM and a closed terminal: the program alone decides when to stop."""
+    """Ignore Ctrl-C, SIGTERM and a closed terminal: only the program decides when to stop."""
     for number in TERMINATION:
         signal.signal(number, signal.SIG_IGN)
 
 
 def leave_terminal() -> None:
-    """Let this process go on whatever the terminal does; first of all in its main function.
+    """Make this process independent of the terminal; call it first in the main function.
 
-    Beside ignoring what ends the program, it leaves the program's process group: Ctrl-Z, or any
-    signal to the group, suspends or kills nothing that a stop needs. It can write to the terminal
-    from there. A program's own process, which is no part of it, stays where it is.
+    It ignores termination signals and leaves the program's process group. Ctrl-Z or any signal to
+    the group then does not suspend or kill a process that a stop needs. The process can still write
+    to the terminal. The main process, which is not a child process, stays in its group.
     """
     ignore_termination()
     if multiprocessing.parent_process() is None:
@@ -50,19 +50,19 @@ def leave_terminal() -> None:
 
 @contextlib.contextmanager
 def suspension_refused(why: str) -> Iterator[None]:
-    """Answer Ctrl-Z with a sentence on standard error instead of being suspended.
+    """Answer Ctrl-Z with a message on standard error instead of suspending.
 
-    Outside the main thread, which alone may handle signals, nothing is changed.
+    Outside the main thread nothing changes, because only the main thread can handle signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
-    def tell(_number: int, _frame: FrameType | None) -> None:
+    def refuse(_number: int, _frame: FrameType | None) -> None:
         with contextlib.suppress(OSError):
             os.write(2, f"\n{why}\n".encode())
 
-    before = signal.signal(signal.SIGTSTP, tell)
+    before = signal.signal(signal.SIGTSTP, refuse)
     try:
         yield
     finally:
@@ -70,7 +70,7 @@ def suspension_refused(why: str) -> Iterator[None]:
 
 
 class Interruption:
-    """The first termination signal that came, if any; later ones change nothing."""
+    """The first termination signal, None before it arrives; later ones do not change it."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
@@ -80,17 +80,17 @@ class Interruption:
 def signals_handled(
     stop: Callable[[], None], *, then_ignored: bool = False
 ) -> Iterator[Interruption]:
-    """Call `stop` at every termination signal instead of dying, however many come.
+    """Call `stop` at every termination signal, instead of ending the program.
 
-    Outside the main thread, which alone may handle signals, nothing is changed.
+    Outside the main thread nothing changes, because only the main thread can handle signals.
 
     Args:
         stop: Called in the main thread, between two of its instructions.
-        then_ignored: Whether, once a signal came, further ones are ignored at the end as well: the
-            caller has still to write down what was stopped.
+        then_ignored: If True and a signal came, further signals stay ignored after the `with`
+            block, because the caller still has to record the stop.
 
     Yields:
-        Says which signal came first.
+        The first signal, once one has arrived.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
@@ -113,10 +113,11 @@ def signals_handled(
 
 @contextlib.contextmanager
 def signals_blocked(*, suspension: bool = False) -> Iterator[None]:
-    """Start processes in here: they start with termination signals blocked.
+    """Block termination signals in processes that are started in the `with` block.
 
-    They are from their first instruction, and no owner is interrupted before it has noted what it
-    started. With `suspension`, for those that `leave_terminal`, Ctrl-Z is blocked too.
+    The signals are blocked from the process's first instruction. The starting process is not
+    interrupted before it has recorded the new process. With `suspension`, for processes that call
+    `leave_terminal`, Ctrl-Z is blocked too.
     """
     resource_tracker.ensure_running()  # starting the first process would unblock signals again
     with signals_deferred():
@@ -129,27 +130,27 @@ def signals_blocked(*, suspension: bool = False) -> Iterator[None]:
 
 @contextlib.contextmanager
 def signals_deferred() -> Iterator[None]:
-    """Let termination signals wait until the end of the `with`.
+    """Delay termination signals until the end of the `with` block.
 
-    The mask alone is not enough: the kernel hands a signal to any other thread, for which Python
-    then interrupts the main thread.
+    The signal mask alone is not enough: the kernel delivers a signal to any other thread, and
+    Python then interrupts the main thread.
     """
-    came: list[int] = []
+    received: list[int] = []
     with contextlib.ExitStack() as at_end:
-        at_end.callback(_raise_all, came)
+        at_end.callback(_raise_all, received)
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, TERMINATION)
         at_end.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
         if threading.current_thread() is threading.main_thread():
             for number in TERMINATION:
                 handler = signal.getsignal(number)
                 if handler not in (signal.SIG_IGN, None):  # as nohup leaves it
-                    signal.signal(number, lambda came_in, _frame: came.append(came_in))
+                    signal.signal(number, lambda caught, _frame: received.append(caught))
                     at_end.callback(signal.signal, number, handler)
         yield
 
 
 def _raise_all(signals: list[int]) -> None:
-    """Let this program have signals, all of them, even where one raises an exception."""
+    """Raise all signals again, even if the handler of one raises an exception."""
     with contextlib.ExitStack() as stack:
         for number in reversed(signals):
             stack.callback(signal.raise_signal, number)

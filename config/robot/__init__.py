@@ -1,4 +1,4 @@
-"""The robot file: kinematics, joints, limits, bodies; and how a URDF becomes one.
+"""Robot file: kinematics, joints, limits, bodies; and conversion of a URDF to a robot file.
 
-What is known before anything is measured; models of it stand in `dynamics`. Begin with `robot.py`.
+It describes what is known before a measurement; models are in `dynamics`. Begin with `robot.py`.
 """

@@ -1,8 +1,8 @@
-"""Joint axes as lines in space, to modified Denavit-Hartenberg rows.
+"""Conversion of joint axes, given as lines in space, to modified Denavit-Hartenberg rows.
 
-Neighbouring axes that are far from parallel get the common normal as x (Khalil and Kleinfinger
-1986); nearly parallel ones get Hayati's angle beta (Hayati 1983), because their common normal may
-lie arbitrarily far away. Both are exact.
+If two neighbouring axes are far from parallel, x is their common normal (Khalil and Kleinfinger
+1986). If they are nearly parallel, their common normal may lie arbitrarily far away, and Hayati's
+angle beta is used (Hayati 1983). Both are exact.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _EXACT: Final = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class AxisFrames:
-    """Rows, and where the frames that they lead to are at position zero.
+    """Denavit-Hartenberg rows with the placement of their frames at position zero.
 
     Attributes:
         origin_m: Shape (3,). Origin of frame 0 in the root frame; its axes are the root's.
-        rows: One a joint, modified convention.
+        rows: One per joint, modified convention.
         frames: Shape (n + 1, 4, 4). Frames 0 to n in the root frame at position zero.
     """
 
@@ -37,15 +37,15 @@ class AxisFrames:
 def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray) -> AxisFrames:
     """Return the modified rows of a chain of joint axes.
 
-    Frame 0 is the root frame where row 1 can start from it; otherwise it is moved, not turned, to
-    the first axis.
+    Frame 0 is the root frame if row 1 can start from it; otherwise it is the root frame translated
+    to the first axis, without rotation.
 
     Args:
-        points_m: Shape (n, 3). A point on each axis, in the root frame, all joints at zero; frames
-            are put there where the geometry leaves the choice.
+        points_m: Shape (n, 3). A point on each axis, in the root frame, all joints at zero; a
+            frame's origin is put there if the geometry does not determine it.
         directions: Shape (n, 3). Unit vectors along the axes, in the sense of positive motion.
-        last: Shape (3, 3). Rotation whose x axis the last frame's x follows as far as it can, in
-            the root frame.
+        last: Shape (3, 3). Rotation in the root frame; the last frame's x is as close as possible
+            to its x axis.
     """
     n = len(points_m)
     origin, x = _on_root(points_m[0], directions[0])
@@ -54,7 +54,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
     rows: list[KinematicRow] = []
     place, x_before = origin, x
     for i in range(n):
-        # From frame i: x_before leads from `place` on axis i to `crossing` on axis i + 1.
+        # In frame i, x_before points from `place` on axis i to `crossing` on axis i + 1.
         z = frames[i, :3, 2]
         crossing, a = _crossing(place, z, x_before, points_m[i], directions[i])
         if i + 1 < n:
@@ -87,7 +87,7 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
 
 
 def _on_root(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the origin of frame 0 and its x: the root's where axis 1 crosses the root's x axis."""
+    """Return the origin of frame 0 and its x; the root's if axis 1 crosses the root's x axis."""
     x = np.array([1.0, 0.0, 0.0])
     across = direction[1:]
     length = across @ across
@@ -101,7 +101,7 @@ def _on_root(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, Floa
 def _towards(
     p: FloatArray, u: FloatArray, p_next: FloatArray, u_next: FloatArray, x_before: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where a frame sits on its axis (p, u) and its x, which leads to the next axis."""
+    """Return a frame's origin on its axis (p, u), and its x, which points to the next axis."""
     normal = np.cross(u, u_next)
     sine = float(np.linalg.norm(normal))
     size = max(1.0, float(np.abs(p).max()), float(np.abs(p_next).max()))
@@ -123,11 +123,11 @@ def _towards(
 def _crossing(
     place: FloatArray, z: FloatArray, x: FloatArray, p: FloatArray, u: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Return the point of axis (p, u) on the line from `place` along x, and how far along it is."""
+    """Return the point of axis (p, u) on the line from `place` along x, and the distance to it."""
     if _sine(z, u) < NEARLY_PARALLEL:
         crossing = p - u * (((p - place) @ z) / (u @ z))
         return crossing, float((crossing - place) @ x)
-    # The line along x meets the axis; with x given and not normal to u (the root), solve for both.
+    # The line along x meets the axis. At the root x is given and not normal to u: solve for both.
     system = np.column_stack([x, -u])
     along, back = np.linalg.lstsq(system, p - place, rcond=None)[0]
     return p + back * u, float(along)
@@ -166,7 +166,7 @@ def _about_y(angle: float) -> FloatArray:
 
 
 def _clean(value: float) -> float:
-    """Return a value without rounding's dust: 0 where it is nothing, pi where it is pi."""
+    """Return a value without rounding errors: values close to 0, ±pi/2 and ±pi become exact."""
     rounded = round(float(value), 15)
     for exact in (0.0, np.pi, -np.pi, np.pi / 2.0, -np.pi / 2.0):
         if abs(value - exact) < 4e-15:

@@ -1,4 +1,4 @@
-"""`Body`: what space a link takes, for collision checks."""
+"""`Body`: the space that a link occupies, for collision checks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Length = Annotated[float, Field(gt=0.0), Plausible(1e-4, 5.0, "m")]
 
 
 class Capsule(ConfigModel):
-    """A cylinder with round ends; a ball where both ends are the same point."""
+    """A cylinder with hemispherical ends; a sphere if both ends are the same point."""
 
     kind: Literal["capsule"]
     link: Annotated[int, Field(ge=0)]
@@ -28,7 +28,7 @@ class Capsule(ConfigModel):
 
 
 class Hull(ConfigModel):
-    """The convex hull of some points: a mesh, simplified."""
+    """The convex hull of some points, such as a simplified mesh."""
 
     kind: Literal["hull"]
     link: Annotated[int, Field(ge=0)]
@@ -48,7 +48,7 @@ Body = Annotated[Capsule | Hull, Field(discriminator="kind")]
 
 
 class Plane(ConfigModel):
-    """A wall or a floor, in the base frame: the robot stays where `normal` . p > `offset_m`."""
+    """A wall or floor in the base frame: the robot stays on the side `normal` . p > `offset_m`."""
 
     name: str
     normal: tuple[float, float, float]
@@ -58,12 +58,14 @@ class Plane(ConfigModel):
     def _unit_normal(self) -> Plane:
         length = sum(c * c for c in self.normal) ** 0.5
         if abs(length - 1.0) > 1e-6:
-            raise ValueError(f"normal must be a unit vector, its length is {length:.6g}")
+            raise ValueError(
+                f"normal must be a unit vector, its length is {length:.6g}; divide it by its length"
+            )
         return self
 
 
 class Box(ConfigModel):
-    """A box along the axes of the base frame, to keep out of or to stay in."""
+    """A box along the axes of the base frame that the robot stays out of or stays in."""
 
     name: str
     keep: Literal["out", "in"]
@@ -78,7 +80,7 @@ class Box(ConfigModel):
 
 
 class Workspace(ConfigModel):
-    """Where the robot may be. Bodies of the base (link 0) are held against nothing here."""
+    """The space in which the robot may move. Bodies of the base (link 0) are not checked here."""
 
     planes: tuple[Plane, ...] = ()
     boxes: tuple[Box, ...] = ()
@@ -86,13 +88,13 @@ class Workspace(ConfigModel):
 
 
 def refuse_unknown_pairs(bodies: Sequence[Body], may_touch: Sequence[tuple[str, str]]) -> None:
-    """Raise ValueError where two bodies share a name, or a pair is not of two named bodies."""
+    """Raise ValueError if two bodies share a name, or a pair does not name two bodies."""
     names = [body.name for body in bodies if body.name]
     if len(set(names)) < len(names):
-        raise ValueError("two bodies have the same name")
+        raise ValueError("two bodies have the same name; give each its own name")
     for first, second in may_touch:
         if first == second or not {first, second} <= set(names):
             raise ValueError(
-                f"may_touch has {first!r} and {second!r}: it needs the names of two bodies;"
+                f"may_touch has {first!r} and {second!r}: give the names of two different bodies;"
                 f" bodies are {', '.join(names) or 'without names'}"
             )

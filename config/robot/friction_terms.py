@@ -1,4 +1,4 @@
-"""`FrictionTerm`: the terms that a joint's friction may have, named without reading a robot."""
+"""`FrictionTerm`: names of the friction terms of a joint; importing it loads no robot model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`JointSize`: what a joint of an arm carries; limits that a URDF does not state follow from it."""
+"""`JointSize`: size and weight beyond a joint, to derive limits that a URDF does not state."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GRAVITY_M_S2: Final = 9.81
 
 @dataclass(frozen=True)
 class JointSize:
-    """How far an arm reaches beyond a joint [m], and its weight's torque there [N m or N]."""
+    """Reach of the arm beyond a joint [m] and its gravity load there [N m; N if prismatic]."""
 
     reach_m: float
     weight: float
@@ -29,13 +29,13 @@ def joint_sizes(
     centres_m: FloatArray,
     masses_kg: FloatArray,
 ) -> list[JointSize]:
-    """Return the size of every joint's load, along the chain as if it were stretched out.
+    """Return every joint's reach and gravity load for the fully stretched chain.
 
     Args:
-        origins_m: Shape (n, 3). Their places at zero.
+        origins_m: Shape (n, 3). Origins of the joints at position zero.
         tip_m: Shape (3,). The tool point.
         centres_m: Shape (n, 3). The links' centres of gravity.
-        masses_kg: Shape (n,). Their masses.
+        masses_kg: Shape (n,). The links' masses.
     """
     n = len(origins_m)
     steps = np.linalg.norm(np.diff(np.vstack([origins_m, tip_m]), axis=0), axis=1)

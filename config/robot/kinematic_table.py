@@ -1,4 +1,4 @@
-"""`Kinematics`: a robot's Denavit-Hartenberg table, and the rows that are computed with."""
+"""`Kinematics`: a robot's Denavit-Hartenberg table, and the rows used in computations."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Distance = Annotated[float, Plausible(0.0, 20.0, "m")]
 class KinematicRow(ConfigModel):
     """One row of a Denavit-Hartenberg table, angles in rad, lengths in m.
 
-    `theta_rad` (revolute) or `d_m` (prismatic) is the constant that the joint position is added
-    to. `beta_rad` is Hayati's angle for nearly parallel axes (theory: section 1); it exists in the
-    modified convention only.
+    The joint position is added to `theta_rad` (revolute) or `d_m` (prismatic). `beta_rad` is
+    Hayati's angle for nearly parallel axes (theory: section 1); it exists in the modified
+    convention only.
     """
 
     alpha_rad: Angle = 0.0
@@ -34,13 +34,13 @@ _ANGLES: Final = ("alpha_rad", "theta_rad")
 
 
 class Kinematics(ConfigModel):
-    """A table of rows, base to flange.
+    """A Denavit-Hartenberg table, base to flange.
 
     In the modified convention frame i-1 becomes frame i by
     Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), all of row i; in the standard
-    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha). An alpha or theta that is a
-    multiple of 15 degrees, rounded to few decimals (1.57), counts as exactly that. `calibration`
-    holds, row by row, what a kinematic calibration found to be added to the nominal values.
+    convention by Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha). If an alpha or theta is a
+    multiple of 15 degrees rounded to few decimals (1.57), the exact multiple is used. `calibration`
+    holds, row by row, the offsets that a kinematic calibration adds to the nominal values.
     """
 
     convention: Literal["modified_dh", "standard_dh"]
@@ -54,13 +54,14 @@ class Kinematics(ConfigModel):
             raise ValueError("beta_rad exists in the modified_dh convention only")
         if self.calibration and len(self.calibration) != len(self.rows):
             raise ValueError(
-                f"calibration has {len(self.calibration)} rows of offsets for {len(self.rows)} rows"
+                f"calibration has {len(self.calibration)} rows for {len(self.rows)} rows of the"
+                " table; give one per row"
             )
         return self
 
     @property
     def exact_rows(self) -> tuple[KinematicRow, ...]:
-        """The rows; angles that are rounded multiples of 15 degrees are exactly that."""
+        """The rows with exact angles in place of rounded multiples of 15 degrees."""
         return tuple(
             row.model_copy(
                 update={name: AngleReading.of(getattr(row, name)).taken_rad for name in _ANGLES}
@@ -70,7 +71,7 @@ class Kinematics(ConfigModel):
 
     @property
     def calibrated_rows(self) -> tuple[KinematicRow, ...]:
-        """The exact rows with the offsets of a kinematic calibration added."""
+        """The exact rows plus the offsets of a kinematic calibration."""
         if not self.calibration:
             return self.exact_rows
         return tuple(
@@ -82,7 +83,7 @@ class Kinematics(ConfigModel):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Angles that were taken as a multiple of 15 degrees, or nearly are one, in words."""
+        """Notes about angles that were read as, or are close to, a multiple of 15 degrees."""
         readings = [
             (f"kinematics.rows.{number}.{name}", AngleReading.of(getattr(row, name)))
             for number, row in enumerate(self.rows)
@@ -93,9 +94,9 @@ class Kinematics(ConfigModel):
     def modified_rows(self) -> tuple[KinematicRow, ...]:
         """Return the rows in the modified convention.
 
-        A standard table is shifted by half a row: frame i then sits on axis i, and the last
-        `a_m` and `alpha_rad` (from axis n to the flange) are left out, since no link's motion
-        depends on them.
+        A standard table is shifted by half a row, so that frame i sits on axis i. The last `a_m`
+        and `alpha_rad` (from axis n to the flange) are omitted, because no link's motion depends
+        on them.
         """
         rows = self.calibrated_rows
         if self.convention == "modified_dh":

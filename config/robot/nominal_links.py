@@ -1,6 +1,7 @@
-"""What links weigh where nobody says: cylinders along the arm, a guess to plan motions with.
+"""Guessed masses for links without mass: cylinders along the arm, for planning motions.
 
-Their density stands for castings, motors and air; their radius is a share of the arm's length.
+The density is that of castings, motors and air together; the radius is a fraction of the arm's
+length.
 """
 
 from __future__ import annotations
@@ -17,15 +18,13 @@ SLENDERNESS: Final = 25.0
 
 
 def nominal_links(rows: FloatArray, tool_m: FloatArray) -> tuple[LinkCad, ...]:
-    """Return a solid cylinder for each link, from half its own offset to the next axis.
+    """Return a solid cylinder for each link, from the middle of its own offset to the next axis.
 
     Args:
         rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of every joint,
             modified convention.
         tool_m: Shape (3,). Tool point in the last frame.
 
-    Returns:
-        Guesses, one a link.
     """
     lengths = np.abs(rows[:, 3:5]).sum() + float(np.linalg.norm(tool_m))
     radius = max(lengths, 0.1) / SLENDERNESS

@@ -1,4 +1,4 @@
-"""`RobotDescription`: what is known of a robot before anything is measured."""
+"""`RobotDescription`: the robot as known before a measurement."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ JointType = Literal["revolute", "prismatic"]
 
 
 class JointLimits(ConfigModel):
-    """What a joint must not exceed; rad or m, per second, N m or N at the link side.
+    """Limits of a joint, link side: position [rad or m], its derivatives, torque [N m or N].
 
     With a `coupling`, position and acceleration are the joint's, torque is its motor's, and
     velocity bounds both, each on its own side.
@@ -69,11 +69,11 @@ class JointLimits(ConfigModel):
 
 
 class Rotor(ConfigModel):
-    """Where a motor's rotor sits and which way it spins (theory: section 3).
+    """Mounting and spin direction of a motor's rotor (theory: section 3).
 
-    `link` is the carrying link, 0 for the base; `axis` is the spin axis in that link's frame, in
-    the sense in which a positive `gear_ratio` turns for positive joint velocity. A motor may ride
-    on the very link that it moves (`link` equal to its joint's number).
+    `link` is the link that carries the motor, 0 for the base. `axis` is the spin axis in that
+    link's frame: a positive `gear_ratio` spins the rotor about it if the joint's velocity is
+    positive. A motor may be mounted on the link that it moves (`link` equal to its joint's number).
     """
 
     link: Annotated[int, Field(ge=0)]
@@ -83,28 +83,31 @@ class Rotor(ConfigModel):
     def _unit_vector(self) -> Rotor:
         norm = sum(c * c for c in self.axis) ** 0.5
         if abs(norm - 1.0) > 1e-6:
-            raise ValueError(f"axis must be a unit vector, its length is {norm:.6g}")
+            raise ValueError(
+                f"axis must be a unit vector, its length is {norm:.6g}; divide it by its length"
+            )
         return self
 
 
 class Joint(ConfigModel):
-    """One joint: its kind, limits, gear and what its model contains.
+    """One joint: its kind, limits, gear and model terms.
 
-    `armature` adds the plain inertia mu^2 I_M of a motor whose mounting is not known, at the link
-    side; `rotor` is the better model where it is. `friction` lists the terms of the joint's
-    friction (theory: section 4): `asymmetric` is Coulomb friction of a size for each direction,
-    `stribeck` starts from the speed `stribeck_velocity` [rad/s or m/s], `temperature` lets Coulomb
-    and viscous friction change linearly away from `reference_temperature_k`, `load` grows with the
-    torque that the gear transmits, and with `presliding` a joint slides only after a distance that
-    starts from `presliding_distance` [rad or m] (section 4.1). With a `presliding_share` below 1,
-    from which the estimate starts, only that share of the friction gives way so; the rest holds at
-    once. `efficiency` (0 to 1) is where the
-    estimate of the gear's efficiency starts (5.16, 5.17); without it the gear loses nothing.
+    `armature` adds the rotor inertia mu^2 I_M at the link side, for a motor whose mounting is not
+    known; if it is known, `rotor` is the better model. `friction` lists the terms of the joint's
+    friction (theory: section 4). `asymmetric` is Coulomb friction with a value for each direction.
+    `stribeck` is estimated from the initial speed `stribeck_velocity` [rad/s or m/s]. With
+    `temperature`, Coulomb and viscous friction change linearly with the distance from
+    `reference_temperature_k`. `load` grows with the torque that the gear transmits. `presliding` is
+    presliding hysteresis, estimated from the initial displacement `presliding_distance` [rad or m]
+    (section 4.1). If `presliding_share` is below 1, only that fraction of the friction has
+    hysteresis and the rest is rigid; it too is an initial value of the estimate. `efficiency` (0 to
+    1) is the initial value of the gear's efficiency (5.16, 5.17); without it the gear is lossless.
     `torque_constant_nm_per_a` is torque at the link side, gear included, per ampere of the motor,
-    at `reference_temperature_k`; `torque_constant_per_k` is by which share of itself it changes per
-    kelvin (magnets: some -0.001 1/K), which drives do not know. `stiffness_nm_rad` is the torsional
-    stiffness of gear and bearings at the gear's output [N m/rad; N/m of a prismatic joint]:
-    encoders at the motors do not see that bending, and `tracking` estimates it. No model uses it.
+    at `reference_temperature_k`. `torque_constant_per_k` is its relative change per kelvin
+    (magnets: some -0.001 1/K), which drives do not know. `stiffness_nm_rad` is the torsional
+    stiffness of gear and bearings at the gear's output [N m/rad; N/m of a prismatic joint].
+    Encoders at the motors do not measure this deflection; `tracking` estimates it. No model uses
+    it.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
@@ -130,29 +133,29 @@ class Joint(ConfigModel):
     @model_validator(mode="after")
     def _checks(self) -> Joint:
         if self.gear_ratio == 0.0:
-            raise ValueError("gear_ratio must not be 0")
+            raise ValueError("gear_ratio is 0; give motor turns per joint turn")
         if len(set(self.friction)) != len(self.friction):
-            raise ValueError("friction names a term twice")
+            raise ValueError("friction names a term twice; remove one")
         for twice in ("coulomb", "offset"):
             if {"asymmetric", twice} <= set(self.friction):
                 raise ValueError(
-                    f"friction names asymmetric and {twice}, which say the same: asymmetric stands"
-                    " for coulomb and offset together"
+                    f"friction names asymmetric and {twice}; remove {twice}, because asymmetric"
+                    " already contains coulomb and offset"
                 )
         if self.efficiency is not None and "load" in self.friction:
             raise ValueError(
-                "efficiency and the friction term load say the same of a gear: choose one"
+                "efficiency and the friction term load both model the gear's losses; remove one"
             )
         if self.armature and self.rotor is not None:
-            raise ValueError("armature and rotor say the same inertia twice: choose one")
+            raise ValueError("armature and rotor both add the rotor's inertia; remove one")
         return self
 
 
 class GravitySpring(ConfigModel):
-    """A gravity-compensation spring across one joint (3.36-3.38), angle zero with the link up.
+    """A gravity-compensation spring across one joint (3.36-3.38); angle zero is with the link up.
 
-    `physical` needs the distances `l_m` and `r_m` of the spring's ends from the axis; `fourier`
-    (3.37) fits three harmonics of the angle where they are not known.
+    `physical` needs the distances `l_m` and `r_m` of the spring's ends from the axis. If they are
+    not known, `fourier` (3.37) fits three harmonics of the angle.
     """
 
     joint: str
@@ -163,7 +166,7 @@ class GravitySpring(ConfigModel):
     @model_validator(mode="after")
     def _needs_distances(self) -> GravitySpring:
         if self.form == "physical" and (self.l_m is None or self.r_m is None):
-            raise ValueError("a physical spring needs l_m and r_m; form: fourier does without")
+            raise ValueError("a physical spring needs l_m and r_m; give them, or use form: fourier")
         return self
 
 
@@ -174,12 +177,12 @@ def _ball_kg_m2(mass_kg: float, density_kg_m3: float) -> float:
 
 
 class LinkCad(Derived):
-    """What the drawing says of a link, in its frame (modified convention, frame i on axis i).
+    """Drawing data of a link, in its frame (modified convention, frame i on axis i).
 
     `inertia_kg_m2` is xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
-    `uncertainty` is the standard deviation of every value as a share of its size; null where the
-    values are a guess: motions are planned with them, but they are no prior. An inertia below
-    that of a ball of steel counts as unknown: zeros, or values that were rounded away.
+    `uncertainty` is the standard deviation of every value, relative to its magnitude. Null marks a
+    guess: it is used to plan motions, but not as a prior. An inertia below that of a steel ball of
+    the mass counts as unknown, because it is zero or was rounded away.
     """
 
     mass_kg: Annotated[NonNegative, Plausible(1e-4, 3e3, "kg")]
@@ -195,16 +198,16 @@ class LinkCad(Derived):
         if moments[0] < -slack or moments[0] + moments[1] < moments[2] - slack:
             raise ValueError(
                 f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
-                " none may be negative, nor larger than the other two together; check the order"
+                " none may be negative or larger than the sum of the other two; check the order"
                 " xx, xy, xz, yy, yz, zz and the signs"
             )
         return self
 
     @property
     def unknown_inertia_kg_m2(self) -> float | None:
-        """The moment of inertia of a body of the mass, where the stated one is none; else None.
+        """A typical moment of inertia for the mass if the stated one is unknown; else None.
 
-        None is what a ball of steel is above: zeros, or values that were rounded away.
+        The stated inertia is unknown if it is below that of a steel ball: zero or rounded away.
         """
         xx, _, _, yy, _, zz = self.inertia_kg_m2
         if (xx + yy + zz) / 3.0 >= _ball_kg_m2(self.mass_kg, _STEEL_KG_M3):
@@ -220,14 +223,14 @@ class LinkCad(Derived):
 class RobotDescription(PhysicalFile):
     """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured.
 
-    `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints: alpha are
-    the motors' angles over their gear ratios. `cad` is what the drawings say of the links, base to
-    flange; it is a prior, never a result. `bodies` is the space that the links take;
-    `may_touch` names pairs of them that are not held apart, because they touch by design.
-    `base_offset_m` is the origin of frame 0 in the frame of the whole robot, whose axes it has;
-    `tool_rpy_rad` turns the tool's frame against the last one's (roll, pitch, yaw as in a URDF).
-    Both matter to exports alone. `rated_payload_kg` is what the maker says that it carries: an
-    identified payload is held against it, or against the weight of `cad` without it.
+    `coupling` is C of q = C alpha (5.18), for wrists whose motors move several joints; alpha are
+    the motors' angles divided by their gear ratios. `cad` is the drawing data of the links, base to
+    flange; it is a prior, never a result. `bodies` is the space that the links occupy. `may_touch`
+    names pairs of bodies that are not checked against each other, because they touch by design.
+    `base_offset_m` is the origin of frame 0 in the frame of the whole robot; both have the same
+    axes. `tool_rpy_rad` rotates the tool's frame relative to the last one (roll, pitch, yaw as in a
+    URDF). Both matter only for exports. `rated_payload_kg` is the maker's rated payload: an
+    identified payload is compared with it or, without it, with the weight of `cad`.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -253,9 +256,9 @@ class RobotDescription(PhysicalFile):
         if coupling is None or not n:
             return coupling
         if [len(row) for row in coupling] != [n] * n:
-            raise ValueError(f"coupling must have {n} rows of {n} numbers, one a joint")
+            raise ValueError(f"coupling must have {n} rows of {n} numbers, one per joint")
         if np.linalg.cond(np.array(coupling)) > WORST_COUPLING:
-            raise ValueError("coupling cannot be inverted: q = C alpha must hold both ways")
+            raise ValueError("coupling cannot be inverted; q = C alpha needs a regular matrix")
         return coupling
 
     @field_validator("cad")
@@ -265,7 +268,7 @@ class RobotDescription(PhysicalFile):
     ) -> tuple[LinkCad, ...] | None:
         n = len(others.data.get("joints", ()))
         if cad is not None and n and len(cad) != n:
-            raise ValueError(f"cad has {len(cad)} links for {n} joints: list one a joint")
+            raise ValueError(f"cad has {len(cad)} links for {n} joints; list one per joint")
         return cad
 
     @model_validator(mode="after")
@@ -273,7 +276,9 @@ class RobotDescription(PhysicalFile):
         n = len(self.joints)
         for body in self.bodies:
             if body.link > n:
-                raise ValueError(f"a body sits on link {body.link} of {n}")
+                raise ValueError(
+                    f"a body sits on link {body.link}, but the last link is {n}; correct the number"
+                )
         refuse_unknown_pairs(self.bodies, self.may_touch)
         return self
 
@@ -281,11 +286,12 @@ class RobotDescription(PhysicalFile):
     def _consistent(self) -> RobotDescription:
         if len(self.kinematics.rows) != len(self.joints):
             raise ValueError(
-                f"kinematics has {len(self.kinematics.rows)} rows for {len(self.joints)} joints"
+                f"kinematics has {len(self.kinematics.rows)} rows for {len(self.joints)} joints;"
+                " give one per joint"
             )
         names = self.joint_names
         if len(set(names)) != len(names):
-            raise ValueError("two joints have the same name")
+            raise ValueError("two joints have the same name; give each its own name")
         if self.spring is not None and self.spring.joint not in names:
             raise ValueError(
                 f"spring.joint {self.spring.joint!r} is not a joint; joints are {', '.join(names)}"
@@ -293,15 +299,16 @@ class RobotDescription(PhysicalFile):
         for number, joint in enumerate(self.joints, start=1):
             if joint.rotor is not None and joint.rotor.link > number:
                 raise ValueError(
-                    f"rotor of joint {joint.name!r} sits on link {joint.rotor.link}: it must sit on"
-                    f" the base (0), on a link before its joint, or on link {number} that it moves"
+                    f"rotor of joint {joint.name!r} sits on link {joint.rotor.link}; it must sit on"
+                    f" the base (0), on a link before its joint, or on its own link {number}"
                 )
         return self
 
     def differences(self, other: RobotDescription) -> tuple[str, ...]:
-        """Return the keys in which another description is that of another robot.
+        """Return the keys that show that the other description is of a different robot.
 
-        Limits, friction terms, drawings and bodies may differ: they may be known better by now.
+        Limits, friction terms, drawings and bodies may differ, because they may be known better by
+        now.
         """
         of_robot = [key for key in _IDENTITY if getattr(self, key) != getattr(other, key)]
         if len(self.joints) != len(other.joints):
@@ -309,7 +316,7 @@ class RobotDescription(PhysicalFile):
         return (*of_robot, *self._differences_of_joints(other))
 
     def _differences_of_joints(self, other: RobotDescription) -> Iterator[str]:
-        """Yield each key that is another one at some joint, and at which."""
+        """Yield each key that differs at some joint, with the joints."""
         pairs = list(zip(self.joints, other.joints, strict=True))
         for key in _JOINT_IDENTITY:
             here = [n for n, (a, b) in enumerate(pairs) if getattr(a, key) != getattr(b, key)]
@@ -321,10 +328,10 @@ class RobotDescription(PhysicalFile):
 
     @property
     def is_drawn(self) -> bool:
-        """Whether drawings tell of every link, not a guess."""
+        """True if every link has drawing data that are not a guess."""
         return self.cad is not None and all(link.uncertainty is not None for link in self.cad)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints' names, base to flange."""
+        """Names of the joints, base to flange."""
         return tuple(joint.name for joint in self.joints)

@@ -1,4 +1,4 @@
-"""The collision shapes of a URDF as bodies of the robot; meshes are not read."""
+"""Conversion of a URDF's collision shapes to bodies of the robot; meshes are not read."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def bodies_of_urdf(
     places: dict[str, FloatArray],
     axes: AxisFrames,
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
-    """Return the collision primitives in the frames of the links, and what to know of them.
+    """Return the collision primitives in the frames of the links, and notes for the user.
 
     Args:
         tree: The URDF.
-        carried: The URDF's links that move as one: with the base, then with each joint.
-        places: Dict of str to (4, 4) array. Where the URDF's links are in the base at zero.
+        carried: The URDF's links that move together: with the base, then with each joint.
+        places: Dict of str to (4, 4) array. Poses of the URDF's links in the base at zero.
         axes: The robot's frames.
     """
     bodies: list[Body] = []
@@ -44,13 +44,13 @@ def bodies_of_urdf(
     if not meshes:
         return tuple(bodies), ()
     return tuple(bodies), (
-        f"the collision meshes of {', '.join(meshes)} were not read: add `bodies` to robot.yaml by"
-        " hand where collisions matter",
+        f"the collision meshes of {', '.join(meshes)} were not read; add `bodies` to robot.yaml by"
+        " hand if collisions matter",
     )
 
 
 def _name(link: str, number: int, count: int) -> str:
-    """Return what the shapes of a URDF's link are called: as it is, or with a number behind."""
+    """Return the name of a body: the link's name, with a number if it has several shapes."""
     return (link if count == 1 else f"{link} {number}")[:LONGEST_NAME]
 
 
@@ -89,5 +89,5 @@ def _point(values: FloatArray) -> Point:
 
 
 def clean(value: float) -> float:
-    """Return a value without rounding's dust, to a femtometre."""
+    """Return a value without rounding errors: 0 if below 1e-12, else rounded to 1e-15."""
     return 0.0 if abs(value) < 1e-12 else round(value, 15)

@@ -1,4 +1,4 @@
-"""`UrdfArm`: a chain of driven joints between two links, and which of them a URDF has."""
+"""`UrdfArm`: a chain of driven joints between two links, and the search for it in a URDF."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class SeveralArmsError(ConfigError):
 
     def __init__(self, file: str, arms: Sequence[UrdfArm]) -> None:
         self.arms = tuple(arms)
-        told = "; ".join(f"--tip {arm.tip} ({len(arm.joints)} joints)" for arm in arms)
+        choices = "; ".join(f"--tip {arm.tip} ({len(arm.joints)} joints)" for arm in arms)
         super().__init__(
-            f"{file}: there are {len(arms)} arms: say which with --tip; the others then count as"
-            f" fixed: {told}",
+            f"{file}: there are {len(arms)} arms; choose one with --tip; the others then count as"
+            f" fixed: {choices}",
             code="RID-URDF-ARM",
         )
 
@@ -32,10 +32,10 @@ class UrdfArm:
     """A chain of driven joints, base to tip.
 
     Attributes:
-        base, tip: The link that stands still, and the link whose origin is the tool point.
+        base, tip: The fixed link, and the link whose origin is the tool point.
         joints: The driven joints between them, at least one.
-        gripper: The link on which the arm ends because a gripper begins there.
-        side_branches: The last links of shorter chains that were left aside.
+        gripper: The link at which the arm ends because a gripper begins there.
+        side_branches: The last links of shorter chains that were ignored.
     """
 
     base: str
@@ -46,37 +46,37 @@ class UrdfArm:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was chosen here that a person may want otherwise."""
+        """Notes about choices that the user may want to change."""
         notes = []
         if self.gripper is not None:
             notes.append(
-                f"the arm ends at {self.gripper!r}, where a gripper begins: --tip takes another"
+                f"the arm ends at {self.gripper!r}, where a gripper begins; --tip chooses another"
+                " end"
             )
         if self.side_branches:
             notes.append(
-                f"the arm to {self.tip!r} was taken; {', '.join(self.side_branches)} count as"
-                " fixed: --tip takes another"
+                f"the arm to {self.tip!r} was chosen; {', '.join(self.side_branches)} count as"
+                " fixed; --tip chooses another arm"
             )
         return tuple(notes)
 
 
 def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
-    """Return the arm between two links, or the only one that there is.
+    """Return the arm between two links, or the only arm of the URDF.
 
     Args:
         tree: The URDF.
-        base: The link that stands still; the root of the longest arm where None.
-        tip: The link whose origin is the tool point; the last link of the only arm where None.
+        base: The fixed link; if None, the root of the longest arm.
+        tip: The link whose origin is the tool point; if None, the last link of the only arm.
 
     Raises:
-        SeveralArmsError: There are several arms, and no tip says which.
-        ConfigError: There is no such link, no moving joint, or a joint among them moves as another
-            does.
+        SeveralArmsError: There are several arms, and `tip` is None.
+        ConfigError: A link does not exist, no joint moves, or a joint of the arm mimics another.
     """
     for link in (base, tip):
         if link is not None and link not in tree.links:
             raise ConfigError(
-                f"{tree.file}: there is no link {link!r}; links are {', '.join(tree.links)}",
+                f"{tree.file}: no link is named {link!r}; links are {', '.join(tree.links)}",
                 code="RID-URDF-LINK",
             )
     if tip is not None:
@@ -84,13 +84,16 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
         joints = tuple(joint for joint in tree.path(base, tip) if joint.is_driven)
         if not joints:
             raise ConfigError(
-                f"{tree.file}: no joint moves between {base!r} and {tip!r}", code="RID-URDF-ARM"
+                f"{tree.file}: no joint moves between {base!r} and {tip!r}; give other links",
+                code="RID-URDF-ARM",
             )
         return _without_mimics(tree, UrdfArm(base, tip, joints))
     arms = arms_of(tree, base)
     if not arms:
         roots = base or ", ".join(tree.roots)
-        raise ConfigError(f"{tree.file}: no joint moves below {roots}", code="RID-URDF-ARM")
+        raise ConfigError(
+            f"{tree.file}: no joint moves below {roots}; give another base", code="RID-URDF-ARM"
+        )
     longest = arms[0]
     serious = [longest, *(arm for arm in arms[1:] if _is_serious(arm, longest))]
     if len(serious) > 1:
@@ -104,8 +107,9 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
 def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
     """Return every chain of driven joints that ends at a gripper or at its last link.
 
-    The longest is first. A gripper begins where, behind at least three joints, several chains hang
-    on one body, all shorter than the arm, or one whose joint is called gripper, finger or jaw.
+    The longest is first. A gripper begins after at least three joints if the chains beyond are
+    shorter than the arm and either several chains branch from one body or a joint's name contains
+    grip, finger, knuckle or jaw.
     """
     arms: dict[str, UrdfArm] = {}
     for root in (base,) if base is not None else tree.roots:
@@ -131,14 +135,14 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
 
 
 def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
-    """Return where the moving joints that are not the arm's stand, by name [rad or m].
+    """Return the fixed positions of the moving joints outside the arm, by name [rad or m].
 
-    Each stands within its limits, as close to zero as they allow; one that mimics another stands
-    where that one puts it.
+    Each is within its limits and as close to zero as they allow. A joint that mimics another has
+    the position that follows from that one.
 
     Raises:
-        ConfigError: A joint that follows one of the arm's carries mass: its link is part of no link
-            of the arm.
+        ConfigError: A joint that mimics one of the arm's carries mass, which cannot be assigned to
+            a link of the arm.
     """
     driven = {joint.name for joint in arm.joints}
     named = {joint.name: joint for joint in tree.joints}
@@ -159,8 +163,8 @@ def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
             problems.append(
                 f"{joint.where}: joint {joint.name!r} mimics {leader.name!r}, a joint of the arm,"
                 f" and carries {mass_kg:g} kg: a link that moves with another joint cannot be part"
-                " of the model. Remove <mimic> if the joint has a motor of its own; else take the"
-                " <inertial> off its links, whose weight then counts nowhere"
+                " of the model. Remove <mimic> if the joint has its own motor; otherwise remove the"
+                " <inertial> of its links, whose mass is then ignored"
             )
     if problems:
         raise ConfigError("\n".join(problems), code="RID-URDF-MIMIC")
@@ -172,7 +176,7 @@ def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
 
 
 def _mass_behind(tree: UrdfTree, link: str) -> float:
-    """Return the mass of a link and of all that hangs on it [kg]."""
+    """Return the mass of a link and all links below it [kg]."""
     inertial = tree.links[link].inertial
     own = inertial.mass_kg if inertial is not None else 0.0
     below = tree.joints_below.get(link, ())
@@ -180,9 +184,9 @@ def _mass_behind(tree: UrdfTree, link: str) -> float:
 
 
 def _moving_on(tree: UrdfTree, link: str) -> list[UrdfJoint]:
-    """Return the joints that move on a body: a link and what is fixed to it.
+    """Return the joints that move on a body, which is a link and all links fixed to it.
 
-    What hangs on a joint that is left at zero (of a kind that no motor drives) belongs to the body.
+    A link behind a joint that no motor can drive is held at zero and belongs to the body.
     """
     moving: list[UrdfJoint] = []
     waiting = [link]
@@ -196,13 +200,13 @@ def _moving_on(tree: UrdfTree, link: str) -> list[UrdfJoint]:
 
 
 def _drives_behind(tree: UrdfTree, joint: UrdfJoint) -> bool:
-    """Return whether a driven joint hangs behind a joint."""
+    """Return whether a driven joint is below a joint."""
     behind = tree.joints_below.get(joint.child, ())
     return any(each.is_driven or _drives_behind(tree, each) for each in behind)
 
 
 def _depth(tree: UrdfTree, link: str) -> int:
-    """Return how many joints move behind a link, along the longest chain."""
+    """Return the number of moving joints below a link, along the longest chain."""
     depth, level = -1, [link]
     while level:
         depth += 1
@@ -211,24 +215,24 @@ def _depth(tree: UrdfTree, link: str) -> int:
 
 
 def _is_serious(arm: UrdfArm, longest: UrdfArm) -> bool:
-    """Return whether an arm may be meant as much as the longest one."""
+    """Return whether an arm is long enough to be the intended one instead of the longest."""
     shared = sum(a is b for a, b in zip(arm.joints, longest.joints, strict=False))
     own, others = len(arm.joints) - shared, len(longest.joints) - shared
     return own >= min(SHORTEST_ARM, others) and 2 * own >= others
 
 
 def _without_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
-    """Return the arm, where no joint before its last one moves as another does.
+    """Return the arm after checking that no joint before its last one mimics another.
 
     Raises:
-        ConfigError: One does.
+        ConfigError: A joint mimics another.
     """
     path = tree.path(arm.base, arm.tip)
     last = path.index(arm.joints[-1])
     lines = [
         f"{joint.where}: joint {joint.name!r} mimics {joint.mimic.joint!r} in the middle of the"
-        " arm: a motor that turns two joints of the chain cannot be identified here. Give --tip"
-        f" {joint.parent} for the arm before it, or remove <mimic> if the joint has a motor"
+        " arm: a motor that turns two joints of the chain cannot be identified. Give --tip"
+        f" {joint.parent} for the arm before it, or remove <mimic> if the joint has its own motor"
         for joint in path[:last]
         if joint.mimic is not None
     ]

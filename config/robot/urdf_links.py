@@ -1,7 +1,7 @@
-"""What a URDF says of moving links: repaired where no body is like that, guessed where nothing.
+"""Drawing data of moving links from a URDF, repaired or guessed if necessary.
 
-An inertia that no body has is replaced by the nearest one that some body has. A link without mass
-is guessed as a cylinder, marked as a guess.
+An inertia that is physically impossible is replaced by the nearest possible one. A link without
+mass becomes a cylinder that is marked as a guess.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FROM_MOMENTS: Final = np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.
 
 @dataclass(frozen=True)
 class UrdfLinks:
-    """The drawings of the moving links, what to know of them, and of each (from 0)."""
+    """Drawing data of the moving links, notes on all of them, and comments by link (from 0)."""
 
     cad: tuple[LinkCad, ...]
     notes: tuple[str, ...]
@@ -39,7 +39,7 @@ class UrdfLinks:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A rigid part: mass, centre (3,), inertia about it (3, 3), in the link's frame."""
+    """A rigid part: mass, centre (3,), inertia about the centre (3, 3), in the link's frame."""
 
     mass_kg: float
     centre_m: FloatArray
@@ -57,79 +57,81 @@ def links_of_urdf(
 
     Args:
         tree: The URDF.
-        carried: The URDF's links that move as one: with the base, then with each joint.
-        places: Dict of str to (4, 4) array. Where the URDF's links are in the base at zero.
+        carried: The URDF's links that move together: with the base, then with each joint.
+        places: Dict of str to (4, 4) array. Poses of the URDF's links in the base at zero.
         axes: The robot's frames.
         tool_m: Shape (3,). Tool point in the last frame [m].
     """
     rows = [[r.alpha_rad, r.beta_rad, r.theta_rad, r.a_m, r.d_m] for r in axes.rows]
     guesses = nominal_links(np.array(rows), tool_m)
     notes = [
-        _odd(tree.links[name], words) for name in carried[0] for words in tree.links[name].oddities
+        _with_link_name(tree.links[name], words)
+        for name in carried[0]
+        for words in tree.links[name].oddities
     ]
     cad: list[LinkCad] = []
     comments: dict[int, str] = {}
     guessed: list[str] = []
     for number, names in enumerate(carried[1:]):
-        told: list[str] = []
+        remarks: list[str] = []
         change = 0.0
         parts: list[_Part] = []
         for link in (tree.links[name] for name in names):
-            told += [_odd(link, words) for words in link.oddities]
+            remarks += [_with_link_name(link, words) for words in link.oddities]
             if link.inertial is None or link.inertial.mass_kg == 0.0:
                 continue
-            inertia, changed, words = _possible(link, link.inertial)
+            inertia, changed, words = _repair_inertia(link, link.inertial)
             change = max(change, changed)
-            told += words
+            remarks += words
             place = np.linalg.inv(axes.frames[number + 1]) @ places[link.name]
             place = place @ link.inertial.placement
             turn = place[:3, :3]
             parts.append(_Part(link.inertial.mass_kg, place[:3, 3], turn @ inertia @ turn.T))
-        whole = _together(parts)
+        whole = _merge(parts)
         if whole is None or not MASSES_KG[0] <= whole.mass_kg <= MASSES_KG[1]:
             cad.append(guesses[number])
             stated = f"{whole.mass_kg:g} kg" if whole is not None else "no mass"
             comments[number] = (
-                f"a guess, for the URDF states {stated}: a cylinder of"
-                f" {guesses[number].mass_kg:.3g} kg; no prior"
+                f"a guess, because the URDF states {stated}: a cylinder of"
+                f" {guesses[number].mass_kg:.3g} kg; not used as a prior"
             )
             guessed.append(f"{', '.join(names)} ({stated}; {guesses[number].mass_kg:.3g} kg)")
         else:
-            cad.append(_drawing(whole, change))
+            cad.append(_to_drawing(whole, change))
             unknown = cad[-1].unknown_inertia_kg_m2
             if unknown:
-                told.append(
-                    f"link {number + 1} ({', '.join(names)}) has {whole.mass_kg:.4g} kg and next"
-                    " to no inertia (zero, or rounded away): --cad-prior takes it as unknown,"
+                remarks.append(
+                    f"link {number + 1} ({', '.join(names)}) has {whole.mass_kg:.4g} kg and almost"
+                    " no inertia (zero, or rounded away); --cad-prior treats it as unknown,"
                     f" 0 ± {unknown:.2g} kg m²"
                 )
-        notes += told
-        if told:
-            comments[number] = "; ".join((*told, *filter(None, [comments.get(number)])))
-    notes += _in_grams(cad, carried[1:])
+        notes += remarks
+        if remarks:
+            comments[number] = "; ".join((*remarks, *filter(None, [comments.get(number)])))
+    notes += _warn_of_grams(cad, carried[1:])
     if guessed:
         notes.append(
-            "these links have no mass that a link can have, and are simulated as cylinders along"
-            f" the arm, which are no prior: {'; '.join(guessed)}. State their masses under `cad`"
-            " in robot.yaml where you know them"
+            "these links have no plausible mass and are simulated as cylinders along the arm, which"
+            f" are not used as a prior: {'; '.join(guessed)}. If you know their masses, state them"
+            " under `cad` in robot.yaml"
         )
     return UrdfLinks(tuple(cad), tuple(notes), comments)
 
 
-def _in_grams(cad: Sequence[LinkCad], names: Sequence[list[str]]) -> list[str]:
-    """Name a link that is many times as heavy as all others together."""
+def _warn_of_grams(cad: Sequence[LinkCad], names: Sequence[list[str]]) -> list[str]:
+    """Warn about a link that is many times as heavy as all others together."""
     masses = [link.mass_kg for link in cad]
     return [
         f"link {number} ({', '.join(names[number - 1])}) has {mass:.4g} kg, all others together"
-        f" {sum(masses) - mass:.3g} kg: is its mass in grams? Correct it in the URDF, for torques"
-        " and speeds of the simulated robot follow from it"
+        f" {sum(masses) - mass:.3g} kg: is its mass in grams? If so, correct it in the URDF,"
+        " because torques and speeds of the simulated robot depend on it"
         for number, mass in enumerate(masses, start=1)
         if len(masses) > 2 and mass > TOO_HEAVY * (sum(masses) - mass)
     ]
 
 
-def _together(parts: list[_Part]) -> _Part | None:
-    """Return parts as one body, or None where there is none."""
+def _merge(parts: list[_Part]) -> _Part | None:
+    """Return several parts as one body; None if there are no parts."""
     if not parts:
         return None
     mass = sum(part.mass_kg for part in parts)
@@ -141,11 +143,11 @@ def _together(parts: list[_Part]) -> _Part | None:
     return _Part(mass, centre, inertia)
 
 
-def _possible(link: UrdfLink, inertial: UrdfInertial) -> tuple[FloatArray, float, list[str]]:
-    """Return an inertia (3, 3) that a body of the mass can have, the share changed, and why.
+def _repair_inertia(link: UrdfLink, inertial: UrdfInertial) -> tuple[FloatArray, float, list[str]]:
+    """Return a possible inertia (3, 3) for a link, its relative change, and notes.
 
     The principal moments become the nearest ones (least squares) of a body that is not quite flat:
-    none negative, none larger than the other two together.
+    none is negative, none is larger than the sum of the other two.
     """
     stated = inertial.inertia_kg_m2
     moments, directions = np.linalg.eigh(stated)
@@ -155,7 +157,7 @@ def _possible(link: UrdfLink, inertial: UrdfInertial) -> tuple[FloatArray, float
     if gyration_m > LARGEST_GYRATION_M:
         words = (
             f"the inertia of {link.name!r} ({link.where}) is that of {inertial.mass_kg:g} kg"
-            f" {gyration_m:.3g} m from the centre (another unit than kg m²?): it counts as unknown"
+            f" {gyration_m:.3g} m from the centre (a unit other than kg m²?); it counts as unknown"
         )
         return np.zeros((3, 3)), 0.0, [words]
     if moments[0] >= 0.0 and moments[0] + moments[1] >= moments[2] * (1.0 - ROUNDING):
@@ -165,16 +167,16 @@ def _possible(link: UrdfLink, inertial: UrdfInertial) -> tuple[FloatArray, float
     possible = _FROM_MOMENTS @ spread
     change = float(np.linalg.norm(possible - moments) / np.linalg.norm(moments))
     words = (
-        f"no body has the inertia of {link.name!r} ({link.where}), principal moments"
-        f" {_list(moments)} kg m²: the nearest that one can have, {_list(possible)}, was taken"
+        f"the inertia of {link.name!r} ({link.where}) is physically impossible, principal moments"
+        f" {_list(moments)} kg m²; the nearest possible one, {_list(possible)}, was used"
         f" ({100.0 * change:.2g} % changed)"
     )
     repaired = directions @ np.diag(possible) @ directions.T
     return repaired, change, [words]
 
 
-def _drawing(body: _Part, change: float) -> LinkCad:
-    """Return a link's drawing, less certain where its inertia was changed a lot."""
+def _to_drawing(body: _Part, change: float) -> LinkCad:
+    """Return a link's drawing data, with larger uncertainty if its inertia was changed a lot."""
     upper = body.inertia_kg_m2[np.triu_indices(3)]
     usual = LinkCad.model_fields["uncertainty"].default
     x, y, z = (round(value, 15) + 0.0 for value in body.centre_m.tolist())
@@ -186,7 +188,7 @@ def _drawing(body: _Part, change: float) -> LinkCad:
     )
 
 
-def _odd(link: UrdfLink, words: str) -> str:
+def _with_link_name(link: UrdfLink, words: str) -> str:
     return f"{link.name}: {words}"
 
 

@@ -1,4 +1,4 @@
-"""A `RobotDescription` out of a URDF: the chain, its rows, limits, drawings and bodies."""
+"""Conversion of a URDF to a `RobotDescription`: chain, rows, limits, drawing data and bodies."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from config.robot.kinematic_table import Kinematics
 from config.robot.robot import Joint, RobotDescription, Vector3
 from config.robot.urdf_bodies import bodies_of_urdf, clean
 from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
-from config.robot.urdf_limits import LimitDefaults, Taken, limits_of_urdf
+from config.robot.urdf_limits import LimitDefaults, ReplacedValue, limits_of_urdf
 from config.robot.urdf_links import links_of_urdf
 from config.robot.urdf_motors import UrdfMotor, motors_of_urdf
 
 
 @dataclass(frozen=True)
 class UrdfRobot:
-    """A robot made from a URDF, and what a person should know of how it was made.
+    """A robot made from a URDF, with notes on the conversion.
 
     Attributes:
-        notes: What was left out, repaired or taken as a default.
-        comments: The same at the keys of the robot file that it concerns.
-        motors: What the URDF says of the joints' friction and of their motors, one a joint.
+        notes: What was omitted, repaired or set to a default.
+        comments: The same notes, by the key of the robot file that they concern.
+        motors: The URDF's friction and motor direction, one per joint.
     """
 
     robot: RobotDescription
@@ -50,20 +50,20 @@ def robot_of_urdf(
 ) -> UrdfRobot:
     """Return the serial robot between two links of a URDF.
 
-    Link frames become those of the modified Denavit-Hartenberg convention, exactly, for any axes;
-    links behind fixed joints count as part of the link that carries them, and so do branches, at
-    position zero. The first frame has the base link's axes.
+    Link frames become those of the modified Denavit-Hartenberg convention, exactly, for any axes.
+    Links behind fixed joints count as part of the link that carries them. So do branches, at
+    position zero or as close to it as their limits allow. The first frame has the base link's axes.
 
     Args:
         tree: The URDF.
-        base: The link that stands still; the URDF's root if not given.
+        base: The fixed link; the URDF's root if not given.
         tip: The link whose origin is the tool point; the last moving link if not given.
-        defaults: What to take where the URDF states no limits; the robot's size decides if not
-            given.
+        defaults: Limits to use if the URDF states none; if not given, they follow from the robot's
+            size.
 
     Raises:
-        SeveralArmsError: There are several arms and no tip.
-        ConfigError: There is no such link, no chain, or values that no robot has.
+        SeveralArmsError: There are several arms and no `tip`.
+        ConfigError: A link or the chain does not exist, or a value is one that no robot has.
     """
     arm = arm_between(tree, base, tip)
     notes = list(arm.notes)
@@ -91,9 +91,9 @@ def robot_of_urdf(
         np.array([link.mass_kg for link in links.cad]),
     )
     found = limits_of_urdf(arm.joints, sizes, defaults or LimitDefaults())
-    ratios, motors, taken = motors_of_urdf(tree, arm, [one.limits for one in found])
-    for told, one in zip(taken, found, strict=True):
-        told += one.taken
+    ratios, motors, replaced = motors_of_urdf(tree, arm, [one.limits for one in found])
+    for values_here, one in zip(replaced, found, strict=True):
+        values_here += one.replaced
     bodies, of_bodies = bodies_of_urdf(tree, carried, places, axes)
     try:
         robot = RobotDescription(
@@ -119,37 +119,41 @@ def robot_of_urdf(
         )
     except ValidationError as error:
         lines = [
-            f"{tree.file}: makes no robot: {key_name(each['loc'])}: {each['msg']}"
+            f"{tree.file}: cannot be converted to a robot: {key_name(each['loc'])}: {each['msg']}"
             for each in error.errors()
         ]
         raise ConfigError("\n".join(lines), code="RID-URDF-LIMIT") from error
     _refuse_implausible(tree, robot)
-    comments: dict[Path, str] = {("cad", i): told for i, told in links.comments.items()}
-    comments |= {("joints", i): ". ".join(map(str, told)) for i, told in enumerate(taken) if told}
-    notes += [*links.notes, *_together(names, taken), *of_bodies]
+    comments: dict[Path, str] = {("cad", i): text for i, text in links.comments.items()}
+    comments |= {
+        ("joints", i): ". ".join(map(str, values_here))
+        for i, values_here in enumerate(replaced)
+        if values_here
+    }
+    notes += [*links.notes, *_group_replaced(names, replaced), *of_bodies]
     return UrdfRobot(robot, tuple(notes), comments, motors)
 
 
 def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
-    """Refuse geometry that no robot has; everything else was repaired.
+    """Refuse geometry that no robot has; all other values were repaired before.
 
     Raises:
-        ConfigError: Some is not plausible; a line each.
+        ConfigError: A value is implausible; one line per value.
     """
     lines = [
-        f"{tree.file}: makes an implausible robot: {key_name(path)}: {why.split('. Correct')[0]}."
-        " A URDF has m, rad, kg: correct it there"
+        f"{tree.file}: implausible robot: {key_name(path)}: {why.split('. Correct')[0]}."
+        " A URDF uses m, rad and kg; correct it there"
         for path, why in implausible(robot.model_copy(update={"cad": None}))
     ]
     if lines:
         raise ConfigError("\n".join(lines), code="RID-URDF-VALUE")
 
 
-def _together(names: list[str], taken: list[list[Taken]]) -> list[str]:
-    """Return a line for each key and origin, with the joints and their values."""
+def _group_replaced(names: list[str], replaced: list[list[ReplacedValue]]) -> list[str]:
+    """Return one line per key and reason, with the joints and their values."""
     together: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
-    for name, told in zip(names, taken, strict=True):
-        for one in told:
+    for name, values_here in zip(names, replaced, strict=True):
+        for one in values_here:
             joints, values = together.setdefault((one.key, one.how), ([], []))
             joints.append(name)
             values.append(one.value)
@@ -160,7 +164,7 @@ def _together(names: list[str], taken: list[list[Taken]]) -> list[str]:
 
 
 def _carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[str]]:
-    """Return the URDF's links that move as one: with the base, then with each joint."""
+    """Return the URDF's links that move together: with the base, then with each joint."""
     number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
     carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]
     stand = held_positions(tree, arm)
@@ -177,8 +181,8 @@ def _carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[
             waiting.append((joint.child, number.get(joint.child, body)))
     notes += [
         f"{', '.join(joints)} {'is' if len(joints) == 1 else 'are'} held at"
-        f" {f'{position:g}' if position else 'zero'}: what hangs on"
-        f" {'it' if len(joints) == 1 else 'them'} counts as part of link {body}"
+        f" {f'{position:g}' if position else 'zero'}; links behind"
+        f" {'it' if len(joints) == 1 else 'them'} count as part of link {body}"
         for (body, position), joints in held.items()
     ]
     return carried
@@ -190,12 +194,12 @@ def _joint_names(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[str]:
         name = re.sub(r"[^A-Za-z0-9_-]", "_", joint.name)
         name = (name if name[:1].isalpha() else f"joint_{name}")[:32]
         if name != joint.name:
-            notes.append(f"joint {joint.name!r} is called {name!r} here")
+            notes.append(f"joint {joint.name!r} is renamed to {name!r}")
         names.append(name)
     if len(set(names)) < len(names):
         raise ConfigError(
-            f"{tree.file}: joint names {', '.join(joint.name for joint in arm.joints)} cannot be"
-            " told apart in 32 plain characters: rename them",
+            f"{tree.file}: joint names {', '.join(joint.name for joint in arm.joints)} are not"
+            " unique in 32 plain characters; rename them",
             code="RID-URDF-NAME",
         )
     return names

@@ -1,8 +1,8 @@
-"""`WristCoupling`: between the joints of a coupled wrist and the motors that move them (5.18).
+"""`WristCoupling`: conversion between the joints of a coupled wrist and their motors (5.18).
 
-Everything that one drive measures or is told is its motor's: counts, velocity, torque, its watch on
-the following error. Positions and velocities of the program are the joints': on the bus
-`CyclicExchange` turns the one into the other, in models `Motion`. Measured torques are motors'.
+All quantities of a drive are its motor's: counts, velocity, torque, the limit of the following
+error. Positions and velocities of the program are the joints'. `CyclicExchange` converts them on
+the bus, `Motion` in models. Measured torques are the motors'.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class WristCoupling:
-    """The matrix C of q = C alpha; alpha are the motors' angles over their gear ratios.
+    """The matrix C of q = C alpha; alpha are the motors' angles divided by their gear ratios.
 
     Attributes:
         joints_by_motors: Shape (n, n). C.
         motors_by_joints: Shape (n, n). Its inverse.
-        motors_of: For each joint the motors that move it.
+        motors_of: For each joint, the motors that move it.
     """
 
     joints_by_motors: Array
@@ -34,7 +34,7 @@ class WristCoupling:
 
     @classmethod
     def of_robot(cls, robot: RobotDescription) -> WristCoupling | None:
-        """Return the coupling of a robot; None where each motor moves its own joint alone."""
+        """Return the coupling of a robot; None if each motor moves only its own joint."""
         if robot.coupling is None:
             return None
         return cls.of_matrix(np.array(robot.coupling))
@@ -55,10 +55,10 @@ class WristCoupling:
 
 
 def motor_reach(robot: RobotDescription) -> list[tuple[float, float]]:
-    """Return the lowest and highest position of each motor over its gear ratio [rad or m].
+    """Return the lowest and highest position of each motor divided by its gear ratio [rad or m].
 
-    They follow from the joints' position limits: with a coupled wrist, alpha = C^-1 q (5.18) over
-    the box of these.
+    They follow from the joints' position limits. With a coupled wrist they are the range of
+    alpha = C^-1 q (5.18) over the box of these limits.
     """
     limits = [joint.limits for joint in robot.joints]
     low = np.array([each.position_min for each in limits])

@@ -1,4 +1,4 @@
-"""What is simulated and what goes wrong there: plant files and fault scripts.
+"""Plant files and fault scripts of simulated cells.
 
-Nothing that a real cell reads. Begin with `plant.py`.
+A real cell reads none of them. Begin with `plant.py`.
 """

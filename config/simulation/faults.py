@@ -1,8 +1,9 @@
-"""`FaultScript`: what is to go wrong in a simulated cell, when, and how often.
+"""`FaultScript`: the faults of a simulated cell, with their time and number.
 
-A fault begins at a time (`at_s`, since the cell was served), at a cycle (`at_cycle`: SYNCs since
-the drives were last commanded to be enabled) or, on the bus, at a frame (`at_frame`: of those that
-it concerns, from 1); without any of these, at once. Everything random comes from `seed`.
+A fault begins at a time (`at_s`, since the cell was started), at a cycle (`at_cycle`: SYNCs since
+the drives were last commanded to be enabled) or, on the bus, at a frame (`at_frame`: of the frames
+that it concerns, from 1). Without any of these it begins at once. All random numbers come from
+`seed`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from config.ranges import Seed
 
 LONGEST_S: Final = 604_800.0
 MOST: Final = 1_000_000_000
-"""The latest time, the longest duration [s] and the largest count that a script may say."""
+"""The latest time and longest duration [s], and the largest count in a script."""
 
 Duration = Annotated[float, Field(gt=0.0, le=LONGEST_S)]
 Probability = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -36,7 +37,7 @@ FrameKind = Literal[
 
 
 class TimedFault(ConfigModel):
-    """When a fault begins."""
+    """Start of a fault."""
 
     at_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] | None = None
     at_cycle: Annotated[int, Field(ge=1, le=MOST)] | None = None
@@ -44,22 +45,22 @@ class TimedFault(ConfigModel):
     @model_validator(mode="after")
     def _one_beginning(self) -> TimedFault:
         if self.at_s is not None and self.at_cycle is not None:
-            raise ValueError("give at_s or at_cycle, not both")
+            raise ValueError("at_s and at_cycle are both given; remove one")
         return self
 
 
 class FrameFault(TimedFault):
-    """What happens to frames on the CAN bus.
+    """A fault of frames on the CAN bus.
 
-    From its beginning on, each frame of this kind (`frames`; those of one drive where `joint` names
-    it) is hit with `probability`, until `count` were hit; without `count` one frame is, or, where a
-    probability or `lasting` is given, as many as come.
+    From its start on, each frame of this kind (`frames`, limited to one drive by `joint`) is hit
+    with `probability`, until `count` were hit. Without `count` one frame is hit, or every frame if
+    a probability or `lasting` is given.
 
-    `drop`: it never arrives. `duplicate`: it comes twice. `delay`: it comes `delay_s` later, and
-    holds nothing else up. `reorder`: it comes after the next frame of the same identifier.
+    `drop`: it never arrives. `duplicate`: it comes twice. `delay`: it comes `delay_s` later and
+    delays no other frame. `reorder`: it comes after the next frame of the same identifier.
     `corrupt`: one bit is flipped (`bit`, or a random one). `wrong_length`: it has `length` bytes.
-    `spoof`: another node answers before the drive, with its identifier and data but for
-    `position_counts` or `torque_permille`, which it adds.
+    `spoof`: another node answers before the drive, with its identifier and its data plus
+    `position_counts` or `torque_permille`.
     """
 
     kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length", "spoof"]
@@ -78,37 +79,39 @@ class FrameFault(TimedFault):
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> FrameFault:
         if self.at_frame is not None and (self.at_s, self.at_cycle) != (None, None):
-            raise ValueError("give at_frame, at_cycle or at_s, one of them")
+            raise ValueError("only one of at_frame, at_cycle and at_s is allowed")
         needed = {"delay": ("delay_s", self.delay_s), "wrong_length": ("length", self.length)}
         for kind, (name, value) in needed.items():
             if self.kind == kind and value is None:
                 raise ValueError(f"{kind} needs {name}")
             if self.kind != kind and value is not None:
-                raise ValueError(f"{name} belongs to {kind}, this is {self.kind}")
+                raise ValueError(f"{name} is for {kind} only, this is {self.kind}; remove it")
         if self.bit is not None and self.kind != "corrupt":
-            raise ValueError(f"bit belongs to corrupt, this is {self.kind}")
+            raise ValueError(f"bit is for corrupt only, this is {self.kind}; remove it")
         adds = bool(self.position_counts or self.torque_permille)
         if adds != (self.kind == "spoof"):
-            raise ValueError("spoof, and nothing else, needs position_counts or torque_permille")
+            raise ValueError(
+                "position_counts or torque_permille is needed for spoof, and allowed only there"
+            )
         if self.kind == "spoof" and self.frames != "answer":
-            raise ValueError("spoof is of answers")
+            raise ValueError(f"spoof needs frames: answer, not {self.frames}")
         if self.lasting and self.count is not None:
-            raise ValueError("give count or lasting, not both")
+            raise ValueError("count and lasting are both given; remove one")
         return self
 
     @property
     def most(self) -> int | None:
-        """How many frames are hit; None for as many as come."""
+        """Number of frames that are hit; None for no limit."""
         if self.count is not None:
             return self.count
         return None if self.lasting or self.probability < 1.0 else 1
 
 
 class StrangeFrames(TimedFault):
-    """Frames that nobody in the cell sends: `count` of them, every `period_s`.
+    """Frames that no node of the cell sends: `count` of them, every `period_s`.
 
     With an identifier below 80h and a period shorter than a frame takes, this is a babbling node
-    that keeps everybody else off the bus.
+    that blocks the bus for all others.
     """
 
     kind: Literal["strange"]
@@ -119,11 +122,11 @@ class StrangeFrames(TimedFault):
 
 
 class AdapterFault(TimedFault):
-    """What happens to the computer's CAN adapter, for `duration_s`.
+    """A fault of the computer's CAN adapter, for `duration_s`.
 
-    `bus_off`: it reports bus-off once, and receives and sends nothing. `unplugged`: it is gone;
-    whoever opens it meanwhile is refused. `no_acknowledge`: nobody acknowledges what it sends, so
-    that its queue (`queue` frames; the rest is lost) waits and goes out when the time is over.
+    `bus_off`: it reports bus-off once, and receives and sends nothing. `unplugged`: it is removed
+    and cannot be opened meanwhile. `no_acknowledge`: no node acknowledges its frames. They wait in
+    its queue (`queue` frames; further ones are lost) and are sent after `duration_s`.
     """
 
     kind: Literal["bus_off", "unplugged", "no_acknowledge"]
@@ -132,10 +135,10 @@ class AdapterFault(TimedFault):
 
 
 class HeldUp(TimedFault):
-    """The computer is held up: what should go on at a time goes on `duration_s` later.
+    """A stalled computer: the cyclic task wakes up `duration_s` late.
 
-    `count` wake-ups of the cyclic task in a row are late. In lock-step alone: in real time the
-    computer's own clock says when the task wakes.
+    `count` consecutive wake-ups are late. This works in lock-step only; in real time the computer's
+    own clock wakes the task.
     """
 
     kind: Literal["held_up"]
@@ -144,17 +147,17 @@ class HeldUp(TimedFault):
 
 
 class DriveFault(TimedFault):
-    """What goes wrong in one drive, or (without `joint`) in all.
+    """A fault of one drive or, without `joint`, of all.
 
-    For `duration_s`, or for ever: `stuck_encoder` (6064h and the drive's own watch on it stand
-    still, the axis goes on), `blocked` (its brake stays closed while it is powered), `reversed` (it
-    turns the other way), `ignores_quick_stop` (RPDOs with a quick stop are not taken),
-    `heartbeat_stops`, `watch_asleep` (it holds 1016h and 1400h:05 and does not act on them),
-    `clock` (its own clock runs `factor` times as fast, or `ppm` millionths faster: every timer that
-    it starts from then on, so its heartbeats, its watches, its ramps; how fast it turns is set by
-    its command alone),
-    `motor_power_lost` (as by an emergency stop: the drive lives, without power),
-    `supply_lost` (it is off the bus and boots when the time is over).
+    For `duration_s`, or without end: `stuck_encoder` (6064h and the drive's own watch of it stop
+    changing while the axis moves), `blocked` (its brake stays closed while it is powered),
+    `reversed` (it turns the other way), `ignores_quick_stop` (RPDOs with a quick stop are ignored),
+    `heartbeat_stops`, `watch_asleep` (it stores 1016h and 1400h:05 but does not act on them),
+    `clock` (its own clock runs `factor` times as fast, or `ppm` millionths faster. This affects
+    every timer that it starts from then on: heartbeats, watches, ramps; but not its speed, which
+    only its command determines),
+    `motor_power_lost` (as by an emergency stop: the drive's electronics run, without power),
+    `supply_lost` (it is off the bus, and boots after `duration_s`).
     At once: `reset` (it boots), `fault` and `emergency` with `code`; the latter sends `count`
     messages every `period_s` and changes nothing else.
     """
@@ -184,17 +187,17 @@ class DriveFault(TimedFault):
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> DriveFault:
         if self.kind in ("reset", "fault", "emergency") and self.duration_s is not None:
-            raise ValueError(f"{self.kind} has no duration_s: it happens at once")
+            raise ValueError(f"{self.kind} happens at once; remove duration_s")
         given = [name for name in ("factor", "ppm") if getattr(self, name) is not None]
         if self.kind == "clock" and len(given) != 1:
-            raise ValueError("clock needs factor or ppm, one of them")
+            raise ValueError("clock needs either factor or ppm")
         if self.kind != "clock" and given:
-            raise ValueError(f"{given[0]} belongs to clock, this is {self.kind}")
+            raise ValueError(f"{given[0]} is for clock only, this is {self.kind}; remove it")
         return self
 
     @property
     def clock_rate(self) -> float:
-        """How many seconds of its own the drive's clock counts in one."""
+        """Speed of the drive's clock relative to real time."""
         return self.factor if self.factor is not None else 1.0 + 1e-6 * (self.ppm or 0.0)
 
 
@@ -206,10 +209,10 @@ class ProcessKilled(TimedFault):
 
 
 class ProcessFrozen(TimedFault):
-    """A process stands still: SIGSTOP, and SIGCONT `duration_s` later by the computer's clock.
+    """A process is suspended: SIGSTOP, and SIGCONT `duration_s` later by the computer's clock.
 
-    With simulated time that is no fault of the task, whose bus stands still meanwhile; in real time
-    it is a computer that is held up.
+    In simulated time this does not disturb the task, because its bus is suspended too; in real time
+    it is a stalled computer.
     """
 
     kind: Literal["freeze"]
@@ -218,9 +221,9 @@ class ProcessFrozen(TimedFault):
 
 
 class ProgramSignalled(TimedFault):
-    """A signal is sent to the program itself, `count` times, `period_s` of its clock apart.
+    """A signal is sent to the program itself, `count` times, every `period_s` of its clock.
 
-    `TSTP` is what Ctrl-Z sends: where nothing moves it suspends the program.
+    `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
     """
 
     kind: Literal["signal"]
@@ -230,13 +233,13 @@ class ProgramSignalled(TimedFault):
 
 
 class DiskFault(TimedFault):
-    """What happens to the disk under the recorder, by means of the operating system.
+    """A fault of the recorder's disk, produced by means of the operating system.
 
-    `disk_error`: the recording cannot grow by more than `after_bytes`; the write beyond fails with
-    EFBIG (the recorder's limit on file sizes), which the program answers as it does EIO.
-    `disk_full`: the file system of the runs is filled but for `after_bytes`, and further writes
-    fail with ENOSPC; only a small file system of its own is filled, anything else is refused.
-    `disk_stall`: the recorder stands still for `duration_s`, as in a write that does not return (it
+    `disk_error`: the recording cannot grow by more than `after_bytes`; further writes fail with
+    EFBIG (the recorder's limit on file sizes), which the program handles as it does EIO.
+    `disk_full`: the file system of the runs is filled except for `after_bytes`, and further writes
+    fail with ENOSPC. Only a small separate file system is filled; any other is refused.
+    `disk_stall`: the recorder is suspended for `duration_s`, as in a write that does not return (it
     is stopped from outside, as `freeze` does: no disk is slowed down).
     """
 
@@ -250,16 +253,16 @@ class DiskFault(TimedFault):
         if stalls and self.duration_s is None:
             raise ValueError("disk_stall needs duration_s")
         if stalls and self.after_bytes:
-            raise ValueError("after_bytes belongs to disk_full and disk_error, this is disk_stall")
+            raise ValueError("after_bytes is for disk_full and disk_error only; remove it")
         if not stalls and self.duration_s is not None:
-            raise ValueError(f"{self.kind} has no duration_s: it lasts until the cell has ended")
+            raise ValueError(f"{self.kind} lasts until the cell ends; remove duration_s")
         return self
 
 
 class RegisterFault(ConfigModel):
-    """What goes wrong with a Modbus request, counted from 0 (`at_request`), or with all (left out).
+    """A fault of one Modbus request, counted from 0 (`at_request`), or of all if it is left out.
 
-    `exception` answers with `code`; `late` with the answer to the request before.
+    `exception` answers with `code`; `late` answers with the answer to the previous request.
     """
 
     kind: Literal["silent", "late", "short", "wrong_unit", "garbage", "exception"]
@@ -268,15 +271,15 @@ class RegisterFault(ConfigModel):
 
 
 class AmplifierFault(ConfigModel):
-    """What goes wrong on the amplifier's line, or in it, at a row counted from 0.
+    """A fault of the amplifier or its line, at a row counted from 0.
 
     `garbage` and `nuls`: `count` random or zero bytes come before the row. `lost_bytes`: `count`
-    bytes of the row, in one piece, never arrive. `torn_row`: the row ends in the middle, `gap`: it
-    never arrives, `bad_checksum`: one bit of it is flipped; `count` rows in a row. `stall`: nothing
-    arrives for `duration_s`, then everything at once. `unplug`: the port is gone for `duration_s`,
-    with all that was sent meanwhile; then there is a new one. `overload`: `channel` (0 to 7) feels
-    twice its range for `duration_s`. `drift`: it drifts by `count` N/s more for `duration_s`, and
-    keeps that. Durations are on the cell's clock.
+    consecutive bytes of the row never arrive. `torn_row`: the row ends in the middle, `gap`: it
+    never arrives, `bad_checksum`: one bit of it is flipped; all three for `count` consecutive rows.
+    `stall`: nothing arrives for `duration_s`, then everything at once. `unplug`: the port is gone
+    for `duration_s`, and all that was sent meanwhile is lost; then there is a new port. `overload`:
+    `channel` (0 to 7) gets twice its range for `duration_s`. `drift`: its drift grows by `count`
+    N/s for `duration_s`; the accumulated offset stays. Durations are on the cell's clock.
     """
 
     kind: Literal[
@@ -310,10 +313,10 @@ ProgramFault = Annotated[
 
 
 class FaultScript(ConfigModel):
-    """What goes wrong in a simulated cell: on its bus, in its drives, on its other lines.
+    """The faults of a simulated cell: on its bus, in its drives, on its other lines.
 
-    `program` is what the operating system does to the program that works with a cell which it
-    serves itself (`record --faults`); `rid-daq mock` has no such program and refuses it.
+    `program` lists faults that the operating system causes in a program that starts the cell itself
+    (`record --faults`); `rid-daq mock` has no such program and refuses them.
     """
 
     seed: Seed = 0
@@ -327,15 +330,15 @@ class FaultScript(ConfigModel):
     def _requests_differ(self) -> FaultScript:
         requests = [fault.at_request for fault in self.registers]
         if len(set(requests)) != len(requests):
-            raise ValueError("registers: two faults at the same request, or two for all requests")
+            raise ValueError("registers has two faults for the same request or for all; remove one")
         codes = {fault.code for fault in self.registers if fault.kind == "exception"}
         if len(codes) > 1:
-            raise ValueError("registers: all exceptions of one script have the same code")
+            raise ValueError("registers has exceptions with different codes; use one code")
         return self
 
     @property
     def joints(self) -> frozenset[str]:
-        """The joints that are named."""
+        """The joints that the script names."""
         faults = (*self.bus, *self.drives)
         return frozenset(filter(None, (getattr(fault, "joint", None) for fault in faults)))
 

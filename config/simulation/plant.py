@@ -1,6 +1,7 @@
-"""`PlantConfig`: the truth of a simulated robot, for the mock hardware and the demo's judge.
+"""`PlantConfig`: true parameters of a simulated robot, for the mock hardware and the demo's check.
 
-What the identification models do not have stands in `unmodelled`, so that it can be switched off.
+Effects that the identification models do not have are in `unmodelled`, so that they can be switched
+off.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from config.robot.robot import InertiaElements, Mass, NonNegative, Place, Positi
 
 
 class LinkInertia(Derived):
-    """A rigid link: mass, centre of gravity in the link frame, inertia about it in its axes.
+    """A rigid link: mass, centre of gravity and inertia about it, in the axes of the link frame.
 
     `inertia_kg_m2` is Ixx, Iyy, Izz, Ixy, Ixz, Iyz. The rotors' masses and transverse inertias are
     part of the links that carry them; their polar inertias are not.
@@ -44,19 +45,19 @@ class PayloadBody(LinkInertia):
         if moments[0] < 0.0 or moments[0] + moments[1] < moments[2]:
             raise ValueError(
                 f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
-                " none may be negative, nor larger than the other two together"
+                " none may be negative or larger than the sum of the other two; correct them"
             )
         return self
 
 
 class SimulatedThermal(ConfigModel):
-    """How a motor warms up, and what that changes.
+    """Warming of a motor and its effects.
 
-    `loss_at_rated_w` is the copper loss at rated torque, growing with the torque's square; the
-    share `friction_share` of the friction's power goes into the motor too. Temperature follows with
-    `rise_k_per_w` and `time_constant_s`, from `initial_k`. Friction and torque constant change by
-    `friction_per_k` and `torque_constant_per_k` of themselves per kelvin away from the joint's
-    reference temperature (robot file); friction never falls below a fifth.
+    `loss_at_rated_w` is the copper loss at rated torque; it grows with the torque's square. The
+    fraction `friction_share` of the friction's power also heats the motor. The temperature follows
+    with `rise_k_per_w` and `time_constant_s`, from `initial_k`. Friction and torque constant have
+    the relative changes `friction_per_k` and `torque_constant_per_k` per kelvin away from the
+    joint's reference temperature (robot file); friction never falls below a fifth.
     """
 
     initial_k: Temperature = 298.15
@@ -70,12 +71,12 @@ class SimulatedThermal(ConfigModel):
 
 
 class SimulatedAxis(ConfigModel):
-    """One simulated axis: motor, friction, servo loop and what its drive reports.
+    """One simulated axis: motor, friction, servo loop and the drive's reports.
 
-    Friction and torques are the motor's, at the link side of its gear; the rotor's inertia is as it
-    spins, and the link side's where `gear_ratio` is 1. The velocity loop is
-    tau = K_p (1 + 1/(T_i s)) of the velocity error, with the current loop a first-order lag behind
-    it. `referenced: false` is an axis that has not been homed, if its drive can say so.
+    Friction and torques are the motor's, at the link side of its gear. The rotor's inertia is at
+    the motor side, so that it is the link side's if `gear_ratio` is 1. The velocity loop is
+    tau = K_p (1 + 1/(T_i s)) of the velocity error, followed by the current loop as a first-order
+    lag. `referenced: false` is an axis that has not been homed, if its drive can report that.
     """
 
     rotor_inertia_kg_m2: Annotated[NonNegative, Plausible(1e-9, 1e4, "kg m² or kg")]
@@ -94,21 +95,21 @@ class SimulatedAxis(ConfigModel):
 
 
 class SimulatedSpring(ConfigModel):
-    """The gravity spring's stiffness and free length (3.36); its geometry is the robot file's."""
+    """The gravity spring's stiffness and free length (3.36); its geometry is in the robot file."""
 
     stiffness_n_per_m: Annotated[Positive, Plausible(1.0, 1e8, "N/m")]
     free_length_m: Annotated[Positive, Plausible(1e-3, 5.0, "m")]
 
 
 class SimulatedPlate(ConfigModel):
-    """The truth of a simulated force plate, of its charge amplifier and of its serial line.
+    """True parameters of a simulated force plate, of its charge amplifier and of its serial line.
 
-    Where the sensors sit and what the amplifier is set to is the cell file's. `crosstalk`: charge
-    of a channel = `sensitivity_pc_n` times (matrix times sensor forces). Operate adds the charge
-    `zero_jump_pc` and lets `drift_pc_s` flow; `noise_v` is of each sample at the output, whose full
-    scale is 10 V. The amplifier's clock shows `clock_offset_s` when it is switched on, with the
-    cell, and runs `clock_ppm` fast. Bytes reach the computer up to `line_jitter_s` after they have
-    been sent.
+    The sensors' positions and the amplifier's settings are in the cell file. `crosstalk`: charge of
+    a channel = `sensitivity_pc_n` times (matrix times sensor forces). Operate adds the charge
+    `zero_jump_pc` and starts the drift `drift_pc_s`. `noise_v` is the noise of each sample at the
+    output, whose full scale is 10 V. The amplifier's clock shows `clock_offset_s` when it is
+    switched on, together with the cell, and runs `clock_ppm` fast. Bytes reach the computer up to
+    `line_jitter_s` after they were sent.
     """
 
     sensitivity_pc_n: EightSensitivities
@@ -122,12 +123,12 @@ class SimulatedPlate(ConfigModel):
 
 
 class UnmodelledAxis(ConfigModel):
-    """Effects of one axis that no model of the estimators has.
+    """Effects of one axis that the estimated models do not have.
 
-    `presliding_rad` is what the motor moves, at the link side, before its friction gives way: up to
-    it friction is a spring with memory. Between motor and link, `joint_stiffness_nm_rad` is a
-    spring, with `joint_damping_nm_s` beside it and a `play_rad` within which neither acts; without
-    a stiffness the gear is rigid.
+    `presliding_rad` is the presliding displacement of the motor, at the link side: up to it,
+    friction is a spring with hysteresis. Between motor and link, `joint_stiffness_nm_rad` is a
+    spring in parallel with `joint_damping_nm_s`, with a `play_rad` within which neither acts.
+    Without a stiffness the gear is rigid.
     """
 
     stribeck_nm: Annotated[NonNegative, Plausible(0.0, 1e4, "N m")] = 0.0
@@ -149,22 +150,22 @@ class UnmodelledAxis(ConfigModel):
     def _gear(self) -> Self:
         if self.joint_stiffness_nm_rad is None and (self.joint_damping_nm_s or self.play_rad):
             raise ValueError(
-                "joint_damping_nm_s and play_rad need a gear that gives: add joint_stiffness_nm_rad"
+                "joint_damping_nm_s and play_rad need an elastic gear; add joint_stiffness_nm_rad"
             )
         return self
 
 
 class Unmodelled(ConfigModel):
-    """All effects that the models do not have: per axis, and true kinematics off the nominal."""
+    """All effects that the models do not have: per axis, and true kinematics unlike the nominal."""
 
     axes: tuple[UnmodelledAxis, ...]
     kinematics: Kinematics | None = None
 
 
 class PlantConfig(PhysicalFile):
-    """A simulated robot; lists run base to flange, one entry a joint of the robot file.
+    """A simulated robot; lists run base to flange, one entry per joint of the robot file.
 
-    `payloads` are bodies for its flange, by name; `attached` is the one that hangs there when the
+    `payloads` are bodies for its flange, by name; `attached` is the one that is mounted when the
     robot is switched on.
     """
 
@@ -182,7 +183,7 @@ class PlantConfig(PhysicalFile):
     def _named(cls, payloads: dict[str, PayloadBody]) -> dict[str, PayloadBody]:
         for name in payloads:
             if not name.isidentifier():
-                raise ValueError(f"{name!r} is no name for a payload: use letters, digits and _")
+                raise ValueError(f"invalid payload name {name!r}; use letters, digits and _")
         return payloads
 
     @model_validator(mode="after")
@@ -194,13 +195,13 @@ class PlantConfig(PhysicalFile):
     def _require_payload(self, name: str) -> None:
         if name not in self.payloads:
             known = ", ".join(self.payloads) or "none"
-            raise ValueError(f"no payload {name!r}; there are: {known}")
+            raise ValueError(f"unknown payload {name!r}; use one of: {known}")
 
     def with_payload(self, name: str | None) -> PlantConfig:
-        """Return the same plant with a payload of `payloads` on its flange, or with none.
+        """Return the plant with a payload of `payloads` on its flange, or with none.
 
         Raises:
-            ConfigError: There is no payload of that name.
+            ConfigError: No payload has that name.
         """
         if name is not None:
             try:
@@ -211,7 +212,7 @@ class PlantConfig(PhysicalFile):
 
     @property
     def extras(self) -> tuple[UnmodelledAxis, ...]:
-        """The effects of every axis that the models do not have; none where switched off."""
+        """The unmodelled effects of every axis; default values if they are switched off."""
         return (
             (UnmodelledAxis(),) * len(self.axes)
             if self.unmodelled is None
@@ -219,5 +220,5 @@ class PlantConfig(PhysicalFile):
         )
 
     def without_unmodelled(self) -> PlantConfig:
-        """Return the same plant with every effect switched off that the models do not have."""
+        """Return the plant without the effects that the models do not have."""
         return self.model_copy(update={"unmodelled": None})

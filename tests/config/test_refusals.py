@@ -26,12 +26,12 @@ def test_every_pattern_of_the_models_is_said_in_words() -> None:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("my arm", "only, 64 at most; 'my_arm' would do"),
-        ("_arm", "only, 64 at most"),
-        ("kräftig (neu)", "only, 64 at most; 'kräftig_neu_' would do"),
+        ("my arm", "at most 64; 'my_arm' is valid"),
+        ("_arm", "at most 64"),
+        ("kräftig (neu)", "at most 64; 'kräftig_neu_' is valid"),
     ],
 )
-def test_a_name_that_is_refused_comes_with_one_that_would_do(
+def test_a_name_that_is_refused_comes_with_one_that_is_valid(
     name: str, said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "map.yaml"

@@ -152,8 +152,8 @@ def test_a_computer_that_lacks_something_is_named(
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "no more processes"),
         (OSError(errno.EMFILE, "Too many open files"), "too many files"),
         (OSError(errno.ENOSPC, "No space left on device", "/a/b"), "/a/b: the disk is full"),
-        (OSError(errno.EROFS, "Read-only file system"), "may only be read"),
-        (OSError(errno.EFBIG, "File too large"), "larger than files may be"),
+        (OSError(errno.EROFS, "Read-only file system"), "disk is read-only"),
+        (OSError(errno.EFBIG, "File too large"), "exceed the size limit"),
     ],
 )
 def test_what_is_lacking_is_read_from_what_led_to_an_error(error: Exception, said: str) -> None:
@@ -196,7 +196,7 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": ' + b"9" * 5000, "cell.cycle_time_ms"),
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": 8, "cycle_time_ms": 9', "stands twice"),
     (b'"cycle_time_ms": 8', b'"x": ' + b"[" * 5000 + b"]" * 5000, "nested"),
-    (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: is text with half a character"),
+    (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: contains half a character"),
     (b'"headline"', b'"headlin"', "verdict.headline"),
     (b'"robot"', b'"robott"', "robot"),
     (b'"measured"', b'"measuret"', "curves.torque.axes.0.measured: Field required"),

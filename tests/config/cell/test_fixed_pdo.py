@@ -39,7 +39,7 @@ def test_all_signals_once_are_well() -> None:
     ("pdos", "key", "details"),
     [
         ((GOOD[0],), "", ("statusword, position, torque",)),
-        ((*GOOD, GOOD[0]), "", ("each PDO",)),
+        ((*GOOD, GOOD[0]), "", ("names a PDO",)),
         ((pdo("rpdo1", WORD, TARGET), pdo("tpdo1", WORD)), "pdos.1", ("tpdo1", "controlword")),
         (
             (pdo("rpdo1", WORD, TARGET, entry("2301h:01", 8)), GOOD[1]),
@@ -49,7 +49,7 @@ def test_all_signals_once_are_well() -> None:
         (
             (pdo("rpdo1", WORD, TARGET, entry("2301h:01", 8, holds=256)), GOOD[1]),
             "pdos.0",
-            ("rpdo1: 256", "8 bits"),
+            ("rpdo1: holds 256", "8 bits"),
         ),
         (
             (GOOD[0], pdo("tpdo1", STATUS, POSITION, TORQUE, transmission=253)),
@@ -81,7 +81,7 @@ def test_what_cannot_work_is_refused(
 
 
 def test_a_makers_mode_needs_pdos() -> None:
-    with raises_invalid("", "mode makers:", "pdos"):
+    with raises_invalid("", "mode makers needs pdos"):
         ServoProfile(mode="makers")
 
 

@@ -127,8 +127,8 @@ def test_what_no_robot_has_is_refused_with_file_and_line(old: str, new: str, cod
         ("<dynamics", "<dynamix/><dynamics", "<dynamix> of <joint>"),
         ('rpy="1.5708 0 0"', 'rpy="1.5708 0 0" quat="0 0 0 1"', "'quat' of <origin>"),
         ('xyz="0 0 1"', 'xyz="0 0 2"', "length 2"),
-        ('rpy="1.5708 0 0"', 'rpy="1.5702 0 0"', "nearly a multiple of 15 degrees"),
-        ('joint name="j2"/>', 'joint name="j9"/>', "j9: there is no such joint"),
+        ('rpy="1.5708 0 0"', 'rpy="1.5702 0 0"', "close to a multiple of 15 degrees"),
+        ('joint name="j2"/>', 'joint name="j9"/>', "j9: no joint has this name"),
     ],
 )
 def test_what_is_there_and_not_read_is_named(old: str, new: str, named: str) -> None:

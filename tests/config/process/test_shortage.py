@@ -17,7 +17,7 @@ from tests.builders.raised_codes import raises_code
         (MemoryError(), "not enough memory"),
         (OSError(errno.ENOSPC, "x", "/runs/a"), "/runs/a: the disk is full"),
         (OSError(errno.EMFILE, "x"), "too many files are open"),
-        (OSError(errno.EROFS, "x"), "the disk may only be read"),
+        (OSError(errno.EROFS, "x"), "the disk is read-only"),
         (OSError(errno.EFBIG, "x"), r"`ulimit -f`"),
         (ImportError("libx.so: failed to map segment from shared object"), "not enough memory"),
         (RuntimeError("can't start new thread"), "no more processes or threads"),

@@ -42,7 +42,9 @@ def test_a_chain_is_the_arm() -> None:
 def test_the_arm_ends_where_fingers_begin() -> None:
     found = arm(*ARM, "e>hand:fixed", "hand>f:prismatic", "hand>g:mimic")
     assert names(found) == ["ab", "bc", "cd", "de"]
-    assert found.notes == ("the arm ends at 'e', where a gripper begins: --tip takes another",)
+    assert found.notes == (
+        "the arm ends at 'e', where a gripper begins; --tip chooses another end",
+    )
     assert len(arm(*ARM, "e>hand:fixed", "hand>f", "hand>g:mimic", tip="f").joints) == 5
 
 
@@ -50,7 +52,7 @@ def test_a_linkage_beside_the_arm_is_left_aside() -> None:
     found = arm(*ARM, "b>rod", "c>piston")
     assert names(found) == ["ab", "bc", "cd", "de"]
     assert found.notes == (
-        "the arm to 'e' was taken; piston, rod count as fixed: --tip takes another",
+        "the arm to 'e' was chosen; piston, rod count as fixed; --tip chooses another arm",
     )
 
 

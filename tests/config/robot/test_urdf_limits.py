@@ -28,7 +28,7 @@ def found(
 
 def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> None:
     whole = found(joint("revolute", WHOLE))
-    limits, taken = whole.limits, whole.taken
+    limits, taken = whole.limits, whole.replaced
     assert (limits.position_min, limits.position_max, limits.torque) == (-2.0, 2.5, 50.0)
     assert [str(one) for one in taken] == [
         "acceleration: 10 (default: five times the velocity, per second)"
@@ -47,7 +47,7 @@ def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> N
         ("continuous", ZEROS, "position_max", 6.28, "position: ±6.28 (default: the joint has no"),
         ("continuous", {}, "position_max", 2.5, "position: -2 to 2.5 (the URDF states"),
         ("revolute", ZEROS, "position_max", 3.14, "position: ±3.14 ("),
-        ("revolute", {"upper": np.inf}, "position_max", 3.14, "position: 3.14 at the open end ("),
+        ("revolute", {"upper": np.inf}, "position_max", 3.14, "3.14 at the unlimited end ("),
         ("revolute", {"upper": np.inf}, "position_min", -2.0, "the URDF states -2 to inf"),
         ("revolute", {"velocity": np.inf}, "velocity", 2.5, "the URDF states inf"),
         ("revolute", {"soft_lower": -1.0, "soft_upper": 1.0}, "position_max", 1.0,
@@ -58,9 +58,9 @@ def test_what_a_urdf_states_is_taken_and_nothing_said_but_of_acceleration() -> N
          "position: -2.96706 to 1.5708 (repaired: the URDF states -170 to 90, read as degrees)"),
         ("prismatic", {"lower": 0.0, "upper": 800.0}, "position_max", 0.8, "read as mm"),
         ("revolute", {"lower": -170.0, "upper": 90.0, "velocity": 45.0}, "velocity", np.pi / 4,
-         "velocity: 0.785398 (repaired: the URDF states 45, read as the positions are)"),
+         "velocity: 0.785398 (repaired: the URDF states 45, in the unit of the positions)"),
         ("revolute", {"lower": -170.0, "upper": 90.0, "velocity": 180.0}, "velocity", np.pi,
-         "velocity: 3.14159 (repaired: the URDF states 180, read as the positions are)"),
+         "velocity: 3.14159 (repaired: the URDF states 180, in the unit of the positions)"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_is_replaced_and_said(
@@ -68,7 +68,7 @@ def test_what_cannot_be_meant_is_replaced_and_said(
 ) -> None:
     one = found(joint(kind, WHOLE | limits))
     assert getattr(one.limits, key) == pytest.approx(expected)
-    assert any(told in str(taken) for taken in one.taken)
+    assert any(told in str(taken) for taken in one.replaced)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_bound_that_is_missing_is_zero(
 ) -> None:
     one = found(joint("revolute", {"velocity": 2.0, "effort": 50.0} | limits))
     assert (one.limits.position_min, one.limits.position_max) == expected
-    assert any(taken.key == "position" for taken in one.taken)
+    assert any(taken.key == "position" for taken in one.replaced)
 
 
 def test_an_acceleration_that_is_stated_is_taken_the_smaller_of_two() -> None:

@@ -44,8 +44,9 @@ def test_a_link_a_little_outside_the_triangle_rule_is_repaired_a_little() -> Non
     repaired = moments(robot.robot.cad[0])
     np.testing.assert_allclose(repaired, [0.01008, 0.02008, 0.03016], atol=1e-5)  # least squares
     assert repaired[0] + repaired[1] >= repaired[2]
-    note = next(note for note in robot.notes if "no body has" in note)
-    assert "inertia of 'tool' (r.urdf:1), principal moments 0.01, 0.02, 0.03024 kg m²" in note
+    note = next(note for note in robot.notes if "impossible" in note)
+    assert "inertia of 'tool' (r.urdf:1) is physically impossible" in note
+    assert "principal moments 0.01, 0.02, 0.03024 kg m²" in note
     assert "0.37 % changed" in note
     assert robot.robot.is_drawn
     assert robot.robot.cad[0].uncertainty == 0.1
@@ -77,12 +78,12 @@ def test_sound_inertias_are_taken_as_they_are() -> None:
     robot = made(inertial(1.0, 0.01, 0.02, 0.03), SOUND)  # flat, and exactly so
     assert robot.robot.cad is not None
     np.testing.assert_allclose(moments(robot.robot.cad[0]), [0.01, 0.02, 0.03], rtol=1e-12)
-    assert not any("no body" in note for note in robot.notes)
+    assert not any("impossible" in note for note in robot.notes)
 
 
 def test_an_inertia_in_another_unit_counts_as_unknown() -> None:
     robot = made(inertial(2.0, 2e4, 2e4, 3e4), SOUND)  # kg mm²
-    assert any("another unit than kg m²?" in note for note in robot.notes)
+    assert any("a unit other than kg m²?" in note for note in robot.notes)
     assert robot.robot.cad is not None
     assert robot.robot.cad[0].unknown_inertia_kg_m2 is not None
 
@@ -102,7 +103,7 @@ def test_a_moving_link_without_mass_is_a_guess_and_the_others_stay(nothing: str)
     assert any(
         "simulated as cylinders" in note and "tool (no mass;" in note for note in robot.notes
     )
-    assert "a guess, for the URDF states no mass" in robot.comments["cad", 0]
+    assert "a guess, because the URDF states no mass" in robot.comments["cad", 0]
 
 
 def test_one_inertia_that_is_nan_counts_as_unknown_and_the_link_keeps_its_mass() -> None:

@@ -174,7 +174,7 @@ def test_rows_of_a_plain_arm_are_as_a_person_writes_them() -> None:
     assert [row.d_m for row in rows] == pytest.approx([0.5, 0.0, 0.0])
     assert [row.beta_rad for row in rows] == [0.0] * 3
     assert made.robot.base_offset_m == (0.0, 0.0, 0.0)
-    assert any("1 rounded angles were taken" in note for note in made.notes)
+    assert any("1 rounded angles were read" in note for note in made.notes)
 
 
 def test_limits_and_gear_ratios_are_taken_over() -> None:
@@ -226,7 +226,7 @@ def test_what_is_only_seen_may_be_left_to_expand_and_shapes_without_size_are_sai
     data = arm(seen, tool=joint("mount", "fixed", "fore", "tool"))
     made = robot_of_urdf(read_urdf(data, "arm.urdf"))
     assert made.robot.bodies == ()
-    assert "tool: a <box> without size is no body" in made.notes
+    assert "tool: a <box> without size is ignored" in made.notes
 
 
 def test_a_robot_of_a_urdf_is_a_complete_robot_file() -> None:
@@ -273,7 +273,9 @@ def test_a_branch_that_moves_is_held_at_zero_and_said() -> None:
     assert any("'grip' is held at zero" in note for note in made.notes)
     gripped = robot_of_urdf(read_urdf(other, "arm.urdf"))
     assert len(gripped.robot.joints) == 3
-    assert "the arm ends at 'fore', where a gripper begins: --tip takes another" in gripped.notes
+    assert (
+        "the arm ends at 'fore', where a gripper begins; --tip chooses another end" in gripped.notes
+    )
     assert any("'grip', 'suck' are held at zero" in note for note in gripped.notes)
 
 
@@ -315,8 +317,8 @@ def test_a_link_whose_inertia_was_rounded_away_is_said() -> None:
     one = joint("one", "revolute", "base", "flange", axis="0 0 1")
     made = robot_of_urdf(read_urdf(robot(link("base"), flange, one), "r.urdf"))
     note = next(note for note in made.notes if "no inertia" in note)
-    assert "link 1 (flange) has 0.2 kg and next to no inertia" in note
-    assert "--cad-prior takes it as unknown" in note
+    assert "link 1 (flange) has 0.2 kg and almost no inertia" in note
+    assert "--cad-prior treats it as unknown" in note
     assert made.robot.cad is not None
     validate(parse_yaml(to_yaml(made.robot).encode(), "robot.yaml"), RobotDescription)
 

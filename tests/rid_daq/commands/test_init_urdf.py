@@ -108,7 +108,7 @@ def test_without_masses_links_are_simulated_as_cylinders_and_said(tmp_path: Path
     assert loaded.config.simulated
     assert not loaded.robot.is_drawn
     text = " ".join((tmp_path / "cell" / "robot.yaml").read_text().replace("#", "").split())
-    assert "a guess, for the URDF states no mass: a cylinder of" in text
+    assert "a guess, because the URDF states no mass: a cylinder of" in text
 
 
 def test_limits_that_a_urdf_lacks_are_taken_from_options_and_marked_in_the_file(
@@ -156,7 +156,7 @@ def test_every_problem_of_a_urdf_is_told_at_once(
     said = capsys.readouterr().err
     assert "value of <mass> is 'three', not 1 finite number" in said
     assert "two.urdf:3: the joint's axis has no direction" in said
-    assert "a second link is called 'base'" in said
+    assert "a second link is named 'base'" in said
     assert "joint 'mount' names no link 'arm': add it, or remove the joint" in said
 
 
@@ -179,10 +179,10 @@ def test_of_several_arms_each_is_named_in_a_command(
     ("words", "message"),
     [
         (["--urdf", "{}/none.urdf"], "none.urdf: cannot read: No such file"),
-        (["--urdf", "{}/two.urdf", "--base", "leg"], "there is no link 'leg'; links are base,"),
-        (["--urdf", "{}/two.urdf", "--base", "fore", "--tip", "base"], "does not hang on 'fore'"),
+        (["--urdf", "{}/two.urdf", "--base", "leg"], "no link is named 'leg'; links are base,"),
+        (["--urdf", "{}/two.urdf", "--base", "fore", "--tip", "base"], "is not below 'fore'"),
         (["--tip", "hand"], "--tip: has no effect without --urdf"),
-        (["--urdf", "{}/two.urdf", "--effort", "1,2,3"], "--effort has 3 values: give one, or one"),
+        (["--urdf", "{}/two.urdf", "--effort", "1,2,3"], "--effort has 3 values; give one, or one"),
         (["--urdf", "{}/two.urdf", "--range", "-1"], "--range -1: give one number above 0"),
     ],
 )
