@@ -54,7 +54,7 @@ class ProtocolError(DriverError):
 
 
 class DeviceFaultError(DriverError):
-    """A device reported a fault of its own."""
+    """A device reported a fault."""
 
 
 class SafetyStop(RidDaqError):  # noqa: N818 - a stop is what happened, not an error of the code

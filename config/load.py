@@ -64,7 +64,7 @@ class LoadedCell:
 
     @property
     def files_hash(self) -> str:
-        """Hash of all files; it changes if any of them changes."""
+        """Hash of all files; it changes if any file changes."""
         digest = hashlib.sha256()
         for name, content in sorted(self.files.items()):
             digest.update(f"{name}\0{len(content)}\0".encode() + content)

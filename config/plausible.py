@@ -106,7 +106,7 @@ class Plausible:
         return words.replace("  ", " ") + self.likely_unit(size)
 
     def likely_unit(self, size: float) -> str:
-        """Name the other unit in which a magnitude would be plausible; empty if there is none."""
+        """Name the other unit in which a magnitude would be plausible; empty if no unit fits."""
         for right in self.unit.split(" or "):
             for unit, factor in _OTHER_UNITS.get(right, {}).items():
                 if self.holds(size * factor):

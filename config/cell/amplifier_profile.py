@@ -45,7 +45,9 @@ class Word(ConfigModel):
     @model_validator(mode="after")
     def _says_where(self) -> Word:
         if self.verified and not self.source:
-            raise ValueError(f"{self.text!r} is verified; state in `source` where it was seen")
+            raise ValueError(
+                f"{self.text!r} has verified: true; state in `source` where it was seen"
+            )
         return self
 
 

@@ -112,7 +112,7 @@ class DriveSafety(ConfigModel):
         if self.trip_watchdog_with_power and self.abort_connection == 1:
             raise ValueError(
                 "trip_watchdog_with_power and abort_connection 1 would leave the drives in fault;"
-                " change one of them"
+                " change one of the two"
             )
         return self
 

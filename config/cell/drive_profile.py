@@ -88,6 +88,6 @@ class DriveProfile(ConfigModel):
                 other = taken.setdefault((register.table, address), name)
                 if other != name:
                     raise ValueError(
-                        f"{other} and {name} share the register {address}; correct one of them"
+                        f"{other} and {name} share the register {address}; correct one address"
                     )
         return self

@@ -93,7 +93,7 @@ class FixedPdo(ConfigModel):
 
 
 def object_of(pdos: tuple[FixedPdo, ...], signal: Signal) -> tuple[int, int] | None:
-    """Return the address of the object that carries a signal; None if there is none."""
+    """Return the address of the object that carries a signal; None if it is not carried."""
     for pdo in pdos:
         for entry in pdo.objects:
             if entry.signal == signal:

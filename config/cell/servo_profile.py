@@ -94,7 +94,7 @@ class ReferencedBits(ConfigModel):
             )
         if self.wanted & ~self.mask:
             raise ValueError(
-                f"value {self.wanted} has bits outside mask {self.mask}; correct one of them"
+                f"value {self.wanted} has bits outside mask {self.mask}; correct value or mask"
             )
         if self.object == _STATUSWORD and self.mask & ~_MAKERS_STATUS_BITS:
             raise ValueError(
@@ -217,12 +217,12 @@ class ServoProfile(ConfigModel):
 
     @property
     def velocity_per_increment(self) -> tuple[float, float]:
-        """Units of 60FFh per increment/s and per rpm; one of them is 0."""
+        """Units of 60FFh per increment/s and per rpm; one of the two is 0."""
         return _per(self.velocity_unit, self.velocity_units)
 
     @property
     def acceleration_per_increment(self) -> tuple[float, float]:
-        """Units of 6085h per increment/s² and per rpm/s; one of them is 0."""
+        """Units of 6085h per increment/s² and per rpm/s; one of the two is 0."""
         unit = self.acceleration_unit or self.velocity_unit
         units = self.velocity_units if self.acceleration_unit is None else 1.0
         return _per(unit, self.acceleration_units or units)

@@ -156,17 +156,17 @@ class EdsObject:
 
     @property
     def writable(self) -> bool:
-        """Whether SDO may write it."""
+        """True if SDO may write it."""
         return self.access in ("wo", "rw", "rwr", "rww")
 
     @property
     def receivable(self) -> bool:
-        """Whether an RPDO may carry it."""
+        """True if an RPDO may carry it."""
         return self.mappable and self.access in ("wo", "rw", "rww")
 
     @property
     def sendable(self) -> bool:
-        """Whether a TPDO may carry it."""
+        """True if a TPDO may carry it."""
         return self.mappable and self.access in ("ro", "rw", "rwr", "const")
 
 

@@ -134,7 +134,7 @@ def _title(line: str, name: str, number: int) -> str:
     if not closed:
         refuse(name, number, f"{shown(line)} has no closing ]; write [section]")
     if rest.strip()[:1] not in ("", ";", "#"):
-        refuse(name, number, f"{shown(rest)} follows [section]; put it on a line of its own")
+        refuse(name, number, f"{shown(rest)} follows [section]; put it on a separate line")
     return title.strip()
 
 

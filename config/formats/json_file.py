@@ -103,7 +103,7 @@ def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
 
 
 def _refuse_format(path: Path, error: ErrorDetails, what: str) -> None:
-    """Refuse a file whose first error is another version of its own format."""
+    """Refuse a file whose first error is another version of the expected format."""
     if error["loc"] == ("format",) and error["type"] == "literal_error":
         expected, found = str(error.get("ctx", {}).get("expected")), error["input"]
         if _format_name(expected) == _format_name(repr(found)):

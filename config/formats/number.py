@@ -41,7 +41,7 @@ def parse_numbers(text: str) -> tuple[float, ...]:
     """Return the finite numbers of a comma-separated text.
 
     Raises:
-        ConfigError: One of them is not a finite number.
+        ConfigError: A part is not a finite number.
     """
     return tuple(parse_number(word) for word in text.split(","))
 
@@ -57,7 +57,7 @@ def is_not_finite(text: str) -> bool:
 
 
 def number_hint(text: str) -> str:
-    """Return a hint about a text that is not a number; empty if there is none."""
+    """Return a hint about a text that is not a number; empty if it has no known cause."""
     if _EXPRESSION.search(text):
         return ": an expression that xacro has not expanded; run xacro FILE > robot.urdf first"
     if any(_COMMA.fullmatch(word) for word in text.split()):

@@ -1,4 +1,4 @@
-"""`AngleReading`: an angle as written, and the multiple of 15 degrees that it stands for.
+"""`AngleReading`: an angle as written, and the multiple of 15 degrees that it means.
 
 Files round right angles to 1.57 or 1.5708. Used literally, parallel axes become nearly parallel,
 and parameters that the geometry makes inseparable are estimated from noise.

@@ -42,7 +42,7 @@ class XmlElement:
         return [child for child in self.children if child.tag == tag]
 
     def one(self, tag: str) -> XmlElement | None:
-        """Return the only child with a tag; None if there is none.
+        """Return the only child with a tag; None if it is missing.
 
         Raises:
             ConfigError: There are several.

@@ -58,7 +58,7 @@ def file_holder(path: Path) -> int | None:
 
 
 def lock_holder(descriptor: int) -> int | None:
-    """Return the process that holds an exclusive flock on an open file; None if there is none.
+    """Return the process that holds an exclusive flock on an open file; None if it is free.
 
     The lock is not touched, so a process that takes it at the same time does not fail.
 

@@ -44,7 +44,7 @@ _NEAR_BYTES: Final = 4 << 20
 
 
 def as_shortage(error: BaseException) -> ShortageError | None:
-    """Return the shortage that an error or one of its causes reports; None if there is none."""
+    """Return the shortage that an error or one of its causes reports; None otherwise."""
     for each in _with_causes(error):
         if isinstance(each, ShortageError):
             return each

@@ -50,8 +50,8 @@ class UrdfArm:
         notes = []
         if self.gripper is not None:
             notes.append(
-                f"the arm ends at {self.gripper!r}, where a gripper begins; --tip chooses another"
-                " end"
+                f"the arm ends at {self.gripper!r}, because a gripper begins there; --tip chooses"
+                " another end"
             )
         if self.side_branches:
             notes.append(

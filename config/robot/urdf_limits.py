@@ -90,7 +90,7 @@ class ReplacedValue:
 
 @dataclass(frozen=True)
 class FoundLimits:
-    """The limits of a joint, and those of them that differ from the URDF."""
+    """The limits of a joint, and the values that differ from the URDF."""
 
     limits: JointLimits
     replaced: tuple[ReplacedValue, ...]
@@ -105,7 +105,7 @@ def limits_of_urdf(
 
     Raises:
         ConfigError: The options do not fit the joints, or the URDF states limits that no joint has;
-            the text lists all of them.
+            the text lists all such limits.
     """
     given.refuse_unfit([joint.name for joint in joints])
     found: list[FoundLimits] = []

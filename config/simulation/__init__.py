@@ -1,4 +1,4 @@
 """Plant files and fault scripts of simulated cells.
 
-A real cell reads none of them. Begin with `plant.py`.
+A real cell does not read them. Begin with `plant.py`.
 """

@@ -108,7 +108,7 @@ class FrameFault(TimedFault):
 
 
 class StrangeFrames(TimedFault):
-    """Frames that no node of the cell sends: `count` of them, every `period_s`.
+    """Frames that no node of the cell sends: `count` frames, one every `period_s`.
 
     With an identifier below 80h and a period shorter than a frame takes, this is a babbling node
     that blocks the bus for all others.

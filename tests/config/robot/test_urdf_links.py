@@ -45,8 +45,7 @@ def test_a_link_a_little_outside_the_triangle_rule_is_repaired_a_little() -> Non
     np.testing.assert_allclose(repaired, [0.01008, 0.02008, 0.03016], atol=1e-5)  # least squares
     assert repaired[0] + repaired[1] >= repaired[2]
     note = next(note for note in robot.notes if "impossible" in note)
-    assert "inertia of 'tool' (r.urdf:1) is physically impossible" in note
-    assert "principal moments 0.01, 0.02, 0.03024 kg m²" in note
+    assert all(text in note for text in ("r.urdf:1", "0.01, 0.02, 0.03024 kg m²"))
     assert "0.37 % changed" in note
     assert robot.robot.is_drawn
     assert robot.robot.cad[0].uncertainty == 0.1

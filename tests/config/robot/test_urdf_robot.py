@@ -274,7 +274,8 @@ def test_a_branch_that_moves_is_held_at_zero_and_said() -> None:
     gripped = robot_of_urdf(read_urdf(other, "arm.urdf"))
     assert len(gripped.robot.joints) == 3
     assert (
-        "the arm ends at 'fore', where a gripper begins; --tip chooses another end" in gripped.notes
+        "the arm ends at 'fore', because a gripper begins there; --tip chooses another end"
+        in gripped.notes
     )
     assert any("'grip', 'suck' are held at zero" in note for note in gripped.notes)
 

@@ -123,7 +123,7 @@ TABLE: list[tuple[str, int, str]] = [
     (
         "import text.csv --map good.yaml",
         2,
-        "good.yaml: this is a motion file; an import map file is wanted here",
+        "good.yaml: this is a motion file; give an import map file",
     ),
     ("import text.csv --map mine.map.yaml", 2, "two.yaml"),
     ("import text.csv --map ur10e_31 --rows 9-3", 2, "FIRST-LAST"),
@@ -136,7 +136,7 @@ TABLE: list[tuple[str, int, str]] = [
     ("validate nothing model.json", 2, "comes first: rid-daq validate model.json nothing"),
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
-    ("validate good.yaml nothing", 2, "this is a motion file; an estimate"),
+    ("validate good.yaml nothing", 2, "this is a motion file; give an estimate"),
     ("report nothing", 7, "no result.json"),
     ("report spoilt", 7, "not valid JSON"),
     ("report real", 2, "no run"),

@@ -157,7 +157,7 @@ def test_every_problem_of_a_urdf_is_told_at_once(
     assert "value of <mass> is 'three', not 1 finite number" in said
     assert "two.urdf:3: the joint's axis has no direction" in said
     assert "a second link is named 'base'" in said
-    assert "joint 'mount' names no link 'arm': add it, or remove the joint" in said
+    assert "joint 'mount' refers to a missing link 'arm'; add it, or remove the joint" in said
 
 
 def test_of_several_arms_each_is_named_in_a_command(
