@@ -76,9 +76,7 @@ def test_a_real_robot_does_not_go_on_for_long_after_a_death(
         path.write_text(text.replace("drive_safety:\n", slow))
         if timeout_ms == 100:
             load_cell(str(path))
-    with raises_code(
-        ConfigError, "RID-FILE-VALUE", f"{side}_heartbeat_timeout_ms is", "100"
-    ):
+    with raises_code(ConfigError, "RID-FILE-VALUE", f"{side}_heartbeat_timeout_ms is", "100"):
         load_cell(str(path))
     measured("a heartbeat's time-out above 100 ms on a real cell: refused")
 
