@@ -43,7 +43,7 @@ def test_a_release_is_signed_or_says_that_it_is_a_trial(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 2
-    assert "RID_DAQ_SIGNING_KEY must name the SSH key that signs" in done.stderr
+    assert done.stderr.startswith("RID_DAQ_SIGNING_KEY")
     assert list(tmp_path.iterdir()) == []
 
 

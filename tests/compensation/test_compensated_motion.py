@@ -128,7 +128,7 @@ def test_loops_and_models_of_other_joints_are_refused(
     with raises_code(ConfigError, "RID-LOOP-MISSING", "axis1"):
         compensated_motion(samples, model, loops[1:])
     others = replace(samples, joint_names=("a", "b", "c"))
-    with raises_code(ConfigError, "RID-ROBOT-OTHER", "axis1, axis2, axis3", "a, b, c"):
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "axis1", "b"):
         compensated_motion(others, model, loops)
 
 

@@ -59,7 +59,7 @@ def once_written_to(drive: SimulatedDrive, act: Callable[[], None]) -> None:
 
 def test_while_another_drive_is_set_up(rig: Rig) -> None:
     once_written_to(rig.elbow, rig.restart_base)
-    with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "base (node 1)"):
+    with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
     assert {s.node_id for s in rig.cell.axes.settings()} == {1, 2}, "what was found is told too"
     rig.cell.axes.bring_up()
@@ -72,7 +72,7 @@ def test_with_everything_stored_in_it_but_its_watches(rig: Rig) -> None:
     rig.base.objects.store()
     rig.base.objects._stored |= {WATCH_ON_COMPUTER: 0, od.ABORT_CONNECTION: 0}
     once_written_to(rig.elbow, rig.restart_base)
-    with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "base (node 1)"):
+    with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
     assert rig.base.objects[WATCH_ON_COMPUTER] == 0
 
@@ -82,7 +82,7 @@ def test_after_all_are_set_up_and_before_they_are_started(rig: Rig) -> None:
     rig.restart_base()
     rig.pass_time(0.05)
     rig.cell.axes.service.power_states()  # reads on past the boot-up
-    with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "base (node 1)"):
+    with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.start()
     assert rig.elbow.nmt is NmtState.PRE_OPERATIONAL, "no drive was started"
 

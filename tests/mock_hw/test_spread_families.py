@@ -31,7 +31,7 @@ def test_fixed_pdos_that_are_others_are_never_commanded(
 ) -> None:
     with opened(cell_of(bundled("faulhaber_mc3000"), ServoProfile())) as (open_cell, bus):
         bus.drives[0].objects._stored[key] = held
-        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "base (node 1)", *details):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "(node 1)", *details):
             open_cell.axes.bring_up()
 
 

@@ -145,9 +145,9 @@ class TestPositions:
         table = sound_table()
         table[:, 1:5] *= 100.0
         import_map = two_joint_map(plausible={"position": 1e3, "speed": 1e3})
-        with raises_code(DataQualityError, "RID-IMPORT-UNITS", "-100 to 100", "`side: motor`"):
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", "-100", "`side: motor`"):
             report_of(tmp_path, table, import_map)
-        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "0 of 400", "`side: motor`"):
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", "400", "`side: motor`"):
             report_of(tmp_path, table)  # nearly every row is absurd by the map's own word
 
     def test_of_another_zero_need_a_zero_offset(self, tmp_path: Path) -> None:

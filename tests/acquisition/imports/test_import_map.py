@@ -120,7 +120,7 @@ def test_temperatures_are_there_for_every_joint_or_for_none() -> None:
     joints = [{"joint": "a", "position": 1, "torque": 2, "temperature": 3}]
     assert read(joints=joints).joints[0].temperature == 3
     joints.append({"joint": "b", "position": 4, "torque": 5})
-    with raises_invalid("", "b has no", "temperature column"):
+    with raises_invalid("", "temperature"):
         read(joints=joints, columns=6)
 
 

@@ -75,7 +75,8 @@ def test_what_it_cannot_write_it_reports(ring: Ring, tmp_path: Path) -> None:
     control = ControlBlock.create()
     run_recorder(ring, control, tmp_path / "none" / "r.mcap", HEADER, os.getppid())
     assert control.recorder.state is RecorderState.FAILED
-    assert "cannot be made" in str(control.recorder.error)
+    assert control.recorder.error is not None
+    assert control.recorder.error.refusal == "RID-FILE-WRITE"
 
 
 def test_it_ignores_the_signals_that_stop_the_program(ring: Ring, tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_a_motion_that_is_too_fast_for_a_motor_of_a_coupled_wrist(
 ) -> None:
     """Each joint is within its limits; alpha3' = q3' + 50 q2' is not."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -50.0, 1.0))
-    with raises_code(PreflightError, "RID-MOTION-LIMIT", "velocity of the motor"):
+    with raises_code(PreflightError, "RID-MOTION-LIMIT", "motor", "axis3"):
         attempt(samples, robot=ROBOT.model_copy(update={"coupling": coupling}))
 
 

@@ -194,5 +194,5 @@ def test_a_motor_of_a_coupled_wrist_that_is_commanded_too_fast_is_refused() -> N
     samples = motion()
     samples = replace(samples, feedforward=samples.velocity)
     verify_command(samples, CELL.config, CELL.robot)
-    with raises_code(LimitError, "RID-MOTION-COMMAND", "velocity of the motor"):
+    with raises_code(LimitError, "RID-MOTION-COMMAND", "motor", "axis3"):
         verify_command(samples, CELL.config, coupled)

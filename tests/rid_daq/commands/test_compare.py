@@ -18,6 +18,7 @@ from identification.estimation.file import write_estimate
 from identification.validation.estimate_difference import compare_estimates
 from rid_daq.app import run
 from tests.builders.identified_run import arm_in_motion, identified_run
+from tests.builders.raised_codes import raises_code
 from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
@@ -86,7 +87,7 @@ def test_another_robot_is_refused(monday: Estimate) -> None:
     robot = load_robot("kr15")
     stranger = object.__new__(Estimate)
     object.__setattr__(stranger, "robot", robot)
-    with pytest.raises(EstimationError, match="these are two robots"):
+    with raises_code(EstimationError, "RID-ROBOT-OTHER"):
         compare_estimates(monday, stranger)
 
 

@@ -120,9 +120,9 @@ def test_the_circle_comes_an_order_of_magnitude_closer(
     assert 1e-4 < found["motions"][0]["bending"]["rms_m"] < 5e-3
     assert "of axis1, axis2 the rotors' inertia too" in found["unseen"]
     assert run(["tracking", "circle", "--against", "compensated", *runs]) == 2
-    assert "was driven without compensation: turn them round: " in capsys.readouterr().err
+    assert "RID-TRACKING-AGAINST" in capsys.readouterr().err
     assert run(["tracking", "circle", "--against", "circle", *runs]) == 2
-    assert "is the run itself; give another run" in capsys.readouterr().err
+    assert "RID-TRACKING-AGAINST" in capsys.readouterr().err
 
 
 def test_one_refinement_makes_it_twenty_times_and_a_lie_about_the_last_is_noticed(
@@ -221,7 +221,7 @@ class TestStream:
         for again in (tuned, ["refine", "live"]):
             capsys.readouterr()
             assert run([*again, *model_of(workshop), "-o", str(workshop / "no.json")]) == 6
-            assert "was streamed: what compensated it" in capsys.readouterr().err
+            assert "RID-RUN-FOREIGN" in capsys.readouterr().err
         assert not (workshop / "no.json").exists()
 
     def test_a_path_streamed_without_compensation_is_a_plain_one(
@@ -287,7 +287,7 @@ class TestStream:
         code, answer, told = streamed(workshop, capsys, [path])
         assert code == 5
         assert answer is not None
-        assert "point 400, joint axis2: the position is not a number" in answer["error"]
+        assert {"400,", "axis2:"} <= set(answer["error"].split())
         stopped_on(path[:400], told)
 
     def test_points_from_an_iterator(self, workshop: Path) -> None:
@@ -321,10 +321,10 @@ class TestStream:
         given = model_of(workshop)
         arm, circle = str(workshop / "arm.yaml"), str(workshop / "circle.yaml")
         assert run(["stream", arm, circle, "--socket", "/tmp/x", *given]) == 2
-        assert "give one of them" in capsys.readouterr().err
+        assert "RID-OPTION-EXCLUSIVE" in capsys.readouterr().err
         path = str(workshop / "points")
         assert run(["stream", arm, "--socket", path, "--wait", "0.1", *given]) == 4
-        assert "no client sent points within 0.1 s" in capsys.readouterr().err
+        assert "RID-STREAM-CLIENT" in capsys.readouterr().err
 
 
 LIMITS = [joint.limits for joint in load_robot("ir361").joints]

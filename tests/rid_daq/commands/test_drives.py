@@ -193,7 +193,7 @@ def test_another_drive_is_not_written_to(
     assert workplace.run("check", workplace.cell, "--seconds", "0.2")[0] == 0
     before = workplace.held()
     assert run(["drives", "restore", workplace.cell, str(path)]) == 3
-    assert "node 2: is another drive" in capsys.readouterr().err
+    assert "RID-DRIVE-OTHER" in capsys.readouterr().err
     assert workplace.held() == before
 
 
@@ -215,4 +215,4 @@ def test_a_run_of_other_drives_is_refused(
     document["drives"][0]["node_id"] = 9
     path.write_text(json.dumps(document))
     assert run(["drives", "restore", workplace.cell, str(path)]) == 2
-    assert "has no drive with node id 9" in capsys.readouterr().err
+    assert "RID-CELL-JOINTS" in capsys.readouterr().err

@@ -164,7 +164,7 @@ def test_a_robot_that_the_data_speak_against_is_written_on_demand_only(
     out = tmp_path / "robot.urdf"
     words = ["export", str(tmp_path / "model.json"), "--to", "urdf", "-o", str(out)]
     assert run(words) == 6
-    assert "NOT physically consistent" in capsys.readouterr().err
+    assert "RID-MODEL-INCONSISTENT" in capsys.readouterr().err
     assert not out.exists()
     assert run([*words, "--despite-misfit"]) == 0
     assert "NOT physically consistent" in out.read_text().partition("<robot")[0]
@@ -176,7 +176,7 @@ def test_sums_over_links_are_no_description(
 ) -> None:
     words = ["export", str(model_file), "--to", "sdf", "-o", str(tmp_path / "x"), "--as-identified"]
     assert run(words) == 2
-    assert "--as-identified is for c, python, csv, json" in capsys.readouterr().err
+    assert "RID-EXPORT-LINKS" in capsys.readouterr().err
 
 
 def test_tables_hold_the_parameters(estimate: Estimate, model_file: Path, tmp_path: Path) -> None:
@@ -209,5 +209,5 @@ def test_what_is_no_model_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     (tmp_path / "no.json").write_text("{}")
     out = tmp_path / "robot.c"
     assert run(["export", str(tmp_path / "no.json"), "--to", "c", "-o", str(out)]) == 2
-    assert "not an estimate" in capsys.readouterr().err
+    assert "RID-FILE-VALUE" in capsys.readouterr().err
     assert not out.exists()

@@ -44,6 +44,6 @@ def test_every_optional_part_loads_when_its_comment_is_lifted(tmp_path: Path) ->
 def test_init_overwrites_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "robot.yaml").write_text("mine")
     assert run(["init", str(tmp_path)]) == 2
-    assert "robot.yaml is already there" in capsys.readouterr().err
+    assert "RID-FILE-EXISTS" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["robot.yaml"]
     assert (tmp_path / "robot.yaml").read_text() == "mine"

@@ -45,6 +45,7 @@ from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
+from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.slow
 
@@ -318,9 +319,9 @@ class TestWarmUpAndPayload:
         self, session: tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]
     ) -> None:
         simulated, _ = session
-        with pytest.raises(ConfigError, match="no payload 'huge'"):
+        with raises_code(ConfigError, "RID-PLANT-UNFIT", "'huge'"):
             simulated.attach("huge")
-        with pytest.raises(TransportError, match="not running"):
+        with raises_code(TransportError, "RID-MOCK-NOT-SERVED"):
             SimulatedCell.attach(
                 SimulatedCell(simulated.simulation),
                 "small",
@@ -384,7 +385,7 @@ def test_record_mounts_a_payload(tmp_path: Path, capsys: pytest.CaptureFixture[s
     path.write_text(to_yaml(motion(1, 0.1, 2.4)))
     runs = ["--runs", str(tmp_path / "runs")]
     assert run(["record", "kr15", str(path), "--payload", "huge", *runs]) == 2
-    assert "there are: small, medium, large" in capsys.readouterr().err
+    assert "RID-PLANT-UNFIT" in capsys.readouterr().err
     assert run(["record", "kr15", str(path), "--payload", "small", "--json", *runs]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (Path(document["folder"]) / MONITOR).exists()

@@ -178,4 +178,4 @@ def test_a_port_that_is_taken_is_a_usage_error(
     with socket.create_server(("127.0.0.1", 0)) as taken:
         listen = f"127.0.0.1:{taken.getsockname()[1]}"
         assert run(["record", "ir361", str(motion), "--live", "--listen", listen]) == 2
-    assert "choose another port" in capsys.readouterr().err
+    assert "RID-LISTEN-ADDRESS" in capsys.readouterr().err

@@ -192,7 +192,7 @@ def test_what_cannot_be_resumed_is_refused(
     runs, document, _ = weighed
     other = document["done"]["unloaded"]
     assert run(session(motion, runs, "--resume", other)) == 2
-    assert "is not the folder of a payload session" in capsys.readouterr().err
+    assert "RID-SESSION-STATE" in capsys.readouterr().err
 
 
 def test_friction_that_falls_is_not_settled(tmp_path: Path) -> None:

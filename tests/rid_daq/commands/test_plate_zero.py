@@ -248,7 +248,6 @@ def test_ctrl_c_leaves_the_drives_disabled_and_nothing_written(
     assert not axes.enabled.any()
     assert np.abs(axes.velocity).max() < 1e-6
     assert cell.read_bytes() == before
-    assert "Stopped by the operator" in capsys.readouterr().out
 
 
 def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
@@ -266,23 +265,23 @@ def test_without_write_the_lines_are_printed_and_the_file_is_left_alone(
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "code"),
     [
-        (["--pose", "0,here,0"], "--pose: 'here'"),
-        (["--pose", "2.6,0,0"], "offset and gravity are told apart from"),
-        (["--pose", "0,0"], "2 values for 3 joints"),
+        (["--pose", "0,here,0"], "RID-REQUEST-INVALID"),
+        (["--pose", "2.6,0,0"], "RID-PLATE-ZERO-POSE"),
+        (["--pose", "0,0"], "RID-MOTION-JOINTS"),
     ],
 )
 def test_poses_that_cannot_be_are_refused_before_anything_moves(
-    words: list[str], message: str, cell: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], code: str, cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["plate", "zero", str(cell), *words]) == 2
-    assert message in " ".join(capsys.readouterr().err.split())
+    assert code in capsys.readouterr().err
 
 
 def test_a_bundled_cell_is_not_written_to(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plate", "zero", "ir361", "--write"]) == 2
-    assert "bundled with the program" in " ".join(capsys.readouterr().err.split())
+    assert "RID-PLATE-ZERO-WRITE" in capsys.readouterr().err
 
 
 def test_a_real_cell_is_not_moved_while_nobody_can_be_asked(
@@ -291,9 +290,9 @@ def test_a_real_cell_is_not_moved_while_nobody_can_be_asked(
     cell = make_cell(tmp_path)
     cell.write_text(cell.read_text().replace("simulated: true", "simulated: false"))
     assert run(["plate", "zero", str(cell)]) == 3
-    assert "rid-daq axes" in " ".join(capsys.readouterr().err.split())
+    assert "RID-AXIS-TEST-MISSING" in capsys.readouterr().err
     assert run(["plate", "zero", str(cell), "--without-axis-test"]) == 3
-    assert "--i-have-cleared-the-cell" in capsys.readouterr().err
+    assert "RID-ANSWER-NOBODY" in capsys.readouterr().err
 
 
 def test_a_cell_without_a_plate_has_nothing_to_zero(
@@ -303,4 +302,4 @@ def test_a_cell_without_a_plate_has_nothing_to_zero(
     text = cell.read_text()
     cell.write_text(text[: text.index("\nplate:") + 1])
     assert run(["plate", "zero", str(cell)]) == 2
-    assert "nothing to zero" in capsys.readouterr().err
+    assert "RID-PLATE-MISSING" in capsys.readouterr().err

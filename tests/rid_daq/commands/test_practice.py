@@ -79,7 +79,9 @@ def test_drives_that_are_not_there_are_told_by_their_nodes(
     change(tmp_path / "true" / "cell.yaml", "joint: axis3, node_id: 3", "joint: axis3, node_id: 7")
     with serve(str(tmp_path / "true" / "cell.yaml")):
         assert run(["check", str(files / "cell.yaml")]) != 0
-    assert "no boot-up message within 5 s from axis3 (node 3)" in capsys.readouterr().err
+    message = capsys.readouterr().err
+    assert "RID-DRIVE-SILENT" in message
+    assert "axis3" in message
 
 
 def test_everything_that_hangs_on_the_lines_is_the_other_cells(files: Path) -> None:
@@ -114,7 +116,7 @@ def test_the_five_mistakes_of_the_exercise_are_told_one_after_the_other(
 
         code, tested = document("axes", str(cell), "--unattended", "--joint", "axis2")
         assert code == 1
-        assert "direction: -1" in str(tested["axes"][0]["problems"])
+        assert "direction:" in str(tested["axes"][0]["problems"])
         change(cell, "node_id: 1}", "node_id: 1, direction: -1}")
 
         change(motion, "periods: 8 ", "periods: 3 ")

@@ -168,4 +168,4 @@ def test_drive_gains_by_the_weighed_payload_and_three_cross_checks(
         assert words_of_method in findings
     assert "physically consistent" in findings
     assert run([*words[:3], *words[5:], "--load-mass", "2.805", "--overwrite"]) == 2
-    assert "name the runs with it (--loaded)" in capsys.readouterr().err
+    assert "RID-PAYLOAD-RUNS" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -163,8 +164,8 @@ def test_a_whole_run_is_left_alone(
     killed.file("recording.mcap").unlink()
     write_journal(killed, close=True)
     killed.finish(RunStatus.COMPLETE)
-    assert run(["recover", killed.run_id, *runs]) == 0
-    assert "is whole; there is nothing to recover" in capsys.readouterr().out
+    assert run(["recover", killed.run_id, *runs, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["recovered"] is None
     assert len(list(killed.path.parent.iterdir())) == 1
 
 
@@ -173,7 +174,7 @@ def test_a_run_with_nothing_readable_makes_no_folder(
 ) -> None:
     killed.file("recording.mcap").write_bytes(bytes(5000))
     assert run(["recover", killed.run_id, *runs]) == 7
-    assert "nothing can be recovered" in capsys.readouterr().err
+    assert "RID-RECORDING-EMPTY" in capsys.readouterr().err
     assert len(list(killed.path.parent.iterdir())) == 1
 
 
@@ -185,7 +186,7 @@ def test_a_recording_under_way_is_refused(
     with JournalWriter(folder.file("recording.mcap"), header):
         assert run(["recover", str(folder.path)]) == 8
         assert run(["recover", str(folder.file("recording.mcap"))]) == 8
-    assert "still being written" in capsys.readouterr().err
+    assert "RID-RUN-OPEN" in capsys.readouterr().err
 
 
 def test_a_file_alone_is_recovered_beside_itself_and_never_replaced(
@@ -194,12 +195,11 @@ def test_a_file_alone_is_recovered_beside_itself_and_never_replaced(
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(killed.file("recording.mcap").read_bytes()[: -HALF * 230])
     assert run(["recover", str(torn)]) == 0
-    assert "torn and were left out" in capsys.readouterr().out
     new = tmp_path / "torn-recovered.mcap"
     kept = len(read_journal(new).rows)
     assert HALF < kept < ROWS
     assert run(["recover", str(torn)]) == 7
-    assert "exists already" in capsys.readouterr().err
+    assert "RID-OUTPUT-EXISTS" in capsys.readouterr().err
     assert run(["recover", str(torn), "-o", str(tmp_path / "other.mcap")]) == 0
     assert (tmp_path / "other.mcap").read_bytes() == new.read_bytes()
     assert not list(tmp_path.glob("*.tmp"))

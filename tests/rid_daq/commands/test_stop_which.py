@@ -87,7 +87,6 @@ def test_a_script_stops_none_of_several_unless_it_says_which(held: Held) -> None
     told = stop()
     assert told.returncode == 2
     assert "RID-STOP-WHICH" in told.stderr
-    assert "rid-daq stop left" in told.stderr
     assert (left.poll(), right.poll()) == (None, None)
     assert stop("left").returncode == 0
     assert left.wait(PATIENCE_S) == 143

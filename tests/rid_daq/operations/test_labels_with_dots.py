@@ -29,4 +29,4 @@ def test_compare_finds_a_run_by_such_a_label(
 ) -> None:
     RunFolder.create(tmp_path, LABEL)
     assert run(["compare", LABEL, LABEL, "--runs", str(tmp_path)]) == 2
-    assert f"run {LABEL!r} has no model.json: identify it first" in capsys.readouterr().err
+    assert "RID-RUN-NO-RESULT" in capsys.readouterr().err

@@ -96,7 +96,7 @@ def test_a_file_that_is_no_axis_test_is_refused_by_its_name(tmp_path: Path) -> N
     path = axis_test_file(loaded)
     assert path is not None
     path.write_text("{}")
-    with pytest.raises(ConfigError, match=path.name):
+    with raises_code(ConfigError, "RID-FILE-VALUE", path.name):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
 
 

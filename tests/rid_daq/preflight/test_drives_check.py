@@ -162,7 +162,7 @@ def test_a_fault_that_comes_again_is_told_once_and_how_often(checked: Any) -> No
 
 def test_what_was_read_before_a_drive_refused_is_kept(checked: Any) -> None:
     axes = Axes(trouble=DriverError("axis2 does not answer"))
-    with pytest.raises(DriveTrouble, match="axis2 does not answer") as caught:
+    with pytest.raises(DriveTrouble) as caught:
         checked(axes)
     assert [line.what for line in caught.value.lines] == ["6085h:00 quick-stop deceleration"]
     assert axes.asked == ["bring up"]

@@ -87,5 +87,6 @@ def test_a_damaged_file_is_refused(real: LoadedCell, state: Path, content: str) 
     keep_pose(real, HERE, "run A")
     (file,) = state.iterdir()
     file.write_text(content)
-    with pytest.raises(RidDaqError, match=str(file)):
+    with pytest.raises(RidDaqError) as caught:
         known_pose(real, binding=True)
+    assert str(file) in str(caught.value)

@@ -328,7 +328,7 @@ def test_a_file_that_is_no_result_is_refused(content: bytes, folder: RunFolder) 
 
 def test_a_result_of_another_format_is_refused(folder: RunFolder) -> None:
     folder.write("result.json", b'{"schema": "rid-daq result 2", "title": 1}')
-    with raises_code(RecordingError, "RID-FILE-FORMAT", "rid-daq result 2"):
+    with raises_code(RecordingError, "RID-FILE-FORMAT"):
         read_result(folder)
 
 

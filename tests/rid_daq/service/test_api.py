@@ -125,11 +125,12 @@ def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
 
 
 def test_two_cannot_have_one_cell(api: Api) -> None:
-    api.lease(Role.OPERATOR, note="payload day")
+    api.lease(Role.OPERATOR, note="weighing")
     wanted = {"seconds": 60.0}
     answer = api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/cells/ir361/lease", wanted)
     assert answer.status_code == 409
-    assert "operator has it (payload day" in answer.json()["message"]
+    assert answer.json()["code"] == "RID-LEASE-OTHER"
+    assert "weighing" in answer.json()["message"]
     assert api.lease(Role.ADMINISTRATOR, confirmed="ir361")
 
 

@@ -14,10 +14,7 @@ from websockets.sync.client import connect
 
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import TaskState
-from rid_daq.service.front.front_desk import FrontDesk, hash_of
 from rid_daq.service.records import JobState
-from rid_daq.service.refusals import NotKnownError, UnknownError
-from rid_daq.service.store.tokens import hashed
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.service.moving import begin_motion, front_process, served_port, taken, until
 
@@ -82,43 +79,3 @@ def test_a_front_that_dies_is_replaced(running: ServedProcess) -> None:
     assert not post_stop(running)["told"]
     with running.client as client:
         assert client.cell("ir361").cell == "ir361"
-
-
-def desk() -> tuple[FrontDesk, list[tuple[str, str]]]:
-    told: list[tuple[str, str]] = []
-    return FrontDesk(["a", "b"], lambda target, who: told.append((target, who))), told
-
-
-@pytest.mark.promise("stop-by-any-token-ever-issued")
-def test_the_front_knows_who_may_stop() -> None:
-    found, _ = desk()
-    assert hash_of("x\ud800") == hashed("x\ud800")
-    shown = {"authorization": "Bearer secret"}
-    with pytest.raises(NotKnownError):
-        found.admit(shown, local=False, address="192.0.2.7")
-    assert found.admit(shown, local=False, address="127.0.0.1") == ""
-    assert found.admit({}, local=True, address="") == ""
-    found.note_issued([hash_of("secret")])
-    key = hash_of("secret")
-    for headers in (
-        shown,
-        {"cookie": "a=b; any-name=secret"},
-        {"sec-websocket-protocol": "rid-daq, rid-daq.secret"},
-    ):
-        assert found.admit(headers, local=False, address="192.0.2.7") == key
-
-
-def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
-    found, told = desk()
-    assert not found.stop("a", "").told
-    found.note_jobs({"a": os.getpid()})
-    control = ControlBlock.create()
-    assert found.stop("*", "key").told
-    assert control.program.stop_code
-    control.program.declare_task_gone()
-    found.note_jobs({"b": 0})
-    assert not found.stop("a", "").told
-    assert found.stop("b", "").told, "its worker is on its way: the service is told"
-    with pytest.raises(UnknownError):
-        found.stop("c", "")
-    assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]

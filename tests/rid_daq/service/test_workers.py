@@ -18,6 +18,7 @@ from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import LockedError, PreflightError
 from rid_daq.app import run
 from rid_daq.service.records import CellState, Job, JobState
+from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import CHECK, begin_motion, events, taken, until
 
@@ -34,7 +35,7 @@ def test_a_command_is_done_by_the_service_that_has_the_cell(
         check=False,
     )
     assert here.returncode == 8
-    assert "send this there with `--service local`" in here.stderr
+    assert "RID-CELL-BUSY" in here.stderr
     there = subprocess.run(
         [
             sys.executable,
@@ -62,7 +63,7 @@ def test_one_job_moves_a_cell_at_a_time_and_the_apis_stop_ends_it(
         job = begin_motion(shared, key)
         with shared.client as client:
             assert client.cell("ir361").state is CellState.MOVING
-            with pytest.raises(LockedError, match="record is under way"):
+            with raises_code(LockedError, "RID-JOB-RUNNING", "record"):
                 client.run("ir361", "check", CHECK, lease=key)
             client.stop("ir361")
             over = client.follow(job)
@@ -234,7 +235,7 @@ def test_what_a_job_does_not_ask_is_not_answered(shared: ServedProcess, motion: 
         wanted = {"kind": "jog", "request": {}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", wanted, key))
         until(lambda: any(each["kind"] == "asked" for each in events(client, job)))
-        with pytest.raises(LockedError, match="does not ask question 99"):
+        with raises_code(LockedError, "RID-JOB-UNKNOWN", "99"):
             client.ask("POST", f"/jobs/{job.id}/answer", {"question": 99, "text": "x"}, key)
         client.stop("ir361")
         assert client.follow(job).job.state is JobState.STOPPED

@@ -193,7 +193,6 @@ def test_a_session_that_ends_as_it_is_told_is_no_failure(
     else:
         monkeypatch.setattr(signal, "pidfd_send_signal", send_late)
     assert run(["stop"]) == 0
-    assert "ended; no motion was under way" in capsys.readouterr().out
 
 
 MEMORY = """
@@ -239,9 +238,10 @@ def test_an_error_of_any_kind_is_that_sessions_alone(
     found = [broken, *running_sessions()]
     name = "rid_daq.session.running_sessions.running_sessions"
     monkeypatch.setattr(name, lambda _cell=None: found)
-    assert run(["stop", "--all"]) == 4
+    assert run(["stop", "--all", "--json"]) == 4
     assert session.wait(120.0) == 143
-    assert "could not be stopped from here: the sky fell" in capsys.readouterr().out
+    stopped = json.loads(capsys.readouterr().out)["sessions"]
+    assert [each["stopped"] for each in stopped] == [False, True]
 
 
 def test_this_very_program_is_not_ended(
@@ -249,7 +249,6 @@ def test_this_very_program_is_not_ended(
 ) -> None:
     with hold_cell(cell):
         assert run(["stop"]) == 4
-    assert "is this very program" in capsys.readouterr().out
 
 
 @pytest.mark.fault(41)

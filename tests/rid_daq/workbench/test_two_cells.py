@@ -117,10 +117,10 @@ def test_a_device_that_may_only_look_sees_all_and_moves_nothing(
     refused = page.evaluate(
         """async () => {
           const { ask } = await import("/static/service.js");
-          return await ask("POST", "/cells/two-arm/lease", {}).catch((error) => error.message);
+          return await ask("POST", "/cells/two-arm/lease", {}).catch((error) => error.kind);
         }"""
     )
-    assert "the wall is viewer: this needs operator" in refused
+    assert refused == "NotAllowedError"
     page.locator("#stop").click()
     expect(page.locator("#stop-words")).to_contain_text("Nothing moves here by this service.")
 

@@ -85,8 +85,10 @@ def test_what_is_not_there_is_named(
     kind: JobKind, told: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     (tmp_path / "runs").mkdir()
-    with pytest.raises(RidDaqError, match=said):
+    with pytest.raises(RidDaqError) as caught:
         done(kind, told, tmp_path)
+    assert said in str(caught.value)
+    assert caught.value.refusal
 
 
 def test_nothing_is_recovered_from_outside_of_the_folder(tmp_path: Path) -> None:

@@ -1,0 +1,80 @@
+"""`FrontDesk`: who may stop, which process is stopped, and how."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from acquisition.task.control_block import ControlBlock
+from rid_daq.service.front.front_desk import FrontDesk, hash_of
+from rid_daq.service.refusals import NotKnownError, UnknownError
+from rid_daq.service.store.tokens import hashed
+
+
+def desk() -> tuple[FrontDesk, list[tuple[str, str]]]:
+    told: list[tuple[str, str]] = []
+    return FrontDesk(["a", "b"], lambda target, who: told.append((target, who))), told
+
+
+@pytest.mark.promise("stop-by-any-token-ever-issued")
+def test_the_front_knows_who_may_stop() -> None:
+    found, _ = desk()
+    assert hash_of("x\ud800") == hashed("x\ud800")
+    shown = {"authorization": "Bearer secret"}
+    with pytest.raises(NotKnownError):
+        found.admit(shown, local=False, address="192.0.2.7")
+    assert found.admit(shown, local=False, address="127.0.0.1") == ""
+    assert found.admit({}, local=True, address="") == ""
+    found.note_issued([hash_of("secret")])
+    key = hash_of("secret")
+    for headers in (
+        shown,
+        {"cookie": "a=b; any-name=secret"},
+        {"sec-websocket-protocol": "rid-daq, rid-daq.secret"},
+    ):
+        assert found.admit(headers, local=False, address="192.0.2.7") == key
+
+
+def test_the_front_stops_what_it_was_told_of_and_tells_the_service() -> None:
+    found, told = desk()
+    assert not found.stop("a", "").told
+    found.note_jobs({"a": os.getpid()})
+    control = ControlBlock.create()
+    assert found.stop("*", "key").told
+    assert control.program.stop_code
+    control.program.declare_task_gone()
+    found.note_jobs({"b": 0})
+    assert not found.stop("a", "").told
+    assert found.stop("b", "").told, "its worker is on its way: the service is told"
+    with pytest.raises(UnknownError):
+        found.stop("c", "")
+    assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
+
+
+def test_a_worker_without_a_motion_is_ended_by_a_signal() -> None:
+    found, _ = desk()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as worker:
+        found.note_jobs({"a": worker.pid})
+        assert found.stop("a", "").told
+        assert worker.wait(60.0) == -signal.SIGTERM
+
+
+def test_a_process_is_kept_by_its_descriptor_for_its_number_may_be_anothers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    opened: list[int] = []
+    by_number = os.pidfd_open
+
+    def open_it(pid: int) -> int:
+        opened.append(pid)
+        return by_number(pid)
+
+    monkeypatch.setattr(os, "pidfd_open", open_it)
+    found, _ = desk()
+    found.note_jobs({"a": os.getpid()})
+    found.note_jobs({"a": os.getpid(), "b": 0})
+    assert opened == [os.getpid()]

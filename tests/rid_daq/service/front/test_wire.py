@@ -1,0 +1,32 @@
+"""`Wire`: order and bounds of the messages between the service and the process in front."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+
+from rid_daq.service.front.wire import Wire
+
+MANY = 20_000
+
+
+def test_a_message_that_the_other_end_is_too_far_behind_for_is_refused_and_the_others_come() -> (
+    None
+):
+    came: list[object] = []
+
+    async def send_and_read() -> int:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        near, far = Wire(ours), Wire(theirs)
+        near.begin(lambda *_: None, lambda: None)
+        taken = sum(near.send({"number": number}) for number in range(MANY))
+        far.begin(lambda document, *_: came.append(document["number"]), lambda: None)
+        while len(came) < taken:
+            await asyncio.sleep(0.001)
+        near.close()
+        far.close()
+        return taken
+
+    taken = asyncio.run(send_and_read())
+    assert taken < MANY
+    assert came == list(range(taken))
