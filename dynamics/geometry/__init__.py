@@ -1,4 +1,4 @@
-"""Where the links are: forward and inverse kinematics, distances between bodies.
+"""Geometry of the links: forward and inverse kinematics, distances between bodies.
 
-No masses and no torques. Begin with `kinematics.py`.
+It contains no masses and no torques. Begin with `kinematics.py`.
 """

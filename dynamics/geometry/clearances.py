@@ -1,4 +1,4 @@
-"""`Clearances`: how far the robot's bodies stay from one another and from what is around them."""
+"""`Clearances`: distances between the robot's bodies, and from them to the surroundings."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _ROUNDED_M = 1e-9
 
 @dataclass(frozen=True)
 class _Solid:
-    """A shape of coal, the link that carries it, and its place in that link's frame.
+    """A shape of coal, the link that carries it, and its pose in that link's frame.
 
-    `half` and `radius` are of a capsule about its centre that holds it: half its line, from the
-    centre to an end. Of solids around the robot it is not asked. `body` is the name of a body of
-    the robot.
+    `half` and `radius` describe a capsule around `centre` that contains the shape: half its line,
+    from the centre to an end. They are not used for solids around the robot. `body` is the name of
+    a body of the robot.
     """
 
     name: str
@@ -40,13 +40,13 @@ class _Solid:
 
     @property
     def reach(self) -> float:
-        """How far it goes from its centre [m]."""
+        """Largest distance of the capsule's surface from the centre [m]."""
         return self.radius + float(np.linalg.norm(self.half))
 
 
 @dataclass(frozen=True)
 class _Touch:
-    """Distances of some (sample, pair)s, the nearest points of both, and from which to which."""
+    """Distances of (sample, pair)s, nearest points of both, normals from first to second."""
 
     distance: FloatArray
     points: tuple[FloatArray, FloatArray]
@@ -55,18 +55,18 @@ class _Touch:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The pairs of solids whose distance counts.
+    """The pairs of solids whose distance is checked.
 
-    Bodies of the same link or of neighbouring links are not held against one another, nor pairs
-    that the robot's `may_touch` names: they touch by design. A robot without bodies is held against
-    the surroundings with its tool point alone. Bodies whose surrounding capsules are far apart are
-    not looked at any closer.
+    Bodies of the same link or of neighbouring links are not checked against each other, nor pairs
+    that the robot's `may_touch` names: they touch by design. For a robot without bodies, the tool
+    point is checked against the surroundings. If the capsules around two bodies are far apart,
+    their exact distance is not computed.
 
     Attributes:
         chain: The robot's geometry.
-        pairs: Tuple of (solid, solid). What must stay apart; the second of each is a body of the
-            robot.
-        margin_m: The least distance.
+        pairs: Tuple of (solid, solid). Solids that must stay apart; the second of each pair is a
+            body of the robot.
+        margin_m: The smallest allowed distance.
     """
 
     chain: Chain
@@ -75,7 +75,7 @@ class Clearances:
 
     @classmethod
     def of(cls, robot: RobotDescription, workspace: Workspace | None = None) -> Clearances:
-        """Take the pairs out of a robot's bodies and a cell's workspace."""
+        """Return the pairs of a robot's bodies and a cell's workspace."""
         workspace = workspace or Workspace()
         chain = Chain.from_description(robot)
         bodies = [_body_solid(body, number) for number, body in enumerate(robot.bodies, start=1)]
@@ -100,13 +100,13 @@ class Clearances:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each pair is called in a message."""
+        """Names of the pairs in a message."""
         return tuple(f"{first.name} and {second.name}" for first, second in self.pairs)
 
     def nearest(self, q: FloatArray) -> FloatArray:
-        """Return each pair's least distance, (pairs,) [m], over poses q of (samples, n).
+        """Return each pair's smallest distance, (pairs,) [m], over poses q of (samples, n).
 
-        Overlap counts as negative distance.
+        Overlap is a negative distance.
         """
         links = link_transforms(self.chain, q)
         bounds = self._bounds(links)
@@ -134,28 +134,28 @@ class Clearances:
         )
 
     def clear_pose(self, first: FloatArray, others: FloatArray, robot: str) -> FloatArray:
-        """Return a pose (n,) that is clear: the first, or one of the others (poses, n).
+        """Return a pose (n,) that keeps the margin: the first, or one of the others (poses, n).
 
         Raises:
-            ConfigError: None is; `robot` is named in the message.
+            ConfigError: No pose keeps the margin; `robot` is the name in the message.
         """
         for pose in (first, *others):
             if self.is_clear(pose[np.newaxis]):
                 return np.asarray(pose)
         raise ConfigError(
-            f"robot {robot!r}: none of {len(others)} poses keeps clear of itself and of the"
-            " workspace: check `bodies` in the robot file and `workspace` in the cell file",
+            f"robot {robot!r}: none of {len(others)} poses keeps the clearance from itself and from"
+            " the workspace: check `bodies` in the robot file and `workspace` in the cell file",
             code="RID-DESIGN-NONE",
         )
 
     def shortfall(self, q: FloatArray) -> tuple[float, FloatArray]:
-        """Return by how much bodies are too close, and how that changes with the joints.
+        """Return the violation of the margin by bodies that are too close, and its gradient.
 
         Args:
             q: Shape (samples, n). Joint positions [rad or m].
 
         Returns:
-            `squares`. Sum over samples and pairs of the squares of what the distances lack [m^2].
+            `squares`. Sum over samples and pairs of the squared violations of the margin [m^2].
             `gradient`, shape (samples, n). Its derivatives by the joint positions.
         """
         gradient = np.zeros_like(q)
@@ -173,7 +173,7 @@ class Clearances:
         return float(short @ short), gradient
 
     def _bounds(self, links: FloatArray) -> FloatArray:
-        """Return no more than the distance of each pair, (samples, pairs) [m], quickly."""
+        """Return a lower bound of the distance of each pair, (samples, pairs) [m]."""
         lines = self._lines(links)
         bounds = np.empty((len(links), len(self)))
         for column, (first, second) in enumerate(self.pairs):
@@ -183,7 +183,7 @@ class Clearances:
     def _near(self, links: FloatArray) -> tuple[IntArray, IntArray]:
         """Return samples and pairs that may be closer than the margin, sample by sample.
 
-        A pair is bounded where the balls around both come close, and nowhere else.
+        The bound of a pair is computed only if the spheres around both come close.
         """
         lines = self._lines(links)
         samples, pairs = [], []
@@ -202,9 +202,9 @@ class Clearances:
     def _balls_meet(
         self, lines: dict[int, tuple[FloatArray, FloatArray]]
     ) -> Iterator[tuple[int, IntArray]]:
-        """Yield the pairs whose surrounding balls are closer than the margin, and in which samples.
+        """Yield the pairs whose surrounding spheres are closer than the margin, with the samples.
 
-        What stands around the robot has none: every sample is yielded.
+        Solids around the robot have no such sphere: all samples are yielded for them.
         """
         if not self.pairs:
             return
@@ -226,15 +226,15 @@ class Clearances:
                 yield column, np.flatnonzero(close[:, *ends])
 
     def _solids(self) -> dict[int, _Solid]:
-        """Return every solid of the pairs once, by its id."""
+        """Return each solid of the pairs once, by its id."""
         return {id(solid): solid for pair in self.pairs for solid in pair}
 
     def _lines(self, links: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Return centre and half of each solid's line, by the solid's id."""
+        """Return the centre and half vector of each solid's line, by the solid's id."""
         return {key: _line(solid, links) for key, solid in self._solids().items()}
 
     def _measure(self, links: FloatArray, rows: IntArray, columns: IntArray) -> _Touch:
-        """Let coal measure pair `columns[k]` in sample `rows[k]`."""
+        """Compute the distance of pair `columns[k]` in sample `rows[k]` with coal."""
         distance, normals = np.empty(len(rows)), np.empty((len(rows), 3))
         points = np.empty((len(rows), 3)), np.empty((len(rows), 3))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -261,13 +261,13 @@ def _bound(
     second: _Solid,
     other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Return no more than the distance of a pair, (samples,) [m], by the lines of both."""
+    """Return a lower bound of the distance of a pair, (samples,) [m], from the lines of both."""
     centre, half = other
     if isinstance(first.shape, coal.Halfspace):
         height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d
         return np.asarray(height - second.radius)
     if isinstance(first.shape, coal.Box):
-        # The box and the capsule's own box along the same axes.
+        # Distance of the box and the bounding box of the capsule along the same axes.
         size = first.shape.halfSide + np.abs(half)
         beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1) - second.radius)
@@ -275,7 +275,7 @@ def _bound(
 
 
 def _line(solid: _Solid, links: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return centre and half of a solid's line in the base frame, (samples, 3) each."""
+    """Return centre and half vector of a solid's line in the base frame, (samples, 3) each."""
     if solid.link == 0:
         shape = (len(links), 3)
         return np.broadcast_to(solid.centre, shape), np.broadcast_to(solid.half, shape)
@@ -299,15 +299,15 @@ def _line_distance(
             (half_second, r),
         )
     )
-    along_first = _share(b * f - c * e, a * e - b * b)
-    along_second = _share(b * along_first + f, e)
-    along_first = _share(b * along_second - c, a)
+    along_first = _clipped_quotient(b * f - c * e, a * e - b * b)
+    along_second = _clipped_quotient(b * along_first + f, e)
+    along_first = _clipped_quotient(b * along_second - c, a)
     offset = r + along_first[:, np.newaxis] * half_first - along_second[:, np.newaxis] * half_second
     return np.asarray(np.linalg.norm(offset, axis=1))
 
 
-def _share(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
-    """Return the quotient within -1..1, and 0 where the denominator vanishes."""
+def _clipped_quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
+    """Return the quotient, limited to -1..1; 0 if the denominator vanishes."""
     safe = np.where(denominator > 1e-12, denominator, 1.0)
     return np.clip(np.where(denominator > 1e-12, numerator / safe, 0.0), -1.0, 1.0)
 
@@ -345,7 +345,7 @@ def _ball(name: str, link: int, centre: FloatArray, radius: float, body: str = "
 
 
 def _plane_solid(plane: Plane) -> _Solid:
-    """Return the half-space behind a plane, where the robot must not be."""
+    """Return the half-space behind a plane, which the robot must not enter."""
     return _half_space(plane.name, np.array(plane.normal), plane.offset_m)
 
 

@@ -1,4 +1,4 @@
-"""Joint positions that put the tool point where it is wanted, along a path, by Newton's method."""
+"""Inverse kinematics of the tool point along a path, by Newton's method."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ STEP: Final = 1e-5
 def follow(
     chain: Chain, points_m: FloatArray, near: FloatArray, rotation: FloatArray | None = None
 ) -> FloatArray:
-    """Return joint positions along a path of the tool point, from one point to the next.
+    """Return joint positions along a path of the tool point, computed point by point.
 
     Args:
         chain: The arm.
         points_m: Shape (samples, 3). Wanted tool points in the base frame; neighbours are close.
-        near: Shape (n,). A pose near the first: it chooses among the arm's ways to reach it.
+        near: Shape (n,). A pose near the first point; it selects one of the arm's configurations.
         rotation: Shape (3, 3). Orientation of the last link's frame to hold; free, if not given. An
-            arm of three joints has none to choose.
+            arm of three joints cannot hold one.
 
     Returns:
         Shape (samples, n). Joint positions [rad or m].
 
     Raises:
-        ConfigError: A point cannot be reached from the one before, or only through a singular pose.
+        ConfigError: A point cannot be reached from the previous one, or only through a singularity.
     """
     found = np.empty((len(points_m), chain.n))
     pose = np.array(near, dtype=float)
@@ -47,51 +47,51 @@ def follow(
 def reach(
     chain: Chain, point: FloatArray, near: FloatArray, rotation: FloatArray | None, what: str
 ) -> FloatArray:
-    """Return the joint positions near a pose that put the tool point where it is wanted.
+    """Return the joint positions near a pose that put the tool point at a given point.
 
     Args:
         chain: The arm.
         point: Shape (3,). Wanted tool point in the base frame [m].
         near: Shape (n,). A pose near it.
         rotation: Shape (3, 3). Orientation of the last link's frame to hold; None leaves it free.
-        what: What a message calls the point.
+        what: Name of the point in a message.
 
     Raises:
-        ConfigError: It cannot be reached from there, or only through a singular pose.
+        ConfigError: It cannot be reached from there, or only through a singularity.
     """
     pose = near
     place = ", ".join(f"{1e3 * x:.0f}" for x in point)
     for _ in range(ITERATIONS):
         short, slopes = (
-            found[0] for found in _missing(chain, pose[np.newaxis], point[np.newaxis], rotation)
+            found[0] for found in _pose_error(chain, pose[np.newaxis], point[np.newaxis], rotation)
         )
         if np.abs(short).max() < TOLERANCE_M:
             return pose
         left, size, right = np.linalg.svd(slopes, full_matrices=False)
         if size[-1] < SINGULAR * size[0]:
             raise ConfigError(
-                f"{what} ({place} mm) leads through a pose in which the arm cannot move"
+                f"{what} ({place} mm) leads through a singular pose, in which the arm cannot move"
                 " in every direction: shift or turn the path, or start it near another pose",
                 code="RID-PATH-SINGULAR",
             )
         step = right.T @ ((left.T @ short) / size)
         pose = pose + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
     raise ConfigError(
-        f"{what} ({place} mm) cannot be reached from {_tool_words(chain, near)}: move it nearer to"
-        " the robot, or start it near another pose",
+        f"{what} ({place} mm) cannot be reached from {_describe_tool(chain, near)}: move it nearer"
+        " to the robot, or start it near another pose",
         code="RID-PATH-REACH",
     )
 
 
-def _tool_words(chain: Chain, pose: FloatArray) -> str:
-    """Say where the tool point is at a pose."""
+def _describe_tool(chain: Chain, pose: FloatArray) -> str:
+    """Return the position of the tool point in a pose, in words."""
     nowhere = np.zeros((1, 3))
-    at = -_missing(chain, pose[np.newaxis], nowhere, None)[0][0]
-    return f"where the tool was before ({', '.join(str(round(1e3 * x)) for x in at)} mm)"
+    at = -_pose_error(chain, pose[np.newaxis], nowhere, None)[0][0]
+    return f"the previous tool point ({', '.join(str(round(1e3 * x)) for x in at)} mm)"
 
 
 class PathSlopes(NamedTuple):
-    """Joint positions along a path of the tool point, and how they change with its length.
+    """Joint positions along a path of the tool point, with derivatives by the path length.
 
     Attributes:
         position, slope, bend: Shape (samples, n). rad or m, and its first two derivatives by the
@@ -111,51 +111,53 @@ def refine(
     near: FloatArray,
     rotation: FloatArray | None = None,
 ) -> PathSlopes:
-    """Return joint positions along a path from good guesses, all rows at once, and their slopes.
+    """Return joint positions along a path, and their slopes, from good initial guesses.
+
+    All rows are solved at once.
 
     Args:
         chain: The arm.
         points_m, direction, curvature: Shape (samples, 3). The path in the base frame: points, unit
-            tangents, and their change by the length [1/m].
-        near: Shape (samples, n). Poses near those wanted.
+            tangents, and the derivative of the tangents by the length [1/m].
+        near: Shape (samples, n). Initial guesses.
         rotation: Shape (3, 3). Orientation of the last link's frame to hold.
 
     Raises:
-        ConfigError: The guesses were not near enough.
+        ConfigError: The guesses were not good enough.
     """
     position = np.array(near, dtype=float)
     for _ in range(ITERATIONS):
-        short, slopes = _missing(chain, position, points_m, rotation)
+        short, slopes = _pose_error(chain, position, points_m, rotation)
         if np.abs(short).max() < TOLERANCE_M:
             break
-        position += _solved(slopes, short)
+        position += _solve(slopes, short)
     else:
         raise ConfigError(
-            "the path comes too near a pose in which the arm cannot move in every direction: shift"
-            " or turn it",
+            "the path comes too near a singular pose, in which the arm cannot move in every"
+            " direction: shift or turn it",
             code="RID-PATH-SINGULAR",
         )
     spin = np.zeros((len(points_m), 0 if rotation is None else 3))
-    slope = _solved(slopes, np.concatenate([direction, spin], axis=1))
+    slope = _solve(slopes, np.concatenate([direction, spin], axis=1))
     step = STEP / np.maximum(np.abs(slope).max(axis=1, keepdims=True), 1e-12)
     rows = slopes.shape[1]
     ahead, behind = (
         jacobian(chain, position + sign * step * slope)[:, :rows] for sign in (1.0, -1.0)
     )
     turning = ((ahead - behind) / (2.0 * step[:, :, np.newaxis])) @ slope[:, :, np.newaxis]
-    bend = _solved(slopes, np.concatenate([curvature, spin], axis=1) - turning[:, :, 0])
+    bend = _solve(slopes, np.concatenate([curvature, spin], axis=1) - turning[:, :, 0])
     return PathSlopes(position, slope, bend)
 
 
-def _solved(slopes: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the smallest joint changes that make the changes wanted, row by row."""
+def _solve(slopes: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return the smallest joint changes that produce the wanted changes, row by row."""
     return np.asarray((np.linalg.pinv(slopes) @ wanted[:, :, np.newaxis])[:, :, 0])
 
 
-def _missing(
+def _pose_error(
     chain: Chain, pose: FloatArray, points: FloatArray, rotation: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what poses lack of points and orientation, (samples, 3 or 6), and the Jacobians."""
+    """Return the errors of points and orientation, (samples, 3 or 6), and the Jacobians."""
     last = link_transforms(chain, pose)[:, -1]
     short = points - (last[:, :3, :3] @ chain.tool_m + last[:, :3, 3])
     slopes = jacobian(chain, pose)

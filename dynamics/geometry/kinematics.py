@@ -1,4 +1,4 @@
-"""`Chain`: the geometry of a serial arm as arrays, and where its links are."""
+"""`Chain`: the geometry of a serial arm as arrays, and forward kinematics."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ class Chain:
     """A serial chain of n joints in the modified Denavit-Hartenberg convention.
 
     Frame i lies on axis i and moves with link i; joint i turns about (or slides along) its z.
-    Frame 0 is the base. These are the frames that link parameters and rotor axes are written in,
-    whichever convention the robot file uses.
+    Frame 0 is the base. Link parameters and rotor axes refer to these frames, whichever convention
+    the robot file uses.
 
     Attributes:
         rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of Rot_x(alpha)
             Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), from frame i-1 to i (theory: section 1).
-        prismatic: Shape (n,). True where the joint position adds to d, False where it adds to
-            theta.
+        prismatic: Shape (n,). True if the joint position adds to d, False if it adds to theta.
         gravity_m_s2: Shape (3,). Acceleration of free fall in the base frame.
         tool_m: Shape (3,). Tool point in the frame of the last link.
     """
@@ -52,7 +51,7 @@ class Chain:
 
     @classmethod
     def from_description(cls, robot: RobotDescription) -> Chain:
-        """Take the geometry out of a robot description."""
+        """Return the geometry of a robot description."""
         rows = robot.kinematics.modified_rows()
         tool = np.array(robot.tool_offset_m)
         if robot.kinematics.convention == "standard_dh":  # the half row from axis n to the flange
@@ -79,7 +78,7 @@ class Chain:
 
     @property
     def arrays(self) -> ChainArrays:
-        """What the kernels need: rows, fixed_rotations, prismatic, gravity_m_s2."""
+        """The arrays for the kernels: rows, fixed_rotations, prismatic, gravity_m_s2."""
         return self.rows, self.fixed_rotations, self.prismatic, self.gravity_m_s2
 
 
@@ -91,11 +90,11 @@ def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:
         q: Shape (samples, n). Joint positions [rad or m].
 
     Returns:
-        Shape (samples, n, 4, 4). `T[s, i] @ (x, y, z, 1)` is in the base frame what (x, y, z) is in
-        frame i+1.
+        Shape (samples, n, 4, 4). `T[s, i] @ (x, y, z, 1)` converts a point from frame i+1 to the
+        base frame.
 
     Raises:
-        EstimationError: If q does not have the shape (samples, n).
+        EstimationError: q does not have the shape (samples, n).
     """
     position = np.asarray(q, dtype=np.float64)
     if position.ndim != 2 or position.shape[1] != chain.n:
@@ -139,7 +138,7 @@ def jacobian(chain: Chain, q: npt.ArrayLike) -> FloatArray:
         frame, per unit of each joint's speed.
 
     Raises:
-        EstimationError: If q does not have the shape (samples, n).
+        EstimationError: q does not have the shape (samples, n).
     """
     transforms = link_transforms(chain, q)
     last = transforms[:, -1]
@@ -155,11 +154,11 @@ def jacobian(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 def point_jacobian(
     chain: Chain, transforms: FloatArray, links: IntArray, points_m: FloatArray
 ) -> FloatArray:
-    """Return how points that are fixed to links move with the joints.
+    """Return the Jacobian of points that are fixed to links.
 
     Args:
         chain: The arm.
-        transforms: Shape (samples, n, 4, 4). Where its links are, by `link_transforms`.
+        transforms: Shape (samples, n, 4, 4). Poses of the links, from `link_transforms`.
         links: Shape (samples,). The link that carries each point, 0 for the base.
         points_m: Shape (samples, 3). The points, in the base frame.
 

@@ -1,4 +1,4 @@
-"""Friction of one actuator at one sample, of size one."""
+"""Unit friction functions of one actuator at one sample."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Final
 from dynamics.kernels.simd import kernel
 
 BY_SPEED: Final = math.nan
-"""In place of a remembered direction: the joint slides by sign(v)."""
+"""Replaces the direction of the hysteresis model for a joint that slides by sign(v)."""
 
 
 @kernel
 def friction_function(
     function: int, u: float, scale: float, smoothing: float, direction: float
 ) -> float:
-    """Return a friction term of size one.
+    """Return the value of a friction term for a coefficient of one.
 
     Args:
-        function: Which: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5 cubic, 6 cube
-            root, 7 Stribeck.
+        function: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5 cubic, 6 cube root, 7
+            Stribeck.
         u: The actuator's speed.
-        scale: Stribeck's speed.
-        smoothing: sign(v) is tanh(v / smoothing); 0 for a hard one.
-        direction: The way that a joint with presliding remembers, in place of sign(v); `BY_SPEED`
-            for others.
+        scale: Stribeck velocity.
+        smoothing: sign(v) is tanh(v / smoothing); 0 for a hard sign.
+        direction: Direction of the presliding hysteresis, which replaces sign(v); `BY_SPEED` for a
+            joint without presliding.
     """
     sign = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else 0.0)
     smooth = math.tanh(u / smoothing) if smoothing > 0.0 else sign

@@ -1,7 +1,7 @@
-"""The compiled sweep that carries weights on the regressor's elements back to the motion.
+"""Compiled reverse mode of the regressor: gradients of weighted sums by the motion.
 
-The reverse mode of `kernels`: one sweep outwards keeps every link's motion; each row's screw then
-takes the weights inwards from link to link; a last sweep inwards takes them through the motion.
+A sweep outwards stores the motion of every link. Each row's screw then carries the weights inwards
+from link to link, and a last sweep inwards carries them through the motion.
 """
 
 from __future__ import annotations
@@ -44,23 +44,24 @@ from dynamics.kernels.vectors import (
 )
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
-"""An array of the links or joints, and one of the rotors or actuators."""
+"""An array for the links or joints, and one for the rotors or actuators."""
 
 Rotor: TypeAlias = tuple[Vector, float, int]
-"""Axis in its link, ratio, joint whose actuator it is."""
+"""Axis in its link, ratio, index of the joint whose actuator it belongs to."""
 
 Sweep: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""What the sweeps keep of eight samples at a time.
+"""Intermediate results of the sweeps for eight samples.
 
-`moves` and `gains` (3 (n + 1), 3, LANES): of every link, the base first, angular velocity and
-acceleration, acceleration of the origin, and what the sum gains by each. `frames` (4 n, 3, LANES):
-rotation and offset of every joint. `screws` (2 n, 3, LANES): the two vectors of a row's screw on
-every link. `by_position` (n, 1, LANES): what the sum gains by each position.
+`moves` and `gains` (3 (n + 1), 3, LANES): for every link, the base first, angular velocity and
+acceleration and the acceleration of the origin; and the derivatives of the sum by each of these.
+`frames` (4 n, 3, LANES): rotation and offset of every joint. `screws` (2 n, 3, LANES): the two
+vectors of a row's screw on every link. `by_position` (n, 1, LANES): the derivative of the sum by
+each position.
 """
 
 
 def weights_of(values: FloatArray) -> FloatArray:
-    """Return a view that cannot be written to: for one that can, numba compiles once more."""
+    """Return a read-only view, because numba compiles once more for a writable array."""
     weights = values.view()
     weights.setflags(write=False)
     return weights
@@ -77,7 +78,7 @@ def pull_back(
     first: int,
     last: int,
 ) -> None:
-    """Find how sums of weights * columns of links and rotors change with the motion.
+    """Compute the derivatives of sums of weights * columns of links and rotors by the motion.
 
     Args:
         chain, rotors: As for `fill_rotors`.
@@ -87,9 +88,9 @@ def pull_back(
         weights: Two arrays, (sums, samples, n, 10 (n - first_link)) and (sums, samples, n, rotors).
             Weights on the columns of `fill_rigid_body` and of `fill_rotors`, in the rows of the
             joints.
-        found: Two (sums, 3, samples, n) arrays. Derivatives of each sum by what the joints and,
-            where there are rotors, the actuators did; written. Zero on entry.
-        first, last: The samples to do.
+        found: Two (sums, 3, samples, n) arrays. Written: the derivatives of each sum by the motion
+            of the joints and, if there are rotors, of the actuators. Zero on entry.
+        first, last: Range of samples to compute.
     """
     motion, actuator = moved
     link_weights, rotor_weights = weights
@@ -146,7 +147,7 @@ def _sweep_out(
     moves: FloatArray,
     frames: FloatArray,
 ) -> None:
-    """Keep every link's motion and every joint's frame."""
+    """Store the motion of every link and the frame of every joint."""
     rows, fixed_rotations, prismatic, gravity = chain
     w = dw = zero_vector()
     dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
@@ -192,9 +193,9 @@ def _contract_link(
     moves: FloatArray,
     gains: FloatArray,
 ) -> tuple[Vector, Vector]:
-    """Take in the weights on link i's ten columns; return what the screw's two vectors gain.
+    """Add the weights on link i's ten columns; return the gains of the screw's two vectors.
 
-    The weights act as the parameters of a body, so the screw gains that body's moment and force.
+    The weights act as the parameters of a body, so that the gains are that body's moment and force.
     """
     m = gather(weights, samples, 0)
     h = (gather(weights, samples, 1), gather(weights, samples, 2), gather(weights, samples, 3))
@@ -225,7 +226,7 @@ def _contract_rotor(
     sweep: Sweep,
     by_actuator: FloatArray,
 ) -> Vector:
-    """Take in the weight on a rotor's load on link i; return what the screw's turning gains."""
+    """Add the weight on a rotor's load on link i; return the gain of the screw's angular part."""
     axis, ratio, joint = rotor
     moves, gains, _, screws, _ = sweep
     t, w = load_vector(screws, 2 * i), load_vector(moves, 3 * i + 3)
@@ -247,7 +248,7 @@ def _contract_own(
     gains: FloatArray,
     by_actuator: FloatArray,
 ) -> None:
-    """Take in the weights on a rotor's torque on its own actuator."""
+    """Add the weights on a rotor's torque on its own actuator."""
     _, rotor_link, _, _, own_torque = rotors
     axis, ratio, joint = _rotor(rotors, r)
     weight = spread(0.0)
@@ -266,7 +267,7 @@ def _carry_back(
     sliding_gain: Vector,
     sweep: Sweep,
 ) -> tuple[Vector, Vector]:
-    """Carry what a screw gains on link i over its joint, to the link before."""
+    """Carry the gain of a screw on link i over its joint to the previous link."""
     _, fixed_rotations, prismatic, _ = chain
     _, _, frames, screws, by_position = sweep
     rotation, offset = _frame(frames, i)
@@ -285,7 +286,7 @@ def _carry_back(
 def _sweep_in(
     chain: ChainArrays, motion: FloatArray, samples: Samples, sweep: Sweep, by_joint: FloatArray
 ) -> None:
-    """Take what the links' motions gain back to the joints'."""
+    """Convert gains by the links' motions to derivatives by the joints' motions."""
     _, fixed_rotations, prismatic, _ = chain
     moves, gains, frames, _, by_position = sweep
     for i in range(len(prismatic) - 1, -1, -1):
@@ -337,13 +338,13 @@ def _by_centripetal(s: Vector, w: Vector, p: Vector) -> Vector:
 
 @kernel
 def _by_turn(gain: Vector, v: Vector) -> Lanes:
-    """Return what is gained as a vector's frame turns about z."""
+    """Return the gain if a vector's frame turns about z."""
     return gain[0] * v[1] - gain[1] * v[0]
 
 
 @kernel
 def _along(fixed: FloatArray, v: Vector) -> Lanes:
-    """Return the component of v along a joint's axis, seen from the frame before."""
+    """Return the component of v along a joint's axis, in the previous frame."""
     along: Lanes = v[0] * fixed[0, 2] + v[1] * fixed[1, 2] + v[2] * fixed[2, 2]
     return along
 

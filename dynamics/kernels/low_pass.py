@@ -1,8 +1,8 @@
-"""A low-pass without phase shift over many columns at once: sections of order two, there and back.
+"""Zero-phase low-pass over many columns at once: second-order sections, forwards and backwards.
 
-Neighbouring columns are neighbours in memory and are computed side by side, in groups that stay in
-the processor's nearest cache. The state that a pass begins with is that of a signal which was
-always at its first value.
+Neighbouring columns are neighbours in memory and are computed together, in groups that fit into the
+processor's nearest cache. The initial state of a pass is that of a signal which was always at its
+first value.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 from dynamics.kernels.simd import kernel
 
 COLUMNS: Final = 32
-"""Computed side by side."""
+"""Number of columns that are computed together."""
 
 
 @kernel
@@ -23,9 +23,8 @@ def filter_both_ways(sections: FloatArray, start: FloatArray, values: FloatArray
     """Filter columns forwards, then backwards, in place.
 
     Args:
-        sections: Shape (k, 6). b0, b1, b2, 1, a1, a2 of each section, in the order in which they
-            follow one another.
-        start: Shape (k, 2). State of each section after a one that lasted for ever (transposed
+        sections: Shape (k, 6). b0, b1, b2, 1, a1, a2 of each section, in the order of application.
+        start: Shape (k, 2). Steady state of each section for a constant input of 1 (transposed
             direct form II).
         values: Shape (samples, columns). Time first, C-ordered; overwritten.
     """

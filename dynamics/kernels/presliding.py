@@ -1,11 +1,11 @@
-"""The state of friction with memory: a row of elastic pieces that slip, driven by a path.
+"""State of presliding hysteresis (Maxwell slip): a set of elastic elements, driven by a path.
 
-A joint that turns round does not slide at once: asperities, teeth and balls give way first, one
-after the other. Each of `ELEMENTS` pieces follows the displacement and slips where it is stretched
-by its own distance, s <- min(max(s + dq, -w d), w d): Prandtl's and Ishlinskii's stop operators,
-Iwan's or the Maxwell slip model with equal stiffness. Where only a share of the friction gives way
-so, the rest holds at once: one more piece that slips at `AT_ONCE`. Their sum over its largest value
-is the direction of motion with memory, between -1 and 1.
+A joint that reverses does not slide at once: asperities, teeth and balls deform first, one after
+the other. Each of `ELEMENTS` elements follows the displacement and slips if it is stretched by its
+own distance, s <- min(max(s + dq, -w d), w d): the stop operators of Prandtl and Ishlinskii, the
+Iwan model, or the Maxwell slip model with equal stiffness. If only a fraction of the friction has
+presliding hysteresis, the rest is rigid (Coulomb): one more element that slips at `AT_ONCE`. The
+sum over its largest value is the hysteretic direction of motion, between -1 and 1.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from config.arrays import FloatArray
 from dynamics.kernels.simd import kernel
 
 ELEMENTS: Final = 8
-"""Pieces, their distances evenly spread up to the presliding distance."""
+"""Number of elements; their distances are evenly spread up to the presliding distance."""
 AT_ONCE: Final = 1e-5
-"""Distance of what holds at once [rad or m]: of the size of an encoder's count."""
-_LAST, _LOWEST, _HIGHEST, _BEGUN, _HELD, _PIECES = 0, 1, 2, 3, 4, 5
+"""Slip distance of the rigid fraction [rad or m], about one count of an encoder."""
+_LAST, _LOWEST, _HIGHEST, _BEGUN, _RIGID, _PIECES = 0, 1, 2, 3, 4, 5
 STATE: Final = _PIECES + 2 * ELEMENTS
-"""Numbers that a joint's state is made of.
+"""Length of a joint's state.
 
-Last position, reached range, the piece that holds at once, the others, their slopes.
+Last position, range reached, the rigid element, the other elements, their slopes.
 """
 DIRECTION, BY_DISTANCE, BY_SHARE, KNOWN = 0, 1, 2, 3
 FOUND: Final = 4
-"""Numbers that are told of each position."""
+"""Number of results for each position."""
 
 
 def begin() -> FloatArray:
-    """Return the state of a joint of which nothing is known yet: no piece is stretched."""
+    """Return the initial state of a joint: unknown history, no element is stretched."""
     return np.zeros(STATE)
 
 
@@ -41,17 +41,17 @@ def begin() -> FloatArray:
 def follow(
     path: FloatArray, distance: float, share: float, state: FloatArray, out: FloatArray
 ) -> None:
-    """Drive a joint's state along a path.
+    """Update a joint's state along a path.
 
     Args:
         path: Shape (samples,). Positions, in the order of time.
-        distance: Presliding distance d: what a joint at rest is moved until all of it slides.
-        share: Share of its friction that gives way over that distance; the rest holds at once.
-        state: Shape (STATE,). Where it begins; left as it is at the end, so that the next samples
-            go on from there.
+        distance: Presliding distance d: the displacement from rest after which the whole joint
+            slides.
+        share: Fraction of the friction with presliding hysteresis; the rest is rigid.
+        state: Shape (STATE,). Initial state; updated, so that the next samples can continue.
         out: Shape (samples, FOUND). Written: the direction, its derivatives by the distance and by
-            the share, and 1 from where on the direction does not depend on the state that the path
-            began with (twice the longest distance was gone through), otherwise 0.
+            the share, and 1 as soon as the direction does not depend on the initial state (the path
+            has covered twice the longest distance), otherwise 0.
     """
     widest = 0.5 * ELEMENTS * distance
     longest = distance if share == 1.0 else max(distance, AT_ONCE)
@@ -64,8 +64,8 @@ def follow(
         state[_LAST] = q
         state[_LOWEST] = min(state[_LOWEST], q)
         state[_HIGHEST] = max(state[_HIGHEST], q)
-        state[_HELD] = min(max(state[_HELD] + moved, -AT_ONCE), AT_ONCE)
-        held = state[_HELD] / AT_ONCE
+        state[_RIGID] = min(max(state[_RIGID] + moved, -AT_ONCE), AT_ONCE)
+        rigid = state[_RIGID] / AT_ONCE
         total = 0.0
         slope = 0.0
         for k in range(ELEMENTS):
@@ -80,9 +80,9 @@ def follow(
             state[_PIECES + k] = stretched
             total += stretched
             slope += state[_PIECES + ELEMENTS + k]
-        given = total / widest
-        out[i, DIRECTION] = share * given + (1.0 - share) * held
+        hysteretic = total / widest
+        out[i, DIRECTION] = share * hysteretic + (1.0 - share) * rigid
         out[i, BY_DISTANCE] = share * ((slope - total / distance) / widest)
-        out[i, BY_SHARE] = given - held
+        out[i, BY_SHARE] = hysteretic - rigid
         reached = state[_HIGHEST] - state[_LOWEST]
         out[i, KNOWN] = 1.0 if reached >= 2.0 * longest else 0.0

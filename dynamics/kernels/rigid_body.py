@@ -1,13 +1,13 @@
 """The compiled sweeps along the chain that fill the regressors' columns.
 
-Both carry, from the base outwards, the motion of each link and the *screws* that are asked about,
-all in the link's own frame. A screw is a unit motion: of a joint, which asks for the torque of its
-actuator, or of the base, which asks for a component of the base wrench. A load on a link then
-appears in a row with its virtual power on that row's screw. This is the modified recursive
-Newton-Euler method (appendix B) with the backward recursion replaced by its transpose.
+Both carry, from the base outwards, the motion of each link and the *screws* of the rows, all in the
+link's own frame. A screw is a unit motion: of a joint, for the torque of its actuator, or of the
+base, for a component of the base wrench. The entry of a load on a link in a row is its virtual
+power on that row's screw. This is the modified recursive Newton-Euler method (appendix B) with the
+backward recursion replaced by its transpose.
 
 Eight samples are computed at once, `first` to `last` - 1 of the motion. Numba's cache on disk
-notices a change in a kernel's own file only: after a change in `simd` or `vectors`, touch the
+detects a change only in a kernel's own file: after a change in `simd` or `vectors`, touch the
 kernels' files.
 """
 
@@ -55,7 +55,7 @@ def fill_rigid_body(
         of_base: Whether the rows of `out` are the six components of the base wrench or the n
             joints.
         first_link: The first link that has columns.
-        out: Shape (samples, 6 or n, 10 (n - first_link)). All of it is written, known zeros too;
+        out: Shape (samples, 6 or n, 10 (n - first_link)). All of it is written, including zeros;
             the columns must be neighbours in memory. Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy,
             Iyz, Izz.
         first, last: The samples to fill.
@@ -68,7 +68,7 @@ def fill_rigid_body(
     for start in range(first, last, LANES):
         samples = eight_from(start, last)
         w = dw = zero_vector()
-        # Gravity is an acceleration of the base.
+        # Gravity acts as an acceleration of the base.
         dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
         active = _start_base_screws(of_base, angular, linear)
         for i in range(joints):
@@ -111,8 +111,8 @@ def fill_rotors(
 
     Args:
         chain: `Chain.arrays`.
-        rotors: joint, link, axis and ratio as in `Rotors`; then (n, n) C^-T: the joint torques
-            (columns) that are one unit of torque on one actuator.
+        rotors: joint, link, axis and ratio as in `Rotors`; then (n, n) C^-T, whose columns are the
+            joint torques for a unit torque of one actuator.
         motion, actuator: Shape (3, samples, n). Positions, velocities, accelerations of the joints
             and of the actuators.
         of_base: Whether the rows of `out` are the six components of the base wrench or the n
@@ -174,7 +174,7 @@ def _start_base_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -
 
 @kernel
 def _start_joint_screw(angular: FloatArray, linear: FloatArray, k: int, prismatic: bool) -> None:
-    """Start the screw of a joint in its own frame: along z."""
+    """Start the screw of a joint in its own frame, along z."""
     store_vector(unit_vector(3 if prismatic else 2), angular, k)
     store_vector(unit_vector(2 if prismatic else 3), linear, k)
 
@@ -192,7 +192,7 @@ def _project(
 ) -> None:
     """Write the virtual power, on each active screw, of a link's ten unit inertial loads.
 
-    Force m dv + dw x s + w x (w x s), moment s x dv + I dw + w x (I w): per unit parameter the
+    Force m dv + dw x s + w x (w x s), moment s x dv + I dw + w x (I w). Per unit parameter, the
     force of sx, sy, sz (a column of [dw] + [w][w] each) and the moment of each element of I do not
     depend on the screw.
     """

@@ -1,9 +1,9 @@
 """`Lanes`: eight samples that a kernel computes with as if they were one number.
 
-LLVM turns a vector of eight doubles into whatever the processor has: one AVX-512 register, two of
-AVX2, four of SSE or NEON. Arithmetic with floats and other `Lanes`, and the functions below, are
-all that the kernels need. Every lane is computed alike, so a sample's result does not depend on
-its neighbours. All is for compiled code only.
+LLVM maps a vector of eight doubles to the registers of the processor: one of AVX-512, two of AVX2,
+four of SSE or NEON. Kernels need only arithmetic with floats and other `Lanes`, and the functions
+below. Every lane is computed in the same way, so a sample's result does not depend on its
+neighbours. All functions are for compiled code only.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numba.core.datamodel import models
 from numba.extending import intrinsic, overload, register_model
 
 LANES: Final = 8
-FLAGS: Final = ("contract", "nsz")  # what the compiler may do to the arithmetic: fuse, ignore -0
+FLAGS: Final = ("contract", "nsz")  # allow the compiler to fuse operations and to ignore -0
 
 Lanes: TypeAlias = float  # to a type checker
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -33,7 +33,7 @@ _UNDEFINED = ir.Constant(_VECTOR, ir.Undefined)
 
 
 class LanesType(types.Type):
-    """What numba calls the type."""
+    """The type of `Lanes` in numba."""
 
     def __init__(self) -> None:
         super().__init__(name="Lanes")
@@ -60,7 +60,7 @@ def _spread(builder: Any, x: Any) -> Any:
 
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, indices: Sequence[Any]) -> Any:
-    """Return where an element of an array is."""
+    """Return a pointer to an element of an array."""
     struct = context.make_array(kind)(context, builder, array)
     return _tools.get_item_pointer(context, builder, kind, struct, indices, wraparound=False)
 
@@ -72,7 +72,7 @@ def _numbers(*kinds: Any) -> bool:
 
 
 def _define(symbol: Callable[[Any, Any], Any], instruction: str) -> None:
-    """Let an operator work on `Lanes`, and on `Lanes` and floats."""
+    """Define an operator for `Lanes`, and for `Lanes` and floats."""
 
     @_compiled
     def apply(_typing: Any, a: Any, b: Any) -> Any:
@@ -196,8 +196,8 @@ def store_transposed(
 ) -> Any:
     """Set array[samples, row, column : column + 8] = tile[row, column : column + 8, :].T.
 
-    The eight columns must be neighbours in memory. The 8 x 8 numbers change places in three
-    rounds, in which blocks of 1 x 1, 2 x 2, 4 x 4 do.
+    The eight columns must be neighbours in memory. The 8 x 8 numbers are transposed in three
+    rounds, by exchanging blocks of 1 x 1, 2 x 2 and 4 x 4.
     """
 
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -244,6 +244,6 @@ def _put(builder: Any, vector: Any, pointer: Any) -> None:
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function for the processor that it runs on, and keep the code on disk."""
+    """Compile a function for this processor, with numba's cache on disk."""
     compiled: Any = njit(cache=True, nogil=True, fastmath=set(FLAGS))(function)
     return cast(Function, compiled)

@@ -1,10 +1,10 @@
 """The shortest path through a tube: a string that is pulled taut between two bounds.
 
-Of all paths through bounds that move with time it goes back and forth least: where the bounds let
-it, it is straight, and it turns at their corners only (funnel algorithm: Lee and Preparata 1984;
-taut string: Davies and Kovac 2001). From the last corner a funnel opens: of each bound the side
-that a string would hug. Where a new bound closes it, the string goes on to the next corner of the
-other side. Each bound joins and leaves a side once.
+Of all paths within bounds that change with time, it has the smallest total variation: it is
+straight if the bounds allow, and bends only at their corners (funnel algorithm: Lee and Preparata
+1984; taut string: Davies and Kovac 2001). A funnel opens from the last corner; its two sides are
+the parts of the bounds that the string could touch. If a new bound closes the funnel, the string
+continues to the next corner of the other side. Each bound joins and leaves a side once.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dynamics.kernels.simd import kernel
 
 @kernel
 def pull_taut(time_s: FloatArray, low: FloatArray, high: FloatArray, path: FloatArray) -> None:
-    """Find the shortest path through bounds, from the middle of the first to that of the last.
+    """Compute the shortest path within bounds, from the middle of the first to that of the last.
 
     Args:
         time_s: Shape (samples,). Strictly ascending.
@@ -25,13 +25,13 @@ def pull_taut(time_s: FloatArray, low: FloatArray, high: FloatArray, path: Float
         path: Shape (samples,). Written.
     """
     last = len(time_s) - 1
-    bounds = np.empty((2, last + 1))  # the upper ones turned over, so that both sides are concave
+    bounds = np.empty((2, last + 1))  # the upper one is negated, so that both sides are concave
     for i in range(last + 1):
         bounds[0, i], bounds[1, i] = low[i], -high[i]
     for i in (0, last):
         path[i] = 0.5 * (low[i] + high[i])
         bounds[0, i], bounds[1, i] = path[i], -path[i]
-    sides = np.zeros((2, last + 1), dtype=np.int64)  # bounds by number, from the corner on
+    sides = np.zeros((2, last + 1), dtype=np.int64)  # indices of the bounds, starting at the corner
     begin, end = np.array([0, 0]), np.array([1, 1])
     for i in range(1, last + 1):
         for own in range(2):

@@ -1,4 +1,4 @@
-"""The state of a body that heat warms and its surroundings cool: a lag of the first order."""
+"""Temperature of a body that is heated and cooled by its surroundings: a first-order lag."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ RISE, BY_TIME_CONSTANT = 0, 1
 
 @kernel
 def warm_up(time_s: FloatArray, heat: FloatArray, time_constant_s: float, out: FloatArray) -> None:
-    """Let heat T x' = heat - x warm a body that begins cold, x = 0.
+    """Integrate the temperature rise T x' = heat - x of a body that starts cold, x = 0.
 
     Args:
-        time_s: Shape (samples,). Rising [s].
-        heat: Shape (samples,). What flows in from each sample until the next, in units of the rise
-            that it ends at.
+        time_s: Shape (samples,). Increasing [s].
+        heat: Shape (samples,). Heat flow from each sample until the next, in units of the final
+            rise that it causes.
         time_constant_s: T [s].
         out: Shape (samples, 2). Written: the rise, and its derivative by the time constant.
     """

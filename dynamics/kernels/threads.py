@@ -1,4 +1,4 @@
-"""Samples shared out between the machine's cores."""
+"""Distribution of samples over the machine's cores."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Final
 
-SHARE: Final = 1024  # samples; handing over fewer costs more than it saves
+SHARE: Final = 1024  # samples per task; distributing smaller tasks costs more than it saves
 
 
 def share_out(samples: int, fill: Callable[[int, int], object]) -> None:
-    """Call fill(first, last) for shares that cover all samples, on all cores where it pays.
+    """Call fill(first, last) for ranges that cover all samples, on several cores if that pays.
 
-    Each thread takes the next share when it is free, so that a core that is busy with something
-    else is not waited for. `fill` must release the interpreter's lock to gain, and what it writes
-    must not depend on how the samples are shared out.
+    Each thread takes the next range when it is free, so that a core that is busy otherwise delays
+    nothing. `fill` must release the interpreter's lock to gain speed, and its results must not
+    depend on how the samples are divided.
     """
     shares = iter(range(0, samples, SHARE))
 
@@ -45,5 +45,5 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(1, _cores() - 1), thread_name_prefix="dynamics")
 
 
-if hasattr(os, "register_at_fork"):  # threads do not live on in a fork: it gets a pool of its own
+if hasattr(os, "register_at_fork"):  # threads do not survive a fork, so a child needs a new pool
     os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -14,7 +14,7 @@ Rotation = tuple[Vector, Vector, Vector]  # its columns
 
 @kernel
 def eight_from(first: int, samples: int) -> Samples:
-    """Return eight samples from the first one on, the last again where there are no more."""
+    """Return eight consecutive samples; the last is repeated if there are fewer."""
     last = samples - 1
     return (
         first,
@@ -53,7 +53,7 @@ def sin_cos(x: Lanes) -> tuple[Lanes, Lanes]:
     c = c * z + 4.16666666666665929218e-2
     c = 1.0 - 0.5 * z + z * z * c
     half = floor(0.5 * n)
-    odd = n - 2.0 * half  # 1 where sine and cosine change places
+    odd = n - 2.0 * half  # 1 if sine and cosine are exchanged
     even = 1.0 - odd
     sign = 1.0 - 2.0 * (half - 2.0 * floor(0.5 * half))
     return sign * (even * s + odd * c), sign * (even * c - odd * s)
@@ -63,7 +63,7 @@ def sin_cos(x: Lanes) -> tuple[Lanes, Lanes]:
 def joint_frame(
     row: FloatArray, fixed: FloatArray, prismatic: bool, q: Lanes
 ) -> tuple[Rotation, Vector]:
-    """Return rotation and origin of the joint's frame in the frame before it."""
+    """Return rotation and origin of the joint's frame in the previous frame."""
     slide = q if prismatic else spread(0.0)
     d = row[4] + slide
     s, c = sin_cos(row[2] + (q - slide))
@@ -88,13 +88,13 @@ def angular_motion(
 
 @kernel
 def turn(rotation: Rotation, v: Vector) -> Vector:
-    """Express a vector of the frame before in the rotated frame."""
+    """Transform a vector from the previous frame to the rotated frame."""
     return (dot(rotation[0], v), dot(rotation[1], v), dot(rotation[2], v))
 
 
 @kernel
 def turn_back(rotation: Rotation, v: Vector) -> Vector:
-    """Express a vector of the rotated frame in the frame before."""
+    """Transform a vector from the rotated frame to the previous frame."""
     return add(scale(v[0], rotation[0]), add(scale(v[1], rotation[1]), scale(v[2], rotation[2])))
 
 

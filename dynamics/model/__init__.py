@@ -1,4 +1,4 @@
-"""`RobotModel`: all terms of a robot, and what is computed with them.
+"""`RobotModel`: all terms of a robot, and computations with them.
 
-Free functions on an immutable model; nothing is estimated here. Begin with `robot_model.py`.
+The functions take an immutable model; nothing is estimated here. Begin with `robot_model.py`.
 """

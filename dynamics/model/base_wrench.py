@@ -1,4 +1,4 @@
-"""The base wrench of given parameters, and how sums of it change with the motion."""
+"""The base wrench for given parameters, and its gradient by the motion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def base_wrench(
         parameters: Shape (parameters,). Values of `model.parameter_names`.
 
     Raises:
-        EstimationError: If a shape does not fit the model.
+        EstimationError: A shape does not fit the model.
     """
     theta = checked_parameters(model, parameters)
     return np.asarray(base_wrench_regressor(model, q, v, a) @ theta)
@@ -38,10 +38,10 @@ def base_wrench_gradient(
     parameters: FloatArray,
     weights: FloatArray,
 ) -> FloatArray:
-    """Return how the sum of weights * base wrench changes with the motion, (3, samples, n).
+    """Return the gradient of the sum of weights * base wrench by the motion, (3, samples, n).
 
-    By central differences: exact in v, in which the wrench is quadratic, and in a, in which it is
-    linear; in q to some 1e-8 of it.
+    Central differences are used: they are exact in v, in which the wrench is quadratic, and in a,
+    in which it is linear; in q the relative error is about 1e-8.
 
     Args:
         model, q, v, a, parameters: As for `base_wrench`.

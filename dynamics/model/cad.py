@@ -1,4 +1,4 @@
-"""Standard parameters out of a robot's drawings, with their stated uncertainty."""
+"""Standard parameters from a robot's drawings, with their stated uncertainty."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ SMALLEST_ARM_M: Final = 0.01
 
 
 def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-    """Return what the drawings say of a model's standard parameters.
+    """Return a model's standard parameters from the drawings.
 
     Args:
-        robot: Its robot, with `cad`.
+        robot: The model's robot, with `cad`.
 
     Returns:
         `values`, shape (parameters,). The links' inertial parameters about their frames' origins;
             zero for all others.
-        `sigmas`, shape (parameters,). Their standard deviations: the stated share of the link's
-            mass, of its first moment and of the size of its inertia, or all of the inertia that a
-            body of the mass may have where the drawings tell none; infinite where the drawings say
-            nothing (friction, rotors, spring, links that are a guess).
+        `sigmas`, shape (parameters,). Their standard deviations: the stated fraction of the link's
+            mass, of its first moment and of the magnitude of its inertia. If the drawings state no
+            inertia, it is a typical inertia for the mass. It is infinite for parameters that the
+            drawings do not contain (friction, rotors, spring, links that are a guess).
 
     Raises:
-        ConfigError: If the robot has no `cad`.
+        ConfigError: The robot has no `cad`.
     """
     if robot.cad is None:
         raise ConfigError(
@@ -54,16 +54,16 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
 
 
 def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-    """Return `cad_parameters` of a robot whose drawings tell something.
+    """Return `cad_parameters` of a robot whose drawings are not all guesses.
 
     Raises:
-        ConfigError: The robot has no `cad`, or guesses only.
+        ConfigError: The robot has no `cad`, or only guesses.
     """
     values, sigmas = cad_parameters(model, robot)
     if not np.isfinite(sigmas).any():
         raise ConfigError(
-            f"robot {robot.name!r} has guesses for `cad` (uncertainty: null), which are no prior:"
-            " state what its drawings say and how far it may be off",
+            f"robot {robot.name!r} has only guesses for `cad` (uncertainty: null), which are no"
+            " prior: state the drawings' values and their uncertainty",
             code="RID-ROBOT-CAD",
         )
     return values, sigmas
@@ -73,8 +73,8 @@ def about_origin(mass_kg: float, centre_m: ArrayLike, inertia_kg_m2: FloatArray)
     """Return the ten parameters of a link about its frame's origin (parallel axes).
 
     Args:
-        centre_m: Shape (3,). Its centre of gravity in its frame.
-        inertia_kg_m2: Shape (3, 3). About the centre of gravity.
+        centre_m: Shape (3,). Centre of gravity in the link's frame.
+        inertia_kg_m2: Shape (3, 3). Inertia about the centre of gravity.
     """
     c = np.array(centre_m)
     inertia = inertia_kg_m2 + mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
@@ -82,9 +82,9 @@ def about_origin(mass_kg: float, centre_m: ArrayLike, inertia_kg_m2: FloatArray)
 
 
 def _sizes(link: FloatArray) -> FloatArray:
-    """Return what a share of uncertainty is taken of: mass, first moment, inertia as a whole.
+    """Return reference values for relative uncertainties: mass, first moment, inertia.
 
-    None is zero, since no drawing is exact: a link counts as at least a small, compact body.
+    They are never zero, because no drawing is exact: a link is at least a small, compact body.
     """
     mass = max(float(link[0]), SMALLEST_MASS_KG)
     moment = max(float(np.linalg.norm(link[1:4])), mass * SMALLEST_ARM_M)

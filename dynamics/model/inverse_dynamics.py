@@ -1,7 +1,7 @@
-"""How torque and regressor change with the motion, and the joint-space inertia.
+"""Derivatives of torque and regressor by the motion, and the joint-space inertia.
 
-Nothing is differenced: the kernels run backwards (reverse mode, as in Griewank and Walther 2008),
-and what acts on one joint alone takes the complex step.
+No finite differences are used. The kernels run in reverse mode (Griewank and Walther 2008); terms
+that act on one joint only use the complex step.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def torque_derivatives(
     """Return the derivatives of the actuators' torques by q, v and a.
 
     Args:
-        model: The robot. The jumps of a hard sign(v) and of gear losses are left out.
+        model: The robot. The jumps of a hard sign(v) and of gear losses are ignored.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
@@ -40,7 +40,7 @@ def torque_derivatives(
         by coordinate j of the joints.
 
     Raises:
-        EstimationError: If a shape does not fit the model, or a condition is missing.
+        EstimationError: A shape does not fit the model, or a condition is missing.
     """
     theta = checked_parameters(model, parameters)
     if model.transmission.losses:
@@ -65,7 +65,7 @@ def torque_derivatives(
 def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) -> FloatArray:
     """Return the joint-space inertia with rotors and armatures, (samples, n, n).
 
-    Its rows are joint torques (not actuator torques), before any loss in the gears.
+    Its rows are joint torques (not actuator torques), before losses of the gears.
 
     Args:
         model: The robot, without its payload.
@@ -73,7 +73,7 @@ def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) 
         parameters: Shape (parameters,). Values of `model.parameter_names`.
 
     Raises:
-        EstimationError: If a shape does not fit the model.
+        EstimationError: A shape does not fit the model.
     """
     theta = checked_parameters(model, parameters)
     inertial = replace(
@@ -98,12 +98,12 @@ def regressor_gradient(
     weights: FloatArray,
     conditions: Conditions | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return how the sum of weights * Phi changes with the motion.
+    """Return the gradient of the sum of weights * Phi by the motion.
 
-    Any scalar J of the regressor has the gradient that this gives with weights = dJ / dPhi.
+    The gradient of any scalar J of the regressor follows with weights = dJ / dPhi.
 
     Args:
-        model: The robot. The jumps of a hard sign(v) and of gear losses are left out.
+        model: The robot. The jumps of a hard sign(v) and of gear losses are ignored.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         weights: Shape (samples, n, parameters). The weights.
@@ -113,7 +113,7 @@ def regressor_gradient(
         `by_q, by_v, by_a`, shape (samples, n). The gradient.
 
     Raises:
-        EstimationError: If a shape does not fit the model, or a condition is missing.
+        EstimationError: A shape does not fit the model, or a condition is missing.
     """
     motion = model.motion(q, v, a, conditions)
     expected = (*motion.joint.shape[1:], len(model.parameter_names))

@@ -1,4 +1,4 @@
-"""What a robot's friction remembers of a motion."""
+"""Presliding hysteresis of a robot's friction along a motion."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from dynamics.terms.friction import Friction
 from dynamics.terms.memory import Memory, Presliding
 
 WHOLE: Final = 1.0 - 1e-9
-"""Direction from which on all of a joint slides."""
+"""Magnitude of the direction from which on the whole joint slides."""
 
 
 def presliding(model: RobotModel) -> tuple[Presliding, ...]:
-    """Return the presliding distances of a model, joint by joint; none where it has none."""
+    """Return the presliding distances of a model, joint by joint; empty if it has none."""
     return tuple(p for term in model.terms if isinstance(term, Friction) for p in term.presliding)
 
 
@@ -30,15 +30,15 @@ def with_memory(
     *,
     periodic: bool = False,
 ) -> Conditions:
-    """Return the conditions of a motion with what the robot's friction remembers of it.
+    """Return the conditions of a motion, including the presliding hysteresis along it.
 
     Args:
         model: The robot.
         q: Shape (samples, n). Joint positions in the order of time [rad or m].
         conditions: The motion's other conditions.
-        segment: Shape (samples,). Number of the segment that a row belongs to; nothing is
-            remembered over a gap.
-        periodic: The motion is one period of many.
+        segment: Shape (samples,). Number of the segment of each row; the hysteresis starts afresh
+            after a gap.
+        periodic: The motion is one period of a periodic motion.
     """
     conditions, own = conditions or Conditions(), presliding(model)
     if not own:
@@ -48,10 +48,10 @@ def with_memory(
 
 
 def sliding(conditions: Conditions, moving: BoolArray) -> BoolArray:
-    """Return at which samples the whole of a joint slides, (samples, n): friction is sign(v)'s.
+    """Return the samples in which a whole joint slides, (samples, n): friction is sign(v)'s.
 
-    Those that move; of joints that remember only those so far from a reversal that nothing of it
-    is left.
+    These are the samples that move. For a joint with presliding, samples that are still affected by
+    a reversal are excluded.
     """
     memory = conditions.memory
     if memory is None:
@@ -62,10 +62,10 @@ def sliding(conditions: Conditions, moving: BoolArray) -> BoolArray:
 
 
 def counted(conditions: Conditions, moving: BoolArray) -> BoolArray:
-    """Return which samples' friction is known, (samples, n).
+    """Return the samples in which friction is known, (samples, n).
 
-    Those that move; of joints whose memory is known also those at rest and at reversal, but none
-    before the motion has gone far enough for the memory to be known.
+    These are the samples that move. For a joint with presliding they are the samples in which its
+    hysteresis is known, at rest and at a reversal too.
     """
     memory = conditions.memory
     if memory is None:

@@ -1,4 +1,4 @@
-"""How the torque changes with the parameters that it is not linear in."""
+"""Derivatives of the torque by the parameters in which it is not linear."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def nonlinear_slopes(
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
-        conditions: Its `load_nm` is needed where gears lose something.
+        conditions: Its `load_nm` is needed if gears have losses.
 
     Raises:
-        EstimationError: If a shape does not fit the model, or the load is missing.
+        EstimationError: A shape does not fit the model, or the load is missing.
     """
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)

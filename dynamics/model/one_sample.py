@@ -1,9 +1,8 @@
 """`SampleTorque`: the model's torque for one sample at a time, as a controller needs it.
 
 The regressor's kernels (`dynamics.kernels.rigid_body`) compute eight samples at once; a controller
-has one and wants its torque, not the regressor. This is the recursion of appendix B itself, with
-every term of the model, on numbers instead of eight, in memory that is there beforehand: nothing is
-allocated.
+has one sample and needs its torque, not the regressor. This is the recursion of appendix B itself,
+with every term of the model, on single numbers, in preallocated memory.
 """
 
 from __future__ import annotations
@@ -34,21 +33,21 @@ Vector: TypeAlias = tuple[float, float, float]
 ModelArrays: TypeAlias = tuple[
     FloatArray,  # (n, 5) the chain's rows
     FloatArray,  # (n, 3, 3) its fixed rotations
-    BoolArray,  # (n,) whether a joint slides
+    BoolArray,  # (n,) whether a joint is prismatic
     FloatArray,  # (n + 2, 10) the links' parameters; gravity; spring
-    FloatArray,  # (terms, 8) rotors, armatures, friction, losses: what `_Kind` says
+    FloatArray,  # (terms, 8) rotors, armatures, friction, losses: columns as below
     FloatArray,  # (2, n, n) C and C^-1
-    FloatArray,  # (n + 6, 21) memory to compute in
+    FloatArray,  # (n + 6, 21) working memory
 ]
 
-# Kinds of terms, and the words of their rows.
+# Kinds of terms, and the columns of their rows.
 _ROTOR, _ARMATURE, FRICTION, EFFICIENCY, _LOAD = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, JOINT, VALUE, FUNCTION, SPEED = 0, 1, 2, 3, 4
 _LINK, _AXIS, _RATIO = 3, 4, 7
 _NO_SPRING, _STRAIGHT, _FOURIER = 0.0, 1.0, 2.0
-# Rows of memory after the links'. What gears transmit and what acts beside them are those of the
-# last sample, before losses, and so is what the base exerts (as `base_wrench_regressor`). The last
-# row is not computed: the way that an actuator's friction remembers, or `BY_SPEED`.
+# Rows of the working memory after the links'. Load torque, free torque and base wrench are those of
+# the last sample before losses, the latter as in `base_wrench_regressor`. The last row is an input:
+# the direction of an actuator's presliding hysteresis, or `BY_SPEED`.
 _ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH, DIRECTION = 0, 1, 2, 3, 4, 5
 
 
@@ -57,12 +56,12 @@ class SampleTorque:
     """A robot's model with its parameters, ready to be evaluated sample by sample.
 
     Attributes:
-        joints: How many joints.
-        arrays: What `sample_torque` takes.
-        presliding: Shape (2, n). Presliding distance of each actuator [rad or m], 0 where friction
-            remembers nothing, and the share of its friction that gives way so. A sample alone does
-            not say where a joint came from: it slides by sign(v) here, and by what it remembers in
-            `dynamics.model.remembered_sample`.
+        joints: Number of joints.
+        arrays: Arguments of `sample_torque`.
+        presliding: Shape (2, n). Presliding distance of each actuator [rad or m], 0 without
+            presliding, and the fraction of its friction with hysteresis. A single sample does not
+            contain the history of a joint: here it slides by sign(v);
+            `dynamics.model.remembered_sample` uses the hysteresis.
     """
 
     joints: int
@@ -73,18 +72,18 @@ class SampleTorque:
     def of(
         cls, model: RobotModel, parameters: npt.ArrayLike, *, least_smoothing_rad_s: float = 0.0
     ) -> SampleTorque:
-        """Take a model and its parameters, without payload.
+        """Return a model with its parameters, without payload.
 
         Args:
             model: The robot.
             parameters: Shape (parameters,). Values of `model.parameter_names`, in their order and
                 units.
-            least_smoothing_rad_s: sign(v) of friction is smoothed at least so much: rounding at
-                rest is no motion.
+            least_smoothing_rad_s: Lower bound of the smoothing of sign(v), so that rounding at rest
+                does not count as motion.
 
         Raises:
             EstimationError: The parameters are not the model's, friction depends on the drives'
-                temperature, or the model has a term that is not known here.
+                temperature, or the model has a term that is not supported here.
         """
         theta = checked_parameters(model, parameters)
         n = model.chain.n
@@ -114,8 +113,8 @@ class SampleTorque:
                     bodies[n + 1, : 2 + len(numbers)] = [form, term.joint, *numbers]
                 case _:
                     raise EstimationError(
-                        f"the torque of one sample does not know the term {term.name!r}: leave it"
-                        " out of the model, or teach `dynamics/model/one_sample.py` to compute it",
+                        f"the torque of one sample does not support the term {term.name!r}: leave"
+                        " it out of the model, or add it to `dynamics/model/one_sample.py`",
                         code="RID-MODEL-TERM",
                     )
         for loss in model.transmission.losses:
@@ -125,14 +124,14 @@ class SampleTorque:
         for row, numbers in zip(table, terms, strict=True):
             row[: len(numbers)] = numbers
         coupling = model.coupling or WristCoupling.of_matrix(np.eye(n))
-        yielding = np.zeros((2, n))
+        presliding_parameters = np.zeros((2, n))
         for own in presliding(model):
-            yielding[:, own.joint] = own.distance.value, own.share_value
+            presliding_parameters[:, own.joint] = own.distance.value, own.share_value
         memory = np.zeros((n + 6, max(21, n, 6 * (n + 1))))
         memory[n + DIRECTION] = BY_SPEED
         return cls(
             joints=n,
-            presliding=yielding,
+            presliding=presliding_parameters,
             arrays=(
                 np.ascontiguousarray(model.chain.rows),
                 np.ascontiguousarray(model.chain.fixed_rotations),
@@ -171,7 +170,7 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
         if kernel_number is None:
             raise EstimationError(
                 f"{column.parameter_name} depends on the drive's temperature, which is not known"
-                " ahead of the motion: say one, or identify a model without the friction term"
+                " before the motion: state one, or identify a model without the friction term"
                 " `temperature`",
                 code="RID-MODEL-TEMPERATURE",
             )
@@ -199,7 +198,7 @@ def sample_torque(
     w = (0.0, 0.0, 0.0)
     dw = (0.0, 0.0, 0.0)
     dv = (-bodies[n, 0], -bodies[n, 1], -bodies[n, 2])
-    _keep(w, dw, links, 0)
+    _store_motion(w, dw, links, 0)
     for i in range(n):
         slide = q[i] if prismatic[i] else 0.0
         angle = rows[i, 2] + (q[i] - slide)
@@ -219,7 +218,7 @@ def sample_torque(
         else:
             dw = (dw[0] + w[1] * v[i], dw[1] - w[0] * v[i], dw[2] + a[i])
             w = (w[0], w[1], w[2] + v[i])
-        _keep(w, dw, links, i + 1)
+        _store_motion(w, dw, links, i + 1)
         body = bodies[i]
         first = (body[1], body[2], body[3])
         load = _add(_cross(dw, first), _cross(w, _cross(w, first)))
@@ -240,8 +239,8 @@ def sample_torque(
             speed[i] += coupling[1, i, j] * v[j]
     for c in range(6):
         base[c] = 0.0
-    _act(model, a, n)
-    force = moment = turning = (0.0, 0.0, 0.0)  # on link i + 1, from all that it carries
+    _add_actuator_torques(model, a, n)
+    force = moment = turning = (0.0, 0.0, 0.0)  # on link i + 1, from all links beyond
     for i in range(n - 1, -1, -1):
         row = memory[i]
         force = _add(force, (row[12], row[13], row[14]))
@@ -279,8 +278,8 @@ def sample_torque(
 
 
 @kernel
-def _act(model: ModelArrays, a: FloatArray, n: int) -> None:
-    """Add what acts on actuators, beside the gears: rotors, armatures, friction."""
+def _add_actuator_torques(model: ModelArrays, a: FloatArray, n: int) -> None:
+    """Add the torques on actuators that bypass the gears: rotors, armatures, friction."""
     bodies, terms, coupling, memory = model[3], model[4], model[5], model[6]
     speed, free, links = memory[n + _ACTUATOR], memory[n + FREE_TORQUE], memory[n + _LINK_MOTION]
     smoothing = bodies[n, 3]
@@ -326,7 +325,7 @@ def _spring(spring: FloatArray, q: float) -> float:
 
 
 @kernel
-def _keep(w: Vector, dw: Vector, links: FloatArray, link: int) -> None:
+def _store_motion(w: Vector, dw: Vector, links: FloatArray, link: int) -> None:
     for c in range(3):
         links[6 * link + c] = w[c]
         links[6 * link + 3 + c] = dw[c]
@@ -343,7 +342,7 @@ def _inertia(body: FloatArray, u: Vector) -> Vector:
 
 @kernel
 def _back(row: FloatArray, u: Vector) -> Vector:
-    """Express a vector of link i + 1's frame in the frame before."""
+    """Transform a vector from link i + 1's frame to the previous frame."""
     return (
         row[0] * u[0] + row[3] * u[1] + row[6] * u[2],
         row[1] * u[0] + row[4] * u[1] + row[7] * u[2],

@@ -1,7 +1,7 @@
-"""The model's torque for one sample of a path whose friction remembers, a sample after another.
+"""The model's torque with presliding hysteresis, for one sample of a path after another.
 
-What joints remember (`dynamics.kernels.presliding`) is kept by the caller, so that a path can be
-gone on with where it was left: it depends on where joints went, not on when.
+The caller keeps the state of the hysteresis (`dynamics.kernels.presliding`), so that a path can be
+continued. The state depends on the joints' path, not on time.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from dynamics.model import one_sample
 from dynamics.model.one_sample import ModelArrays, sample_torque
 
 LAST: Final = 0
-"""Word of a joint's state: where it was."""
+"""Index of the last position in a joint's state."""
 
 
 def unknown(joints: int) -> FloatArray:
-    """Return the state of joints of which nothing is known, (n, `STATE`): nothing is stretched."""
+    """Return the initial state of joints, (n, `STATE`): unknown history, nothing is stretched."""
     return np.zeros((joints, STATE))
 
 
 @kernel
 def go_to(q: FloatArray, presliding: FloatArray, state: FloatArray, found: FloatArray) -> None:
-    """Go on to a pose.
+    """Update the state of the joints for a new pose.
 
     Args:
         q: Shape (n,). Positions of the actuators, link side [rad or m].
         presliding: Shape (2, n). `SampleTorque.presliding`.
-        state: Shape (n, STATE). What joints remember; written.
-        found: Shape (n, FOUND). Written: what each has in place of sign(v), -1 to 1, and what else
-            `follow` tells; `BY_SPEED` for joints that remember nothing.
+        state: Shape (n, STATE). State of the hysteresis; updated.
+        found: Shape (n, FOUND). Written: the results of `follow`, of which the direction, -1 to 1,
+            replaces sign(v); `BY_SPEED` for joints without presliding.
     """
     for j in range(len(q)):
         if presliding[0, j] > 0.0:
@@ -60,9 +60,9 @@ def remembered_torque(
         found: Shape (n, FOUND). As `go_to` writes it.
     """
     n = len(q)
-    told = model[6][n + one_sample.DIRECTION]
+    directions = model[6][n + one_sample.DIRECTION]
     for j in range(n):
-        told[j] = found[j, DIRECTION]
+        directions[j] = found[j, DIRECTION]
     sample_torque(model, q, v, a, torque)
     for j in range(n):
-        told[j] = BY_SPEED
+        directions[j] = BY_SPEED

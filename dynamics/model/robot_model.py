@@ -35,12 +35,12 @@ class RobotModel:
     """Inverse dynamics tau = Phi(q, v, a) theta of one robot.
 
     Attributes:
-        joint_names: Base to flange; the joints of every array's last or second axis.
+        joint_names: Base to flange, in the order of the joints' axis of every array.
         chain: The geometry.
         terms: The rigid bodies first, so that the first 10 n parameters are always the links'.
-        transmission: What the gears take of the torque that they transmit.
-        coupling: C of q = C alpha, where the actuators move several joints (5.18).
-        speed_limits: The joints' speed limits [rad/s or m/s]; empty where none are known.
+        transmission: Losses of the gears.
+        coupling: C of q = C alpha, if the actuators move several joints (5.18).
+        speed_limits: The joints' speed limits [rad/s or m/s]; empty if unknown.
     """
 
     joint_names: tuple[str, ...]
@@ -57,7 +57,7 @@ class RobotModel:
         names = self.parameter_names
         if len(set(names)) < len(names):
             doubled = sorted({name for name in names if names.count(name) > 1})
-            words = f"two terms of the model name a parameter {', '.join(doubled)}"
+            words = f"two terms of the model have the same parameter {', '.join(doubled)}"
             raise EstimationError(words, code="RID-API-ARGUMENT")
 
     @classmethod
@@ -71,13 +71,13 @@ class RobotModel:
         payload: bool = False,
         sign_smoothing_rad_s: float = 0.0,
     ) -> RobotModel:
-        """Build the model of what the description has, less the terms that are switched off.
+        """Build the model of a description, without the terms that are switched off.
 
-        `rotors` stands for plain armatures too, `payload` adds an unknown body on the last link.
+        `rotors` includes armatures; `payload` adds an unknown body on the last link.
 
         Raises:
-            ConfigError: If the description's spring is invalid.
-            EstimationError: If `sign_smoothing_rad_s` is negative.
+            ConfigError: The description's spring is invalid.
+            EstimationError: `sign_smoothing_rad_s` is negative.
         """
         chain = Chain.from_description(robot)
         terms: list[Term] = [RigidBodies(chain)]
@@ -109,12 +109,12 @@ class RobotModel:
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """Their units, in the order of the names."""
+        """Units of the parameters, in the order of the names."""
         return tuple(unit for term in self.terms for unit in term.parameter_units)
 
     @cached_property
     def parameter_groups(self) -> dict[str, slice]:
-        """Which columns belong to which term, such as `rigid_body`, `rotors`, `friction`."""
+        """Columns of each term, by its name: `rigid_body`, `rotors`, `friction`."""
         ends = np.cumsum([len(term.parameter_names) for term in self.terms]).tolist()
         return {
             term.name: slice(start, end)
@@ -128,34 +128,34 @@ class RobotModel:
 
     @cached_property
     def nonlinear_names(self) -> tuple[str, ...]:
-        """The parameters that the torque is not linear in: Stribeck speeds, losses of gears."""
+        """Parameters in which the torque is not linear: Stribeck velocities, losses of gears."""
         return tuple(parameter.name for parameter in self._nonlinear)
 
     @property
     def nonlinear_units(self) -> tuple[str, ...]:
-        """Their units, in the order of the names."""
+        """Units of the nonlinear parameters, in the order of the names."""
         return tuple(parameter.unit for parameter in self._nonlinear)
 
     @property
     def nonlinear_values(self) -> FloatArray:
-        """Their values, in the order of the names."""
+        """Values of the nonlinear parameters, in the order of the names."""
         return np.array([parameter.value for parameter in self._nonlinear])
 
     @property
     def nonlinear_bounds(self) -> FloatArray:
-        """The ranges that they must stay in, (nonlinear parameters, 2)."""
+        """Allowed ranges of the nonlinear parameters, (nonlinear parameters, 2)."""
         return np.array([(p.low, p.high) for p in self._nonlinear]).reshape(-1, 2)
 
     @property
     def nonlinear_at_bound(self) -> tuple[str, ...]:
-        """Those of `nonlinear_names` whose values are at an end of their range."""
+        """Names of the nonlinear parameters whose values are at an end of their range."""
         return tuple(p.name for p in self._nonlinear if not p.low < p.value < p.high)
 
     def with_nonlinear(self, values: npt.ArrayLike) -> RobotModel:
-        """Return the same model with other values of `nonlinear_names`.
+        """Return the model with other values of `nonlinear_names`.
 
         Raises:
-            EstimationError: If there are not as many values as names.
+            EstimationError: The number of values differs from that of the names.
         """
         rest = np.asarray(values, dtype=np.float64)
         if rest.shape != (len(self._nonlinear),):
@@ -188,7 +188,7 @@ class RobotModel:
         return Motion.of(q, v, a, self.chain.n, self.coupling, conditions)
 
     def actuator_speed(self, v: FloatArray) -> FloatArray:
-        """Return the actuators' speeds (samples, n), link side, from the joints' (5.18)."""
+        """Return the actuators' speeds (samples, n), link side, for the joints' speeds (5.18)."""
         return v if self.coupling is None else self.coupling.to_motors(v)
 
 
@@ -205,14 +205,14 @@ def regressor(
         model: The robot.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
-        conditions: Temperature, load and payload, where the model depends on them.
+        conditions: Temperature, load and payload, if the model depends on them.
 
     Returns:
         Shape (samples, n, parameters). N m (N for a prismatic joint) per unit of each of
         `model.parameter_names`. Without coupling an actuator's torque is its joint's.
 
     Raises:
-        EstimationError: If q, v and a do not all have the shape (samples, n), or a condition is
+        EstimationError: q, v and a do not all have the shape (samples, n), or a condition is
             missing.
     """
     motion = model.motion(q, v, a, conditions)
@@ -230,15 +230,15 @@ def regressor_blocks(
     *,
     block: int = BLOCK_SAMPLES,
 ) -> Iterator[tuple[slice, FloatArray]]:
-    """Yield the regressor piece by piece, so that its memory does not grow with the recording.
+    """Yield the regressor block by block, so that its memory does not grow with the recording.
 
     Args:
         model, q, v, a, conditions: As for `regressor`.
-        block: Samples a piece; the default stays in a core's cache.
+        block: Samples per block; the default fits into a core's cache.
 
     Yields:
-        `samples`. The samples of the piece.
-        `phi`, shape (samples, n, parameters). Their regressor. The next piece overwrites it.
+        `samples`. The samples of the block.
+        `phi`, shape (samples, n, parameters). Their regressor. The next block overwrites it.
 
     Raises:
         EstimationError: As for `regressor`.
@@ -257,7 +257,7 @@ def _fill(model: RobotModel, motion: Motion, out: FloatArray) -> None:
     factors = model.transmission.factors(motion)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         own = out[:, :, columns]
-        if not isinstance(term, RigidBodies):  # which write all
+        if not isinstance(term, RigidBodies):  # that term writes all elements
             own[...] = 0.0
         term.fill_torque(motion, own)
         if factors is not None and term.through_gears:
@@ -273,7 +273,7 @@ def base_wrench_regressor(
 ) -> FloatArray:
     """Return Phi_e with w = Phi_e theta, the wrench that the base exerts on the robot.
 
-    At rest its force is the weight, pointing up; a force plate under the base feels the opposite
+    At rest its force is the weight, pointing up; a force plate under the base measures the opposite
     (theory: section 7, one more backward Newton-Euler step).
 
     Args:
@@ -281,11 +281,11 @@ def base_wrench_regressor(
 
     Returns:
         Shape (samples, 6, parameters). Fx, Fy, Fz [N], then Mx, My, Mz [N m] about the base frame's
-        origin, in its axes. The base feels neither friction nor spring (their columns are zero) nor
-        the rotors' motor side.
+        origin, in its axes. Friction, spring (their columns are zero) and the rotors' motor side do
+        not act on the base.
 
     Raises:
-        EstimationError: If q, v and a do not all have the shape (samples, n).
+        EstimationError: q, v and a do not all have the shape (samples, n).
     """
     motion = model.motion(q, v, a, conditions)
     out = np.zeros((motion.joint.shape[1], 6, len(model.parameter_names)))
@@ -313,7 +313,7 @@ def torque(
         conditions: Temperature and payload; the load is computed here.
 
     Raises:
-        EstimationError: If a shape does not fit the model, or a condition is missing.
+        EstimationError: A shape does not fit the model, or a condition is missing.
     """
     theta = checked_parameters(model, parameters)
     if model.transmission.losses:
@@ -333,9 +333,9 @@ def load_torque(
     parameters: npt.ArrayLike,
     conditions: Conditions | None = None,
 ) -> FloatArray:
-    """Return the torque that each gear would transmit if it lost nothing, (samples, n) [N m or N].
+    """Return the torque that each gear would transmit without losses, (samples, n) [N m or N].
 
-    Links, payload and spring, in actuator coordinates: what `Conditions.load_nm` wants.
+    It contains links, payload and spring, in actuator coordinates, as `Conditions.load_nm` needs.
     """
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)
@@ -352,7 +352,7 @@ def checked_parameters(model: RobotModel, parameters: npt.ArrayLike) -> FloatArr
     """Return the parameters as an array.
 
     Raises:
-        EstimationError: If there is not one value for each of the model's parameters.
+        EstimationError: The number of values differs from that of the model's parameters.
     """
     theta, expected = np.asarray(parameters, dtype=np.float64), len(model.parameter_names)
     if theta.shape != (expected,):

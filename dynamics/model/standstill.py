@@ -1,4 +1,4 @@
-"""From which speed on joints move: what is slower tells nothing of their friction."""
+"""Speed above which a joint counts as moving; below it, its friction is not known."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from config.arrays import BoolArray, FloatArray
 from dynamics.model.robot_model import RobotModel
 
 SLOW_SHARE: Final = 0.1
-"""Share of a joint's speed limit from which on it moves, however slow that is."""
+"""Fraction of a joint's speed limit above which it always counts as moving."""
 
 
 def standstill(model: RobotModel, speed_rad_s: float) -> FloatArray:
-    """Return below which speed each actuator counts as standing, link side, (n,).
+    """Return the speed below which each actuator counts as standing, link side, (n,).
 
-    The given speed [rad/s or m/s]; of a joint that is slow by nature, such as a lift, a tenth of
-    its speed limit: it would never move otherwise.
+    It is the given speed [rad/s or m/s], but at most a tenth of the joint's speed limit, because a
+    slow joint such as a lift would otherwise never move.
     """
     given = np.full(len(model.joint_names), speed_rad_s)
     if not model.speed_limits:
@@ -40,9 +40,9 @@ def moving(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArr
 
 
 def moving_on(model: RobotModel, v: FloatArray, standstill_rad_s: float) -> BoolArray:
-    """Return where actuators move and do not turn round before the next or after the last row.
+    """Return where actuators move and do not reverse before the next or after the previous row.
 
-    A slow recording may show no row of a quick reversal, at which friction jumps all the same.
+    A slow recording may contain no row of a quick reversal, but friction jumps at it.
 
     Args:
         model, v, standstill_rad_s: As for `moving`; consecutive rows.

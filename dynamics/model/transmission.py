@@ -1,4 +1,4 @@
-"""`Transmission`: what the gears take of the torque that they transmit."""
+"""`Transmission`: losses of the gears."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ START_LOAD_FRICTION: Final = 0.02
 
 @dataclass(frozen=True)
 class GearLoss:
-    """The loss of one gear: an efficiency, or friction in proportion to the load."""
+    """The loss of one gear: an efficiency, or friction proportional to the load."""
 
     joint: int
     kind: Literal["efficiency", "load"]
@@ -42,11 +42,11 @@ class GearLoss:
 
 @dataclass(frozen=True)
 class Transmission:
-    """Losses in proportion to the torque that a gear transmits.
+    """Losses proportional to the torque that a gear transmits.
 
-    With s = 1 where the motor drives the load, s = -1 where the load drives the motor, the torque
+    With s = 1 if the motor drives the load and s = -1 if the load drives the motor, the torque
     behind the gear is multiplied by eta^-s (5.16, 5.17), or by 1 + c s: friction c |load| sign(v).
-    A gear does not transmit its own rotor's inertia; where an estimate cannot tell that from the
+    A gear does not transmit its own rotor's inertia; if an estimate cannot separate that from the
     link's, both count as load.
     """
 
@@ -54,7 +54,7 @@ class Transmission:
 
     @classmethod
     def from_description(cls, robot: RobotDescription, *, friction: bool = True) -> Transmission:
-        """Take the gears' losses out of a robot description."""
+        """Return the gears' losses in a robot description."""
         losses: list[GearLoss] = []
         for j, joint in enumerate(robot.joints):
             if joint.efficiency is not None:
@@ -75,7 +75,7 @@ class Transmission:
         return tuple(loss.parameter for loss in self.losses)
 
     def with_nonlinear(self, values: FloatArray) -> Transmission:
-        """Return the same gears with other values of the nonlinear parameters."""
+        """Return the gears with other values of the nonlinear parameters."""
         return Transmission(
             tuple(
                 replace(loss, parameter=replace(loss.parameter, value=float(value)))
@@ -84,10 +84,10 @@ class Transmission:
         )
 
     def factors(self, motion: Motion) -> FloatArray | None:
-        """Return what the torque behind each gear is multiplied by, (samples, n); None for 1.
+        """Return the factor of the torque behind each gear, (samples, n); None means 1.
 
         Raises:
-            EstimationError: If the gears lose something and the motion's load is not known.
+            EstimationError: The gears have losses and the motion's load is not known.
         """
         if not self.losses:
             return None
@@ -99,7 +99,7 @@ class Transmission:
         return factors
 
     def nonlinear_slopes(self, motion: Motion) -> FloatArray:
-        """Return how the torque changes with the losses, (samples, n, losses)."""
+        """Return the derivative of the torque by the losses, (samples, n, losses)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
         if not self.losses:
             return slopes
@@ -112,7 +112,7 @@ class Transmission:
         return slopes
 
     def _direction(self, motion: Motion) -> FloatArray:
-        """Return 1 where the motor drives the load, -1 where the load drives it, (samples, n)."""
+        """Return 1 if the motor drives the load, -1 if the load drives it, (samples, n)."""
         load = motion.conditions.load_nm
         if load is None:
             names = ", ".join(parameter.name for parameter in self.nonlinear)
@@ -122,30 +122,30 @@ class Transmission:
                 code="RID-API-ARGUMENT",
             )
         direction = np.sign(load * motion.actuator[1])
-        for j in self._remembering(motion):
-            direction[:, j] = np.sign(load[:, j]) * _remembered(motion, j)
+        for j in self._joints_with_memory(motion):
+            direction[:, j] = np.sign(load[:, j]) * _hysteretic_direction(motion, j)
         return np.asarray(direction)
 
-    def _remembering(self, motion: Motion) -> list[int]:
+    def _joints_with_memory(self, motion: Motion) -> list[int]:
         memory = motion.conditions.memory
         return [] if memory is None else [x.joint for x in self.losses if x.joint in memory.joints]
 
     def memory_slopes(self, motion: Motion) -> FloatArray:
-        """Return how the torque changes with the remembered directions of motion, (samples, n)."""
+        """Return the derivative of the torque by the hysteretic directions, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
-        if not self._remembering(motion):
+        if not self._joints_with_memory(motion):
             return slopes
         direction = self._direction(motion)
         load = np.abs(np.asarray(motion.conditions.load_nm))
         for loss in self.losses:
-            if loss.joint in self._remembering(motion):
+            if loss.joint in self._joints_with_memory(motion):
                 s, value = direction[:, loss.joint], loss.parameter.value
                 by_s = -np.log(value) * value**-s if loss.kind == "efficiency" else value
                 slopes[:, loss.joint] += by_s * load[:, loss.joint]
         return slopes
 
 
-def _remembered(motion: Motion, joint: int) -> FloatArray:
+def _hysteretic_direction(motion: Motion, joint: int) -> FloatArray:
     memory = motion.conditions.memory
     direction = None if memory is None else memory.of(joint)
     return np.sign(motion.actuator[1, :, joint]) if direction is None else direction

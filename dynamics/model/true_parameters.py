@@ -1,6 +1,6 @@
-"""The truth of a simulated robot, as parameters of the identification model.
+"""True parameters of a simulated robot, as parameters of the identification model.
 
-Only a simulated robot has one. It is what the demo judges estimates and intervals by.
+They exist only for a simulated robot; the demo compares estimates and intervals with them.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     section 3), as the rotor term expects.
 
     Args:
-        model: The model whose parameters are wanted; friction coefficients that the plant does not
+        model: The model whose parameters are needed; friction coefficients that the plant does not
             have are zero.
-        robot: The robot, for where its rotors sit.
-        plant: The simulated robot; what it has under `unmodelled` has no parameter and is left out.
+        robot: The robot, for the mounting of its rotors.
+        plant: The simulated robot; effects under `unmodelled` have no parameter and are ignored.
 
     Returns:
         Shape (parameters,). In the order and units of `model.parameter_names`.
 
     Raises:
-        ConfigError: The model has a parameter that the plant file says nothing of.
+        ConfigError: The model has a parameter that the plant file does not state.
     """
     known: dict[str, float] = {}
     for number, link in enumerate(plant.links, start=1):
@@ -55,13 +55,13 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     unknown = [name for name in model.parameter_names if name not in known]
     if unknown:
         raise ConfigError(
-            f"plant {plant.name}: says nothing of {', '.join(unknown)}", code="RID-PLANT-UNFIT"
+            f"plant {plant.name}: states no value of {', '.join(unknown)}", code="RID-PLANT-UNFIT"
         )
     return np.array([known[name] for name in model.parameter_names])
 
 
 def _rotors_on(link: int, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
-    """Return the polar inertias of the rotors that ride on a link, (3, 3) [kg m^2]."""
+    """Return the polar inertias of the rotors that are mounted on a link, (3, 3) [kg m^2]."""
     lumped = np.zeros((3, 3))
     for joint, axis in zip(robot.joints, plant.axes, strict=True):
         if joint.rotor is not None and joint.rotor.link == link:

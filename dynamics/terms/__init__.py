@@ -1,4 +1,4 @@
-"""What a model is made of: rigid bodies, rotors, friction, springs, payloads, armatures.
+"""Terms of a model: rigid bodies, rotors, friction, springs, payloads, armatures.
 
-One term a file, as `term.py` describes it; no term knows another. Begin with `term.py`.
+Each term has its own file, and terms do not know each other. Begin with `term.py`.
 """

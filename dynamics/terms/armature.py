@@ -1,4 +1,4 @@
-"""`Armature`: the term of motor inertias whose mounting is not known."""
+"""`Armature`: the term of motor inertias with unknown mounting."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from dynamics.terms.motion import Motion
 
 @dataclass(frozen=True)
 class Armature:
-    """Plain motor inertias `Ia{i}` = mu^2 I_M at the link side: torque Ia times acceleration.
+    """Motor inertias `Ia{i}` = mu^2 I_M at the link side: torque Ia times acceleration.
 
-    Neither what the rotor's spin does to the link that carries it nor the wrench on the base is
-    modelled (theory: section 3, "what a plain armature forgets"); `Rotors` does both.
+    The effect of the rotor's spin on the link that carries it, and the wrench on the base, are not
+    modelled (theory: section 3); `Rotors` models both.
     """
 
     joints: tuple[int, ...]
@@ -28,7 +28,7 @@ class Armature:
 
     @classmethod
     def from_description(cls, robot: RobotDescription) -> Armature:
-        """Take every joint with a plain armature."""
+        """Return the armatures of a robot's joints."""
         joints = tuple(j for j, joint in enumerate(robot.joints) if joint.armature)
         return cls(
             joints,
@@ -37,7 +37,7 @@ class Armature:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name an armature."""
+        """One name per armature."""
         return tuple(f"Ia{j + 1}" for j in self.joints)
 
     @property
@@ -51,10 +51,10 @@ class Armature:
             out[:, j, column] = motion.actuator[2, :, j]
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
-        """Leave `out` zero: nothing is known of where the motor sits."""
+        """Leave `out` zero, because the mounting of the motor is not known."""
 
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * columns change with the motion; see `Term`."""
+        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         out = np.zeros((len(weights), *motion.actuator.shape))
         for column, j in enumerate(self.joints):
             out[:, 2, :, j] = weights[:, :, j, column]

@@ -1,4 +1,4 @@
-"""`Conditions`: what the torque depends on besides the motion."""
+"""`Conditions`: quantities besides the motion on which the torque depends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dynamics.terms.memory import Memory
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The circumstances of a motion.
+    """Conditions of a motion.
 
     Attributes:
         temperature_k: Shape (samples, n) or (n,). Temperature of each joint's drive [K]; needed by
@@ -21,9 +21,8 @@ class Conditions:
             needed by transmission efficiency and load-dependent friction. `load_torque` computes it
             from parameters.
         payload: Whether the unknown payload is attached.
-        memory: Which way joints slide by the path that they came along; needed by friction with
-            presliding, which slides by sign(v) without it. `dynamics.model.memory` follows a
-            motion.
+        memory: Direction of the presliding hysteresis; needed by friction with presliding, which
+            otherwise slides by sign(v). `dynamics.model.memory` computes it along a motion.
     """
 
     temperature_k: FloatArray | None = None

@@ -35,13 +35,13 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "stribeck": ("stribeck",),
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
     "load": (),  # a loss of the gear: see `Transmission`
-    "presliding": (),  # changes the direction in the others: see `Memory`
+    "presliding": (),  # changes the direction in the other functions: see `Memory`
 }
 
 
 @dataclass(frozen=True)
 class FrictionColumn:
-    """One friction coefficient: which function, of which joint (from 0), its name and unit."""
+    """One friction coefficient: function, joint (from 0), name and unit."""
 
     joint: int
     function: FrictionFunction
@@ -60,15 +60,15 @@ class StribeckSpeed:
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction of the actuators, link side, in the terms that each joint chose (2.8-2.14).
+    """Friction of the actuators, link side, with the terms of each joint (2.8-2.14).
 
     With `sign_smoothing_rad_s` > 0, sign(v) is tanh(v / sign_smoothing_rad_s). Asymmetric friction
-    is f+ while moving forward, f- while moving backward, both positive where they brake: Coulomb
-    friction (f+ + f-) / 2 and the offset (f+ - f-) / 2, which smoothing leaves alone. All
-    functions are analytic on either side of v = 0, so that a complex step goes through them.
+    is f+ for forward motion and f- for backward motion, both positive if they brake: Coulomb
+    friction (f+ + f-) / 2 and the offset (f+ - f-) / 2, which is not smoothed. All functions are
+    analytic on either side of v = 0, so that the complex step can be used.
 
-    Where a joint has presliding and the motion's memory is known, its sign(v) is the remembered
-    direction, which depends on the path and not on v.
+    If a joint has presliding and the motion's memory is known, the hysteretic direction, which
+    depends on the path and not on v, replaces sign(v).
     """
 
     columns: tuple[FrictionColumn, ...]
@@ -92,7 +92,7 @@ class Friction:
     def from_description(
         cls, robot: RobotDescription, *, sign_smoothing_rad_s: float = 0.0
     ) -> Friction:
-        """Take the friction terms of the robot's joints, joint by joint."""
+        """Return the friction terms of the robot's joints, joint by joint."""
         columns = tuple(
             _column(j, joint, function)
             for j, joint in enumerate(robot.joints)
@@ -117,7 +117,7 @@ class Friction:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name a coefficient."""
+        """One name per coefficient."""
         return tuple(column.parameter_name for column in self.columns)
 
     @property
@@ -127,13 +127,13 @@ class Friction:
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters: Stribeck speeds, presliding distances, then their shares."""
+        """The nonlinear parameters: Stribeck velocities, presliding distances, then shares."""
         speeds = tuple(speed.parameter for speed in self.stribeck)
         distances = tuple(own.distance for own in self.presliding)
         return (*speeds, *distances, *(own.share for own in self.presliding if own.share))
 
     def with_nonlinear(self, values: FloatArray) -> Friction:
-        """Return the same friction with other values of `nonlinear`."""
+        """Return the friction with other values of `nonlinear`."""
         pairs = zip(self.nonlinear, values, strict=True)
         moved = {own.name: replace(own, value=float(value)) for own, value in pairs}
         return replace(
@@ -153,21 +153,21 @@ class Friction:
 
     @property
     def changing(self) -> tuple[bool, ...]:
-        """Which columns change with the nonlinear parameters."""
-        remembering = {own.joint for own in self.presliding}
+        """For each column, whether it depends on the nonlinear parameters."""
+        with_memory = {own.joint for own in self.presliding}
         return tuple(
             column.function == "stribeck"
-            or (traits(column.function).by_direction and column.joint in remembering)
+            or (traits(column.function).by_direction and column.joint in with_memory)
             for column in self.columns
         )
 
     def with_changing_only(self) -> Friction:
-        """Return the same friction with no other columns than those."""
+        """Return the friction with only the columns that depend on the nonlinear parameters."""
         pairs = zip(self.columns, self.changing, strict=True)
         return replace(self, columns=tuple(column for column, own in pairs if own))
 
     def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
-        """Return how the torque changes with `nonlinear`, (samples, n, nonlinear parameters)."""
+        """Return the torque's derivative by `nonlinear`, (samples, n, nonlinear parameters)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.nonlinear)))
         for k, stribeck in enumerate(self.stribeck):
             j, speed = stribeck.joint, stribeck.parameter.value
@@ -190,7 +190,7 @@ class Friction:
         return slopes
 
     def _memory_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
-        """Return how the torque changes with the directions of motion, (samples, n)."""
+        """Return the derivative of the torque by the directions of motion, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         for column, size in zip(self.columns, coefficients, strict=True):
             j, v = column.joint, motion.actuator[1, :, column.joint]
@@ -204,7 +204,7 @@ class Friction:
                 case "stribeck":
                     slopes[:, j] += size * np.exp(-np.abs(v) / self._stribeck_speed(j))
                 case "coulomb_by_temperature":
-                    slopes[:, j] += size * _warmth(column, motion)
+                    slopes[:, j] += size * _temperature_rise(column, motion)
                 case _:
                     raise unknown_function(column.function, "dynamics/terms/friction.py")
         return slopes
@@ -213,19 +213,19 @@ class Friction:
         """Fill `out`, (samples, n, coefficients).
 
         Raises:
-            EstimationError: If friction depends on temperature and the motion's is not known.
+            EstimationError: Friction depends on temperature, and the motion's is not known.
         """
         for c, column in enumerate(self.columns):
             speed = motion.actuator[1, :, column.joint]
             out[:, column.joint, c] = self._values(column, motion, speed)
 
     def fill_base_wrench(self, motion: Motion, out: FloatArray) -> None:
-        """Leave `out` zero: friction acts between two links, and the base feels none of it."""
+        """Leave `out` zero: friction acts between two links and not on the base."""
 
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * columns change with the motion; see `Term`.
+        """Return the gradient of sums of weights * columns by the motion; see `Term`.
 
-        The jump of a hard sign is left out.
+        The jump of a hard sign is ignored.
         """
         out = np.zeros((len(weights), *motion.actuator.shape))
         for c, column in enumerate(self.columns):
@@ -256,9 +256,9 @@ class Friction:
                 falling = np.exp(-np.sign(v.real) * v / speed)
                 return self._sign(motion, column.joint, v) * falling
             case "coulomb_by_temperature":
-                return self._sign(motion, column.joint, v) * _warmth(column, motion)
+                return self._sign(motion, column.joint, v) * _temperature_rise(column, motion)
             case "viscous_by_temperature":
-                return v * _warmth(column, motion)
+                return v * _temperature_rise(column, motion)
             case _:
                 raise unknown_function(column.function, "dynamics/terms/friction.py")
 
@@ -266,15 +266,15 @@ class Friction:
         return next(s.parameter.value for s in self.stribeck if s.joint == joint)
 
     def _sign(self, motion: Motion, joint: int, v: Values) -> Values:
-        remembered = _remembered(motion, joint)
-        if remembered is not None:
-            return remembered
+        direction_of_memory = _hysteretic_direction(motion, joint)
+        if direction_of_memory is not None:
+            return direction_of_memory
         smoothing = self.sign_smoothing_rad_s
         return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
 
     def _motion(self, motion: Motion, column: FrictionColumn, v: Values) -> Values:
-        """Return 1, but 0 where a hard sign is."""
-        if self.sign_smoothing_rad_s or _remembered(motion, column.joint) is not None:
+        """Return 1, or 0 if a hard sign is 0."""
+        if self.sign_smoothing_rad_s or _hysteretic_direction(motion, column.joint) is not None:
             return 1.0
         return np.abs(np.sign(v.real))
 
@@ -292,7 +292,7 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
 
 
 def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
-    """Return the presliding distances and shares that an estimate begins with."""
+    """Return the initial values of presliding distances and shares for an estimate."""
     return tuple(
         Presliding(
             j,
@@ -311,7 +311,7 @@ def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
 
 
 def _share(joint: Joint) -> NonlinearParameter | None:
-    """Return which share of a joint's friction gives way, None for all of it."""
+    """Return the fraction of a joint's friction with hysteresis; None if it is all of it."""
     share = joint.presliding_share
     if share == 1.0:
         return None
@@ -319,18 +319,18 @@ def _share(joint: Joint) -> NonlinearParameter | None:
     return NonlinearParameter(f"sp_{joint.name}", "1", share, low, high)
 
 
-def _remembered(motion: Motion, joint: int) -> FloatArray | None:
+def _hysteretic_direction(motion: Motion, joint: int) -> FloatArray | None:
     memory = motion.conditions.memory
     return None if memory is None else memory.of(joint)
 
 
-def _warmth(column: FrictionColumn, motion: Motion) -> FloatArray:
-    """Return how much warmer a drive is than its reference, (samples,) [K]."""
+def _temperature_rise(column: FrictionColumn, motion: Motion) -> FloatArray:
+    """Return the temperature of a drive above its reference, (samples,) [K]."""
     temperature = motion.conditions.temperature_k
     if temperature is None:
         raise EstimationError(
             f"{column.parameter_name} depends on the drive's temperature, and none is given:"
-            " record or import it, say how warm the joints are where the command has --temperature,"
+            " record or import it, give the joints' temperature if the command has --temperature,"
             " or leave the friction term `temperature` out",
             code="RID-MODEL-TEMPERATURE",
         )

@@ -1,8 +1,8 @@
-"""`FRICTION_FUNCTIONS`: what every friction function gives to each part that must know it.
+"""`FRICTION_FUNCTIONS`: properties of every friction function that several modules need.
 
-One row a function. Its values and its slopes are in `dynamics.terms.friction`, its kernel is in
-`dynamics.kernels.friction`, its text for an export in `identification.export.function`: each
-raises an error for a function that it does not have.
+There is one row per function. Its values and derivatives are in `dynamics.terms.friction`, its
+kernel is in `dynamics.kernels.friction`, its text for an export in
+`identification.export.function`. Each of these raises an error for a function that it lacks.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ class FunctionTraits:
     """Properties of one friction function.
 
     Attributes:
-        symbol: Of its coefficient; a parameter is called SYMBOL_JOINT.
-        units: Of its coefficient, on a revolute and on a prismatic joint.
+        symbol: Symbol of its coefficient; a parameter is named SYMBOL_JOINT.
+        units: Units of its coefficient for a revolute and for a prismatic joint.
         sign: Constraint of a physically consistent coefficient: `braking` is not negative, a joint
             with a `curve` brakes at every speed, `free` has no constraint.
-        by_direction: Whether it depends on the direction of motion, which presliding friction
-            remembers.
-        smooth: Whether it may stay in a model that is differentiated at speed zero.
+        by_direction: Whether it depends on the direction of motion, which presliding hysteresis
+            replaces.
+        smooth: Whether it may stay in a model that is differentiated at zero speed.
         kernel: Number in `dynamics.kernels.friction`; None if it depends on a temperature.
-        words: Name for what a format of straight friction leaves out; None if that format holds it.
+        words: Name in the list of terms that a format without curved friction omits; None if the
+            format supports it.
     """
 
     symbol: str
@@ -83,7 +84,7 @@ def traits(function: FrictionFunction) -> FunctionTraits:
 
 
 def unknown_function(function: str, where: str) -> EstimationError:
-    """Return the error for a friction function that a file does not know."""
+    """Return the error for a friction function that a file does not support."""
     return EstimationError(
         f"unknown friction function {function!r}: add it to {where}, or leave it out of the model",
         code="RID-MODEL-TERM",

@@ -1,8 +1,8 @@
-"""`Memory`: the direction of motion that a joint's friction remembers, sample by sample.
+"""`Memory`: the hysteretic direction of motion of joints with presliding, sample by sample.
 
-A circumstance of a motion, as its load is: which way a joint slides depends on where it came from,
-so that it is computed along the whole path and handed to the terms with each part of it. Terms that
-jump with sign(v) take the remembered direction of joints that have one.
+It is a condition of a motion, as the load is. The direction of sliding depends on the joint's past
+path, so it is computed along the whole path, and each part of the motion gets its part. Terms that
+jump with sign(v) use this direction instead, for joints with presliding.
 """
 
 from __future__ import annotations
@@ -28,13 +28,12 @@ from dynamics.terms.term_parameter import NonlinearParameter
 
 @dataclass(frozen=True)
 class Presliding:
-    """How a joint (from 0) gives way before it slides.
+    """Presliding hysteresis of a joint (from 0).
 
     Attributes:
-        joint: Which joint.
-        distance: What it is moved until all of it slides [rad or m].
-        share: Share of its friction that gives way so, while the rest holds at once; None for all
-            of it.
+        distance: Displacement from rest after which the whole joint slides [rad or m].
+        share: Fraction of its friction with hysteresis, while the rest is rigid; None for all of
+            it.
     """
 
     joint: int
@@ -43,23 +42,23 @@ class Presliding:
 
     @property
     def share_value(self) -> float:
-        """Share of the friction that gives way."""
+        """Fraction of the friction with hysteresis."""
         return 1.0 if self.share is None else self.share.value
 
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What the joints with presliding remember.
+    """Directions of motion of the joints with presliding.
 
     Attributes:
-        joints: Joints (from 0) with presliding, one a column.
-        direction: Shape (samples, columns). In place of sign(v), from -1 to 1.
+        joints: Joints (from 0) with presliding, one per column.
+        direction: Shape (samples, columns). Replaces sign(v), from -1 to 1.
         by_distance: Shape (samples, columns). Its derivative by the presliding distance [1/rad or
             1/m].
-        by_share: Shape (samples, columns). Its derivative by the share of the friction that gives
-            way.
-        known: Shape (samples, columns). Whether it depends on the motion alone, and no more on how
-            the joint stood before.
+        by_share: Shape (samples, columns). Its derivative by the fraction of the friction with
+            hysteresis.
+        known: Shape (samples, columns). Whether it depends only on the motion, and no longer on the
+            joint's initial state.
     """
 
     joints: tuple[int, ...]
@@ -77,15 +76,15 @@ class Memory:
         *,
         periodic: bool = False,
     ) -> Memory:
-        """Follow a path.
+        """Compute the directions along a path.
 
         Args:
-            presliding: How the joints give way.
+            presliding: Parameters of the hysteresis of each joint.
             path: Shape (samples, n). Positions of the actuators, link side, in the order of time
                 [rad or m].
-            segment: Shape (samples,). Number of the segment that a row belongs to; nothing is
-                remembered over a gap.
-            periodic: The path is one period of a motion that repeats: it is gone through twice.
+            segment: Shape (samples,). Number of the segment of each row; the hysteresis starts
+                afresh after a gap.
+            periodic: The path is one period of a periodic motion; it is followed twice.
         """
         out = np.zeros((len(path), len(presliding), FOUND))
         starts = [0, len(path)]
@@ -110,9 +109,9 @@ class Memory:
         """Return where a low-passed direction is known, (samples, columns).
 
         Args:
-            segment: Shape (samples,). Number of the segment that a row belongs to; each was
-                low-passed on its own.
-            rows: How many rows the low-pass carries what is not known into what follows.
+            segment: Shape (samples,). Number of the segment of each row; each was low-passed
+                separately.
+            rows: Number of rows over which the low-pass spreads an unknown value.
         """
         starts = np.concatenate([[0], np.flatnonzero(np.diff(segment)) + 1])
         number = np.arange(len(segment))
@@ -120,14 +119,14 @@ class Memory:
         return np.asarray(self.known[np.maximum(number - rows, first)])
 
     def of(self, joint: int) -> FloatArray | None:
-        """Return the direction of a joint, (samples,); None where it remembers nothing."""
+        """Return the direction of a joint, (samples,); None for a joint without presliding."""
         return self.direction[:, self.joints.index(joint)] if joint in self.joints else None
 
     def slopes(self, own: Presliding) -> tuple[tuple[NonlinearParameter, FloatArray], ...]:
         """Return a joint's nonlinear parameters, each with the direction's derivative, (samples,).
 
         Args:
-            own: How one of `joints` gives way.
+            own: Hysteresis of one of `joints`.
         """
         column = self.joints.index(own.joint)
         by_distance = (own.distance, self.by_distance[:, column])
@@ -136,7 +135,7 @@ class Memory:
         return (by_distance, (own.share, self.by_share[:, column]))
 
     def part(self, samples: slice) -> Memory:
-        """Return what is remembered in some of the samples."""
+        """Return the directions of some of the samples."""
         return Memory(
             self.joints,
             self.direction[samples],

@@ -1,4 +1,4 @@
-"""`Motion`: positions, velocities and accelerations as the terms of a model need them."""
+"""`Motion`: positions, velocities and accelerations in the form that the terms of a model need."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dynamics.terms.conditions import Conditions
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion in joint and in actuator coordinates, and its circumstances.
+    """A motion in joint and in actuator coordinates, and its conditions.
 
     Attributes:
         joint: Shape (3, samples, n). q, v, a of the joints [rad or m, per s, per s^2].
-        actuator: Shape (3, samples, n). The same of the actuators, link side: alpha with q = C
-            alpha (5.18). The very array of the joints where the robot has no coupling.
-        coupling: C and its inverse; None where each actuator moves its own joint only.
+        actuator: Shape (3, samples, n). The same for the actuators, link side: alpha with q = C
+            alpha (5.18). If the robot has no coupling, it is the same array as `joint`.
+        coupling: C and its inverse; None if each actuator moves only its own joint.
         conditions: Temperature, load, payload.
     """
 
@@ -40,10 +40,10 @@ class Motion:
         coupling: WristCoupling | None = None,
         conditions: Conditions | None = None,
     ) -> Motion:
-        """Stack q, v, a, each (samples, n), into fresh arrays.
+        """Copy q, v, a, each (samples, n), into new arrays.
 
         Raises:
-            EstimationError: If the shapes do not fit one another or the robot.
+            EstimationError: The shapes do not fit each other or the robot.
         """
         shapes = [np.shape(x) for x in (q, v, a)]
         expected = (*shapes[0][:1], joints)
@@ -84,7 +84,7 @@ class Motion:
         return Motion(joint, actuator, self.coupling, self.conditions.part(samples))
 
     def to_actuators(self, rows: FloatArray) -> None:
-        """Turn joint torques (samples, n, any) into actuator torques C^T tau (5.19), in place."""
+        """Convert joint torques (samples, n, any) to actuator torques C^T tau (5.19), in place."""
         if self.coupling is None:
             return
         mixed = self.coupling.joints_by_motors - np.eye(rows.shape[1])
@@ -93,13 +93,13 @@ class Motion:
             rows[:, i] += mixed[j, i] * before[j]
 
     def to_joints(self, weights: FloatArray) -> FloatArray:
-        """Turn weights (any, samples, n, any) on actuators' rows into weights on joints' rows."""
+        """Convert weights (any, samples, n, any) on actuators' rows to weights on joints' rows."""
         if self.coupling is not None:
             weights = np.einsum("ji,rsip->rsjp", self.coupling.joints_by_motors, weights)
         return weights
 
     def by_joints(self, by_actuators: FloatArray) -> FloatArray:
-        """Turn derivatives (..., n) by the actuators' coordinates into such by the joints'."""
+        """Convert derivatives (..., n) by the actuators' coordinates to those by the joints'."""
         if self.coupling is not None:
             by_actuators = by_actuators @ self.coupling.motors_by_joints
         return by_actuators

@@ -17,8 +17,8 @@ class Payload:
     """Ten inertial parameters of a payload, in the frame of the last link (5.6).
 
     `mL`, first moment `sxL syL szL`, inertia about the frame's origin `IxxL` to `IzzL`. They act
-    where `Conditions.payload` says that it is attached, so that runs with and without it tell the
-    payload from the last link.
+    only if `Conditions.payload` is true, so that runs with and without the payload separate it from
+    the last link.
     """
 
     chain: Chain
@@ -49,7 +49,7 @@ class Payload:
             fill_links(self.chain, motion, self.chain.n - 1, True, out)
 
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * columns change with the motion; see `Term`."""
+        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         if not motion.conditions.payload:
             return np.zeros((len(weights), *motion.joint.shape))
         return links_gradient(self.chain, motion, self.chain.n - 1, weights)

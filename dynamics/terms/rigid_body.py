@@ -21,7 +21,7 @@ UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
 _NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
 _NO_ROTORS: Final = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0))
 for _none in _NO_ROTORS:
-    _none.setflags(write=False)  # as those of `Rotors` are: one kernel for both
+    _none.setflags(write=False)  # as in `Rotors`, so that one kernel is compiled for both
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class RigidBodies:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Ten names a link, link by link."""
+        """Ten names per link, link by link."""
         return tuple(f"{s}{link}" for link in range(1, self.chain.n + 1) for s in SYMBOLS)
 
     @property
@@ -59,7 +59,7 @@ class RigidBodies:
         fill_links(self.chain, motion, 0, True, out)
 
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * columns change with the motion; see `Term`."""
+        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         return links_gradient(self.chain, motion, 0, weights)
 
 
@@ -72,11 +72,11 @@ def fill_links(
         chain: The arm.
         first_link: The first link with columns.
         of_base: Whether the rows are the six components of the base wrench or the n joints.
-        out: Shape (samples, 6 or n, 10 (n - first_link)). Written whole, known zeros too. Its
-            columns must be neighbours in memory.
+        out: Shape (samples, 6 or n, 10 (n - first_link)). All of it is written, including zeros.
+            Its columns must be neighbours in memory.
 
     Raises:
-        EstimationError: If `out` is not such an array: the kernel would write beside it.
+        EstimationError: `out` is not such an array; the kernel would write outside it.
     """
     _, samples, n = motion.joint.shape
     expected = (samples, 6 if of_base else n, PARAMETERS_PER_LINK * (n - first_link))
@@ -96,7 +96,7 @@ def fill_links(
 def links_gradient(
     chain: Chain, motion: Motion, first_link: int, weights: FloatArray
 ) -> FloatArray:
-    """Return how sums of weights * columns change with the motion of the joints.
+    """Return the gradient of sums of weights * columns by the motion of the joints.
 
     Args:
         chain, motion, first_link: As for `fill_links`.

@@ -20,14 +20,14 @@ from dynamics.terms.motion import Motion
 class Rotors:
     """Polar inertias of the rotors, `Im{i}` for the motor of joint i (theory: section 3).
 
-    What remains of a rotor after its mass, its transverse inertia and I_M e e^T have been lumped
-    into the link that carries it: the load I_M mu (q.. e + q. w x e) on that link, and
-    I_M (mu^2 q.. + mu e.w') on its joint's actuator. The base feels the first only. Where a wrist
+    A rotor's mass, its transverse inertia and I_M e e^T are lumped into the link that carries it.
+    The remaining effects are the load I_M mu (q.. e + q. w x e) on that link, and
+    I_M (mu^2 q.. + mu e.w') on its joint's actuator. Only the first acts on the base. If a wrist
     couples the axes, q of the rotor's own motion is its actuator's coordinate.
 
     Attributes:
         chain: The arm.
-        joint: Shape (rotors,). The joint that a rotor drives, from 0.
+        joint: Shape (rotors,). Index of the joint that a rotor drives, from 0.
         link: Shape (rotors,). The link that carries it; 0 is the base.
         axis: Shape (rotors, 3). Unit vector of its spin in the frame of that link.
         ratio: Shape (rotors,). mu, rotor speed relative to its link over joint speed [1, or rad/m].
@@ -48,7 +48,7 @@ class Rotors:
         count = len(self.joint)
         if [array.shape for array in arrays] != [(count,), (count,), (count, 3), (count,)]:
             raise EstimationError(
-                "joint, link, axis and ratio must have one entry a rotor", code="RID-API-ARGUMENT"
+                "joint, link, axis and ratio must have one entry per rotor", code="RID-API-ARGUMENT"
             )
         if np.any((self.link < 0) | (self.link > self.joint + 1) | (self.joint >= self.chain.n)):
             raise EstimationError(
@@ -61,7 +61,7 @@ class Rotors:
 
     @classmethod
     def from_description(cls, robot: RobotDescription) -> Rotors:
-        """Take every rotor that the robot's joints name, in the order of the joints."""
+        """Return the rotors of a robot's joints, in the order of the joints."""
         driven = [(j, joint) for j, joint in enumerate(robot.joints) if joint.rotor is not None]
         rotors = [joint.rotor for _, joint in driven if joint.rotor is not None]
         axis = np.array([rotor.axis for rotor in rotors], dtype=np.float64).reshape(-1, 3)
@@ -75,7 +75,7 @@ class Rotors:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name a rotor."""
+        """One name per rotor."""
         return tuple(f"Im{j + 1}" for j in self.joint)
 
     @property
@@ -93,7 +93,7 @@ class Rotors:
         self._fill(motion, True, out)
 
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * columns change with the motion; see `Term`."""
+        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         by_joint = np.zeros((len(weights), *motion.joint.shape))
         by_actuator = np.zeros_like(by_joint)
         weights = weights_of(motion.to_joints(weights))

@@ -19,7 +19,7 @@ FOURIER_HARMONICS = 3
 class Spring:
     """A spring of stiffness k and free length l0 between two points (3.36-3.38).
 
-    The points lie `l_m` and `r_m` from the joint's axis. The actuator's torque against the spring,
+    The points are `l_m` and `r_m` from the joint's axis. The actuator's torque against the spring,
     k l r sin q - P0 l r sin q / L with L = sqrt(l^2 + r^2 - 2 l r cos q), is linear in the
     parameters `k_spring` and `P0_spring` = k l0. Without the distances it is a Fourier series of
     the angle (3.37): `A1_spring` cos q + `B1_spring` sin q + ... up to the third harmonic.
@@ -34,11 +34,11 @@ class Spring:
 
     @classmethod
     def from_description(cls, robot: RobotDescription) -> Spring:
-        """Take the robot's spring.
+        """Return the robot's spring.
 
         Raises:
-            ConfigError: If the robot has none, or its geometry has no length at q = 0, or its joint
-                slides.
+            ConfigError: The robot has no spring, its geometry has no length at q = 0, or its joint
+                is prismatic.
         """
         spring = robot.spring
         if spring is None:
@@ -62,7 +62,7 @@ class Spring:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Two names, or six of the Fourier form."""
+        """Two names; six in the Fourier form."""
         if self.distances_m is not None:
             return ("k_spring", "P0_spring")
         return tuple(f"{s}{k}_spring" for k in range(1, FOURIER_HARMONICS + 1) for s in "AB")
@@ -81,7 +81,7 @@ class Spring:
         """Leave `out` zero: the spring acts between two links."""
 
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * columns change with the motion; see `Term`."""
+        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
         out = np.zeros((len(weights), *motion.joint.shape))
         steepness = slopes(self._columns, motion.joint[0, :, self.joint])
         on_joint = motion.to_joints(weights)[:, :, self.joint]

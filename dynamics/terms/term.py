@@ -1,4 +1,4 @@
-"""`Term`: what every part of a robot's model offers, and `NonlinearTerm` for those with more."""
+"""`Term`: interface of all parts of a robot's model; `NonlinearTerm`: with nonlinear parameters."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from dynamics.terms.term_parameter import NonlinearParameter
 class Term(Protocol):
     """A part of the model: names, units, and the columns that belong to them.
 
-    A term gives the regressor, its gradient and the base wrench itself, and so the torque. Two
-    backends compute without columns and name the terms that they know: the torque of one sample
-    (`dynamics.model.one_sample`) and the exports (`identification.export.model`). Both refuse a
-    model with a term that they do not know. To give robots a new effect, write a class like this,
-    add it to `RobotModel.from_description` and to those two.
+    A term computes its part of the regressor, of its gradient and of the base wrench, and thereby
+    of the torque. Two other modules compute without columns and list the terms that they support:
+    the torque of one sample (`dynamics.model.one_sample`) and the exports
+    (`identification.export.model`). Both refuse a model with any other term. To add an effect,
+    write a class like this, and add it to `RobotModel.from_description` and to those two.
     """
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """What the group of parameters is called."""
+        """Name of the group of parameters."""
 
     @property
     @abstractmethod
     def through_gears(self) -> bool:
-        """Whether the gears transmit this torque, so that their efficiency acts on it."""
+        """True if the gears transmit this torque, so that their losses act on it."""
 
     @property
     @abstractmethod
     def inertial(self) -> bool:
-        """Whether this torque depends on the acceleration: part of the joint-space inertia."""
+        """True if this torque depends on the acceleration and is part of the joint-space inertia."""
 
     @property
     @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
-        """One name a column, unlike every other term's."""
+        """One name per column, different from those of all other terms."""
 
     @property
     @abstractmethod
@@ -50,7 +50,7 @@ class Term(Protocol):
         """Fill in the actuators' torque, link side, per unit parameter.
 
         Args:
-            out: Shape (samples, n, parameters). Zero on entry, a column a parameter.
+            out: Shape (samples, n, parameters). Zero on entry, one column per parameter.
         """
 
     @abstractmethod
@@ -59,7 +59,7 @@ class Term(Protocol):
 
     @abstractmethod
     def torque_gradient(self, motion: Motion, weights: FloatArray) -> FloatArray:
-        """Return how sums of weights * torque columns change with the motion.
+        """Return the gradient of sums of weights * torque columns by the motion.
 
         Args:
             weights: Shape (sums, samples, n, parameters). The weights of each sum.
@@ -71,7 +71,7 @@ class Term(Protocol):
 
 @runtime_checkable
 class NonlinearTerm(Protocol):
-    """What a term offers besides, where its columns depend on nonlinear parameters."""
+    """Additional interface of a term whose columns depend on nonlinear parameters."""
 
     @property
     @abstractmethod
@@ -80,11 +80,11 @@ class NonlinearTerm(Protocol):
 
     @abstractmethod
     def with_nonlinear(self, values: FloatArray) -> Term:
-        """Return the same term with other values of the nonlinear parameters."""
+        """Return the term with other values of the nonlinear parameters."""
 
     @abstractmethod
     def nonlinear_slopes(self, motion: Motion, coefficients: FloatArray) -> FloatArray:
-        """Return how the torque changes with them, shape (samples, n, nonlinear parameters).
+        """Return the torque's derivative by them, shape (samples, n, nonlinear parameters).
 
         `coefficients` are the values of the term's linear parameters.
         """
@@ -92,8 +92,8 @@ class NonlinearTerm(Protocol):
     @property
     @abstractmethod
     def changing(self) -> tuple[bool, ...]:
-        """Which of the term's columns change with them."""
+        """For each column of the term, whether it depends on the nonlinear parameters."""
 
     @abstractmethod
     def with_changing_only(self) -> Term:
-        """Return the same term with no other columns than those."""
+        """Return the term with only the columns that depend on the nonlinear parameters."""

@@ -1,4 +1,4 @@
-"""`NonlinearParameter`: one parameter that the torque is not linear in."""
+"""`NonlinearParameter`: a parameter in which the torque is not linear."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class NonlinearParameter:
-    """One parameter that the torque is not linear in.
+    """A parameter in which the torque is not linear.
 
     Attributes:
-        name, unit: What it is called, and its unit.
-        low, high: The range that it must stay in.
+        low, high: The allowed range.
     """
 
     name: str
