@@ -33,7 +33,7 @@ class Term(Protocol):
     @property
     @abstractmethod
     def inertial(self) -> bool:
-        """True if this torque depends on the acceleration and is part of the joint-space inertia."""
+        """True if this torque depends on the acceleration: part of the joint-space inertia."""
 
     @property
     @abstractmethod
