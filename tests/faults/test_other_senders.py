@@ -51,7 +51,7 @@ def test_a_node_that_answers_first_every_cycle_stops_the_motion(
     steered = np.abs(np.diff(streamed["velocity_command"][:-1, node - 1])[-cycles:]).max()
     assert steered < 0.05, "a false position steered the axis"
     assert any(f"{joint}: node {node} answered twice" in note for note in run.notes)
-    measured(f"{lie}, {joint}: quick stop in cycle {cycles}, {believed} of the lies believed")
+    measured(f"{lie}, {joint}: quick stop in cycle {cycles}, {believed} false answers used")
 
 
 @pytest.mark.fault(49)
@@ -98,7 +98,7 @@ def test_two_answers_that_differ_once_cost_their_row_and_nothing_else(
     assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
     (note,) = run.notes
     assert note.startswith("axis1: node 1 answered twice in 1 cycle, 1 of them with other data")
-    measured("a single pair that differs: 1 marked value, told at the end")
+    measured("a single pair that differs: 1 marked value, reported at the end")
 
 
 @pytest.mark.fault(49)
@@ -111,7 +111,7 @@ def test_frames_of_nobody_are_told_at_the_end(
     assert run.reason is None
     (note,) = run.notes
     assert note.startswith("40 frames came with identifiers that nobody in the cell has (3F1h)")
-    measured("40 frames of nobody: told at the end")
+    measured("40 unknown frames: reported at the end")
 
 
 @pytest.mark.fault(49)
@@ -162,4 +162,4 @@ def test_the_preflight_tells_who_else_sends(
     assert [line.verdict for line in lines] == verdicts
     red = [line for line in lines if line.verdict == "red"]
     assert all(line.next_action for line in red)
-    measured(f"preflight, {fault.get('kind', 'nobody')}: {len(red)} red of {len(lines)}")
+    measured(f"preflight, {fault.get('kind', 'none')}: {len(red)} red of {len(lines)}")

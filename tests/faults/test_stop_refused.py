@@ -83,7 +83,9 @@ def test_an_axis_whose_ramp_is_slower_than_it_was_told_loses_its_power(
     cycles = run.cycle(off.time_s) - run.cycle(stop_s)
     assert cycles <= 12
     run.assert_at_rest()
-    measured(f"a ramp at a twentieth of what was told: power off {cycles} T after the quick stop")
+    measured(
+        f"a ramp at a twentieth of the commanded one: power off {cycles} T after the quick stop"
+    )
 
 
 @pytest.mark.fault(38)

@@ -313,7 +313,7 @@ def test_a_program_that_is_told_to_end_closes_its_file_first(
     assert stop["time_s"][-1] - stop["time_s"][0] < RAMP_S + 0.1
     assert_at_rest(simulated)
     measured(
-        f"a program of its own, {number.name}: at rest, file closed {1e3 * closed_s:.0f} ms later"
+        f"a separate program, {number.name}: at rest, file closed {1e3 * closed_s:.0f} ms later"
         " (lock-step: the ramp takes no time)"
     )
 

@@ -74,7 +74,7 @@ def test_looking_never_keeps_a_session_from_starting(
             freeze_at_every_step(patch, start)
             assert not look()
     assert set(starts) == {"session", "bus", "journal"}
-    measured(f"{len(starts)} starts at every step of somebody's look at the locks: none fails")
+    measured(f"{len(starts)} starts at every step of an inspection of the locks: none fails")
 
 
 def freeze_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:

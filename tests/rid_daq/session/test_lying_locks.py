@@ -161,7 +161,7 @@ def test_a_number_that_passed_to_another_process_is_not_believed(
     assert run(["stop"]) == 4
     assert lives(stranger)
     assert session.poll() is None
-    measured("a number that was used again: told from its start time")
+    measured("a process id that was used again: detected by its start time")
 
 
 @pytest.mark.parametrize("moment", ["before the check", "after the check"])
@@ -303,7 +303,7 @@ theirs.touch()
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
     said, _ = refused.communicate(timeout=120.0)
     assert "cannot open the lock file: Permission denied; its owner or root can remove it" in said
-    measured("a lock file that cannot be taken over: exit 7 with whose turn it is")
+    measured("a lock file that cannot be taken over: exit 7 with its owner")
 
 
 TELL = """
