@@ -18,7 +18,6 @@ from identification.model.base_parameters import base_parameters
 from tests.builders.raised_codes import raises_code
 
 ROOT: Final = Path(__file__).parents[1]
-IMPORTED: Final = {"pin": "pin (Pinocchio)", "python-can": "python-can", "dask": "Dask"}
 
 
 def read(path: str) -> str:
@@ -50,9 +49,13 @@ def test_the_decision_on_dependencies_lists_each_of_them() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [each for extra in project["optional-dependencies"].values() for each in extra]
     names = [re.split(r"[\[<>=]", each)[0] for each in (*project["dependencies"], *extras)]
-    decision = read("decisions/0007-dependencies.md")
-    listed = decision.partition("Development only")[0]
-    assert not [name for name in names if IMPORTED.get(name, name) not in listed]
+    decision = read("decisions/0063-dependencies-and-their-reasons.md")
+    listed = {
+        name.split()[0]
+        for row in re.findall(r"^\| ([^|]+) \|", decision, re.MULTILINE)
+        for name in row.split(", ")
+    }
+    assert not [name for name in names if name not in listed]
 
 
 SHEET: Final = """[FileInfo]
