@@ -39,7 +39,8 @@ from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import Role
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
-from rid_daq.live.live_page import LiveOptions, LivePage, live_page
+from rid_daq.live.live_page import LivePage, live_page
+from rid_daq.requests.cell_options import Live
 from rid_daq.web.access import Access
 
 CLIENTS = 1000
@@ -125,7 +126,7 @@ def bench() -> Iterator[Bench]:
     ours, theirs = context.Pipe()
     with (
         tempfile.TemporaryDirectory() as folder,
-        live_page(LiveOptions(True, "127.0.0.1:0")) as page,
+        live_page(Live(wanted=True, listen="127.0.0.1:0")) as page,
         SimulatedCell(
             CellSimulation(config, loaded.robot, plant, realtime=True, seed=1)
         ) as simulated,

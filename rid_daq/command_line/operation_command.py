@@ -16,9 +16,9 @@ from config.errors import ConfigError
 from config.process.shortage import require_memory
 from rid_daq.operations.catalogue import CATALOGUE
 from rid_daq.operations.operation import NUMERICS_BYTES, Operation
-from rid_daq.operations.option import FILES, OPTIONS
 from rid_daq.operations.perform import perform
-from rid_daq.operations.request import (
+from rid_daq.requests.option import FILES, OPTIONS
+from rid_daq.requests.request import (
     INVALID,
     ShownField,
     choices_of,
@@ -90,7 +90,7 @@ class OperationCommand(click.Command):
 
     def _call(self, *, as_json: bool, service: str | None = None, **given: Any) -> None:
         operation = self._operation
-        if operation.numerics:
+        if operation.module:
             require_memory(NUMERICS_BYTES)
         values: dict[str, object] = {}
         for key, fields in self._fields.items():

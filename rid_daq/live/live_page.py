@@ -7,7 +7,6 @@ import os
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import click
 
@@ -17,30 +16,13 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.ranges import Ranged
 from config.robot.robot import RobotDescription
 from rid_daq.live.picture import ShownMotion
-from rid_daq.terminal.choices import DEFAULT_LISTEN
+from rid_daq.requests.cell_options import Live
 from rid_daq.web.access import Access
 
 PATIENCE_S = 2.0
 BACKLOG = 128
-
-
-@dataclass(frozen=True)
-class LiveOptions(Ranged):
-    """Whether a motion is shown in a browser, and where.
-
-    Attributes:
-        wanted: Whether it is shown.
-        listen: Address and port.
-        token, certificate: Files of the page's secret, and of its certificate and key.
-    """
-
-    wanted: bool = False
-    listen: str = DEFAULT_LISTEN
-    token: Path | None = None
-    certificate: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -74,18 +56,13 @@ class LivePage:
 
 
 @contextlib.contextmanager
-def live_page(options: LiveOptions) -> Iterator[LivePage | None]:
+def live_page(options: Live) -> Iterator[LivePage | None]:
     """Yield a page whose address has been told, where one is wanted.
 
     Raises:
         ConfigError: It must not be served there, or cannot.
     """
     if not options.wanted:
-        if options != LiveOptions():
-            raise ConfigError(
-                "--listen, --token and --certificate are of the live page: add --live",
-                code="RID-OPTION-NEEDS",
-            )
         yield None
         return
     access = Access.of_options(options.listen, options.token, options.certificate)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
 from config.errors import ConfigError, RidDaqError
 from config.process.termination import signals_deferred
 from rid_daq.operations.catalogue import identifier
-from rid_daq.operations.request import INVALID, Request, option_of
+from rid_daq.requests.request import INVALID, Request, option_of
 from rid_daq.terminal.context import Context as Context
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ class Operation:
         examples: At least two command lines without the program's name.
         opens_cell, moves: True if it opens the bus of a cell; if the robot moves.
         is_held: True if the robot moves only while a key is held: that needs no axis test before.
-        numerics: True if it loads numerical libraries, which need much memory.
-        module: Module that `run` imports, with numerics; empty if `run` imports little.
+        module: Module that `run` imports, with numerical libraries, which need much memory; empty
+            if `run` imports little.
     """
 
     name: str
@@ -71,7 +71,6 @@ class Operation:
     opens_cell: bool = False
     moves: bool = False
     is_held: bool = False
-    numerics: bool = True
     module: str = ""
 
     @property

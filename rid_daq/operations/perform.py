@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rid_daq.operations.operation import FailedResult, Operation
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 from rid_daq.terminal.console import Console
 
 

@@ -6,7 +6,6 @@ import contextlib
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -26,7 +25,8 @@ from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
 from config.errors import RecordingError, TransportError
 from config.load import LoadedCell
-from rid_daq.live.live_page import LiveOptions, LivePage, live_page
+from config.simulation.faults import NO_SCRIPT, FaultScript
+from rid_daq.live.live_page import LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.preflight.last_pose import keep_pose, known_pose
 from rid_daq.recording.recorded_run import RecordedRun, ending_said
@@ -36,15 +36,16 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.stop import StopCurve
 from rid_daq.report.sections.timing import LoopTiming, Timing
 from rid_daq.report_page.write import write_result
+from rid_daq.requests.cell_options import Live, Simulation
 from rid_daq.runs.flange import note_flange
 from rid_daq.runs.origins import note_cell
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
-from rid_daq.session.cells import Simulation, mountable_cell
+from rid_daq.session.cells import mountable_cell
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
-from rid_daq.terminal.context import Context, Progress
+from rid_daq.terminal.context import Context, Display
 from rid_daq.terminal.motion_progress import progress_shown, total_of
 
 if TYPE_CHECKING:
@@ -71,24 +72,6 @@ class Watch(Protocol):
     @abstractmethod
     def sentences(self) -> Sequence[str]:
         """Say for the report how far it came."""
-
-
-class Display(Protocol):
-    """Shows how a motion goes: a `Context`, or what stands for one."""
-
-    @abstractmethod
-    def say(self, text: str = "") -> None:
-        """Show a sentence."""
-
-    @abstractmethod
-    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
-        """Be told that a motion of so many cycles begins; 0 where nobody knows."""
-
-    @abstractmethod
-    def progress(
-        self, title: str, total: float | None, unit: str
-    ) -> AbstractContextManager[Progress]:
-        """Show how far a long step is."""
 
 
 @dataclass(frozen=True)
@@ -308,31 +291,6 @@ class RunSession:
                 self.display.say(f"note: {FRAMES} is not whole: {error}")
 
 
-def require_ready(
-    loaded: LoadedCell,
-    runs: Path,
-    context: Context,
-    axis_test: AxisTestRule,
-    *,
-    cleared: bool,
-    practise: bool = False,
-    files: Mapping[str, bytes] | None = None,
-) -> None:
-    """Ask whether a real cell is clear, once nothing else is a reason to refuse.
-
-    Of a simulated cell that is asked where it is practised. What is driven is shown beside the
-    question, by the hashes of the cell's files and of `files`, which the run keeps: all of them
-    have been read, and nothing is read again.
-
-    Raises:
-        RecordingError, PreflightError: As `refuse_runs`, `require_axis_test` and `require_cleared`.
-    """
-    refuse_runs(runs)
-    require_axis_test(loaded, axis_test)
-    kept = {**loaded.files, **(files or {})}
-    require_cleared(loaded.config, cleared, context, practise=practise, files=kept)
-
-
 def refuse_runs(runs: Path) -> None:
     """Refuse what no run folder can be made in.
 
@@ -346,26 +304,58 @@ def refuse_runs(runs: Path) -> None:
         )
 
 
+@dataclass(frozen=True)
+class Clearance:
+    """What is known, before a motion, of whether the cell is clear.
+
+    Attributes:
+        cleared: True if a person has just said that it is.
+        practise: True to ask on a simulated cell too.
+        files: What is driven, beside the cell's own files; shown by hashes beside the question.
+            The run keeps them: all of them have been read, and nothing is read again.
+    """
+
+    cleared: bool
+    practise: bool
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
 @contextlib.contextmanager
 def open_session(
     loaded: LoadedCell,
     runs: Path,
     context: Context,
+    clearance: Clearance | None,
+    axis_test: AxisTestRule,
+    *,
     simulation: Simulation | None = None,
-    live: LiveOptions | None = None,
-    axis_test: AxisTestRule = AxisTestRule.REQUIRED,
+    faults: FaultScript = NO_SCRIPT,
+    live: Live | None = None,
 ) -> Iterator[RunSession]:
     """Yield a session on a cell that is reachable, and held alone, as long as the `with` lasts.
 
+    Args:
+        runs: The folder of the run folders.
+        context: Where a person is asked whether a real cell is clear, once nothing else is a
+            reason to refuse.
+        clearance: What is known of that; None if the session's steps ask.
+        simulation, faults: How mock hardware that is started here is, and what goes wrong in it.
+        live: The live page.
+
     Raises:
-        RidDaqError: As `refuse_runs`, `require_axis_test`, `live_page` and `mountable_cell`.
+        RidDaqError: As `refuse_runs`, `require_axis_test`, `require_cleared`, `live_page` and
+            `mountable_cell`.
     """
     refuse_runs(runs)
     tested = require_axis_test(loaded, axis_test)
+    if clearance is not None:
+        files = {**loaded.files, **clearance.files}
+        practise = clearance.practise
+        require_cleared(loaded.config, clearance.cleared, context, practise=practise, files=files)
     if axis_test is AxisTestRule.WAIVED and tested:
         context.say(f"note: axis test {tested}")
     with (
-        live_page(live or LiveOptions()) as page,
-        mountable_cell(loaded, simulation) as (cell, simulated),
+        live_page(live or Live()) as page,
+        mountable_cell(loaded, simulation, faults) as (cell, simulated),
     ):
         yield RunSession(loaded, cell, runs, context, simulated, page, tested, context.service)

@@ -11,7 +11,7 @@ from typing import Any
 from config import errors
 from config.errors import ConfigError, RidDaqError, ServiceError
 from rid_daq.operations.operation import Operation
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.terminal.clearance import clear
 from rid_daq.terminal.console import Console, Progress

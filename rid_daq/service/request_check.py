@@ -17,7 +17,7 @@ from config.formats.bounded_file import read_file
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from config.ranges import CODE
-from rid_daq.operations.request import INVALID
+from rid_daq.requests.request import Request
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import MOST_CHARACTERS
 
@@ -58,8 +58,7 @@ def check_request(
         ConfigError: It says what, and where.
     """
     _refuse_unreadable(kind, request, ())
-    _check_operation(kind, request)
-    require_bounded(kind, request)
+    request_of(kind, request, cell="")
     for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
     for name in kind.operation.outputs:
@@ -69,10 +68,28 @@ def check_request(
                 f"{output}: belongs to a cell that is served: choose another name",
                 code="RID-OUTPUT-CELL",
             )
-    require_ending(kind, request)
 
 
-def require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
+def request_of(kind: JobKind, told: dict[str, object], **owned: object) -> Request:
+    """Return the request of a job; the service checks it by this, and its worker again.
+
+    Args:
+        told: What the client says of it.
+        owned: Values of fields that the service sets, as far as the request has them.
+
+    Raises:
+        ConfigError: It is not a request of this kind, or a number in it is outside of its range.
+    """
+    _require_bounded(kind, told)
+    declared = kind.operation
+    declared.refuse_owned(told)
+    own = {name: owned[name] for name in declared.owned & owned.keys()}
+    request = declared.request.of_json({**told, **own}, shown=kind.value)
+    _require_ending(kind, told)
+    return request
+
+
+def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
     """Refuse texts that are too long, and a request that is (`RID-REQUEST-LENGTH`).
 
     Raises:
@@ -94,7 +111,7 @@ def require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
         )
 
 
-def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
+def _require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
     """Refuse an output whose name does not end as files of its kind do (`RID-OUTPUT-ENDING`).
 
     Raises:
@@ -108,17 +125,6 @@ def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
                 " name",
                 code="RID-OUTPUT-ENDING",
             )
-
-
-def _check_operation(kind: JobKind, request: object) -> None:
-    """Refuse what is no request of an operation, or sets a field that the service sets."""
-    if not isinstance(request, dict):
-        raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
-    found = kind.operation
-    found.refuse_owned(request)
-    fields = found.request.model_fields
-    filled = {name: "" for name in found.owned if fields[name].is_required()}
-    found.request.of_json({**filled, **request}, shown=kind.value)
 
 
 def require_inside(path: str, folder: Path, beside: Path | None = None) -> Path:

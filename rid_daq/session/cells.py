@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell
-from config.ranges import Pace, Ranged, Seed
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.preflight.eds_check import refuse_unfit_eds
+from rid_daq.requests.cell_options import Simulation
 from rid_daq.session.ownership import refuse_owned
 from rid_daq.session.session import hold_cell
 
@@ -20,47 +19,13 @@ if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
 
 
-@dataclass(frozen=True)
-class Simulation(Ranged):
-    """How mock hardware that a command starts is.
-
-    Attributes:
-        realtime: Whether it runs in real time, and may be late, instead of in lock-step.
-        pace: How many times the clock's pace lock-step keeps; as fast as it can if None.
-        seed: Of its noise.
-        payload: What hangs at the robot's flange, by its name in the plant file.
-        faults: What goes wrong in it.
-    """
-
-    realtime: bool = False
-    seed: Seed = 0
-    payload: str | None = None
-    faults: FaultScript = NO_SCRIPT
-    pace: Pace | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.realtime and self.pace is not None:
-            raise ConfigError(
-                "--realtime and --pace are two ways to keep time: give one",
-                code="RID-OPTION-EXCLUSIVE",
-            )
-
-    def with_faults(self, faults: FaultScript) -> Simulation:
-        """Return the same with a fault script."""
-        return replace(self, faults=faults)
-
-
-@contextlib.contextmanager
-def reachable_cell(loaded: LoadedCell, *, any_eds: bool = False) -> Iterator[CellConfig]:
-    """Yield the cell with devices behind its bus; parameters and errors as `mountable_cell`."""
-    with mountable_cell(loaded, any_eds=any_eds) as (cell, _):
-        yield cell
-
-
 @contextlib.contextmanager
 def mountable_cell(
-    loaded: LoadedCell, simulation: Simulation | None = None, *, any_eds: bool = False
+    loaded: LoadedCell,
+    simulation: Simulation | None = None,
+    faults: FaultScript = NO_SCRIPT,
+    *,
+    any_eds: bool = False,
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
     """Yield the cell with devices behind its bus, held alone as long as the `with` lasts.
 
@@ -71,18 +36,22 @@ def mountable_cell(
     Args:
         loaded: The cell file and what it names.
         simulation: How mock hardware that is started here is.
+        faults: What goes wrong in it.
         any_eds: Whether the caller itself says what the drives' data sheets lack.
 
     Raises:
         ConfigError: There is no such payload, or no mock hardware started here that it could be
-            mounted on, or that could have faults.
+            mounted on, or that could have faults; or it has two ways to keep time.
         PreflightError: By its data sheet a drive cannot do what it is needed for.
         LockedError: Another session holds the cell.
         TransportError: The mock hardware does not start.
     """
     simulation = simulation or Simulation()
-    payload, faults = simulation.payload, simulation.faults
-    cell = loaded.config
+    payload, cell = simulation.payload, loaded.config
+    if simulation.realtime and simulation.pace is not None:
+        raise ConfigError(
+            "--realtime and --pace are two ways to keep time: give one", code="RID-OPTION-EXCLUSIVE"
+        )
     refuse_one_process(cell)
     refuse_owned(cell)
     if not any_eds:

@@ -21,7 +21,25 @@ class Progress(Protocol):
         """Show that `done` of the total is done; `line` is the status."""
 
 
-class Context(Protocol):
+class Display(Protocol):
+    """Shows how a motion goes."""
+
+    def say(self, text: str = "") -> None:
+        """Show a sentence before the result is there, such as what happens next."""
+        ...
+
+    def progress(
+        self, title: str, total: float | None, unit: str
+    ) -> AbstractContextManager[Progress]:
+        """Show the progress of a long step; `total` is None if it is unknown."""
+        ...
+
+    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+        """Announce a motion: its run, its description, its number of cycles (0 if unknown)."""
+        ...
+
+
+class Context(Display, Protocol):
     """What an operation uses while it runs: progress, announcements, questions, held keys."""
 
     @property
@@ -42,16 +60,6 @@ class Context(Protocol):
     @property
     def can_ask(self) -> bool:
         """True if a person can be asked."""
-        ...
-
-    def progress(
-        self, title: str, total: float | None, unit: str
-    ) -> AbstractContextManager[Progress]:
-        """Show the progress of a long step; `total` is None if it is unknown."""
-        ...
-
-    def say(self, text: str = "") -> None:
-        """Show a sentence before the result is there, such as what happens next."""
         ...
 
     def verdict(self, passed: bool | None, text: str) -> None:
@@ -81,10 +89,6 @@ class Context(Protocol):
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[Keys]:
         """Return a reader of the held key; `tapped` is called with every key."""
-        ...
-
-    def begins(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
-        """Announce a motion: its run, its description, its number of cycles (0 if unknown)."""
         ...
 
     def warms_up(

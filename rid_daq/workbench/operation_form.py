@@ -10,8 +10,8 @@ from typing import Final, Literal
 from pydantic import BaseModel
 
 from rid_daq.operations.operation import Operation
-from rid_daq.operations.option import FILES
-from rid_daq.operations.request import ShownField, choices_of, plain_type, shown_fields
+from rid_daq.requests.option import FILES
+from rid_daq.requests.request import ShownField, choices_of, plain_type, shown_fields
 
 FieldKind = Literal["flag", "number", "whole", "text", "choice"]
 

@@ -19,10 +19,10 @@ from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.request_check import request_of
 from rid_daq.terminal.console import printable
 from rid_daq.terminal.job_events import Ended
 from rid_daq.worker.job_console import EventFile, JobConsole
-from rid_daq.worker.job_requests import request_of
 from rid_daq.worker.orders import Orders
 
 
@@ -103,14 +103,13 @@ def work(
         def job() -> None:
             operation = order.kind.operation  # an import that a signal ends is a mistake
             let_signals_in()
-            told = order.request
             request = request_of(
                 order.kind,
-                told,
-                order.cell,
-                order.runs,
+                order.request,
+                cell=order.cell,
+                runs=str(order.runs),
                 cleared=order.cleared,
-                owner=order.owner,
+                tester=order.owner,
             )
             perform(operation, request, console)
 

@@ -17,7 +17,7 @@ from rid_daq.app import run
 from rid_daq.command_line.root import COMMANDS
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.operation import Operation, OperationResult
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 from rid_daq.terminal.console import as_command, printable
 from rid_daq.terminal.exit_codes import ExitCode, exit_code_of
 
@@ -107,7 +107,7 @@ def command_that(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) ->
         does()
         raise AssertionError
 
-    found = Operation("recover", "Recover", Nothing, run_it, (), numerics=False)
+    found = Operation("recover", "Recover", Nothing, run_it, ())
     monkeypatch.setattr("rid_daq.command_line.root.operation", lambda _name: found)
 
 

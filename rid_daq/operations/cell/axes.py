@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Next, Verdict
-from rid_daq.operations.cell.shared import SIMULATED, Cleared, Practise, Simulation
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, CellName, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.cell_options import SIMULATED, Cleared, Practise, Simulation
+from rid_daq.requests.option import DEFAULT_RUNS, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.axis_bench import AxesTested

@@ -25,7 +25,7 @@ from rid_daq.operations.cell.axes import AxesRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_file, sign_axis
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunSession, open_session, require_ready
+from rid_daq.recording.run_session import Clearance, RunSession, open_session
 
 SPEED_SHARE: Final = 0.02
 TURN: Final = np.deg2rad(2.0)
@@ -87,17 +87,14 @@ def check_axes(request: AxesRequest, context: Context) -> AxesTested:
             f"cell {loaded.config.name} is real: somebody must hold the key and look at the robot",
             code="RID-KEY-NEEDED",
         )
-    require_ready(
+    verdicts: list[AxisVerdict] = []
+    with open_session(
         loaded,
         request.runs,
         context,
+        Clearance(request.cleared, request.practise),
         AxisTestRule.HELD,
-        cleared=request.cleared,
-        practise=request.practise,
-    )
-    verdicts: list[AxisVerdict] = []
-    with open_session(
-        loaded, request.runs, context, request.simulation.with_faults(), axis_test=AxisTestRule.HELD
+        simulation=request.simulation,
     ) as session:
         bench = AxisBench(session, context, request.unattended)
         for name in request.joints or names:

@@ -11,10 +11,10 @@ from pydantic import Field
 from config.errors import PreflightError, RidDaqError
 from config.ranges import CheckS
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
-from rid_daq.operations.cell.shared import Cleared
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, CellName, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.cell_options import Cleared
+from rid_daq.requests.option import DEFAULT_RUNS, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.checked_cell import CheckedCell

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from config.ranges import JogPercent
 from rid_daq.blocks.block import AnyBlock
-from rid_daq.operations.cell.shared import Cleared, Practise, Simulation
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.cell_options import Cleared, Practise, Simulation
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import JOG_PERCENT
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from rid_daq.operations.cell.jog import JogRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import open_session, require_ready
+from rid_daq.recording.run_session import Clearance, open_session
 
 READY: Final = "Ready: hold the key."
 FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
@@ -42,16 +42,13 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
         )
     check = LineCheck(loaded.config, loaded.robot, request.speed_percent / 100.0)
     context.require_keys(simulated=loaded.config.simulated)
-    require_ready(
+    with open_session(
         loaded,
         request.runs,
         context,
+        Clearance(request.cleared, request.practise),
         AxisTestRule.HELD,
-        cleared=request.cleared,
-        practise=request.practise,
-    )
-    with open_session(
-        loaded, request.runs, context, request.simulation.with_faults(), axis_test=AxisTestRule.HELD
+        simulation=request.simulation,
     ) as session:
         if request.home:
             assert home is not None

@@ -13,8 +13,8 @@ from config.ranges import Pace, Seed
 from rid_daq.blocks.block import AnyBlock, Next, Text
 from rid_daq.operations.ended import Ended
 from rid_daq.operations.operation import Context, Operation, OperationResult
-from rid_daq.operations.option import FILES, Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import FILES, Option
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.served_devices import ServedCell

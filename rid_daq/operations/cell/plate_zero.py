@@ -10,10 +10,10 @@ from pydantic import Field
 
 from config.ranges import PositionRad, ReadingS, SettleS
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
-from rid_daq.operations.cell.shared import AxisTest, Cleared, Practise, Simulation
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.cell_options import AxisTest, Cleared, Practise, Simulation
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.zeroed_plate import ZeroedPlate

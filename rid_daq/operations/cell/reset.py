@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 from config.errors import PreflightError, RidDaqError
 from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import CellName
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import CellName
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from drivers.servo.fault_reset import FaultReset
@@ -109,10 +109,10 @@ def run(request: ResetRequest, _context: Context) -> ResetResult:
     """Reset the faults."""
     from config.load import load_cell
     from drivers.cell import open_cell
-    from rid_daq.session.cells import reachable_cell
+    from rid_daq.session.cells import mountable_cell
 
     loaded = load_cell(request.cell)
-    with reachable_cell(loaded) as reachable, open_cell(reachable, loaded.robot) as opened:
+    with mountable_cell(loaded) as (reachable, _), open_cell(reachable, loaded.robot) as opened:
         drives = opened.axes.service.reset_faults()
     return ResetResult(request, loaded.config.name, tuple(drives))
 
@@ -124,4 +124,5 @@ OPERATION: Final = Operation(
     run=run,
     examples=("reset ir361 --json", "reset cell.yaml --service local"),
     opens_cell=True,
+    module="rid_daq.session.cells",
 )

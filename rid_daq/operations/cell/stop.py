@@ -14,8 +14,8 @@ from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.session.running_sessions import RunningSession
@@ -181,5 +181,4 @@ OPERATION: Final = Operation(
     request=StopRequest,
     run=run,
     examples=("stop ir361", "stop --all"),
-    numerics=False,
 )

@@ -29,7 +29,7 @@ from rid_daq.operations.cell.plate_zero import PlateZeroRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, RunSession, open_session, require_ready
+from rid_daq.recording.run_session import Clearance, RunRequest, RunSession, open_session
 from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
 from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
 from rid_daq.runs.run_data import RunData
@@ -83,17 +83,14 @@ def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
     turn = plan_turn(loaded.robot, pose)
     cycle_s = loaded.config.cycle_time_s
     samples, readings = turn_samples(loaded.robot, turn, request.settle_s, request.read_s, cycle_s)
-    axis_test = AxisTestRule(request.axis_test)
-    require_ready(
+    with open_session(
         loaded,
         request.runs,
         context,
-        axis_test,
-        cleared=request.cleared,
-        practise=request.practise,
-    )
-    simulation = request.simulation.with_faults()
-    with open_session(loaded, request.runs, context, simulation, axis_test=axis_test) as session:
+        Clearance(request.cleared, request.practise),
+        AxisTestRule(request.axis_test),
+        simulation=request.simulation,
+    ) as session:
         approach = _approach(session, turn, context).as_step()
         if approach.outcome.stop is not None:
             return ZeroedPlate(approach, approach_only=True)

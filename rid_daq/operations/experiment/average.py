@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from rid_daq.blocks.block import AnyBlock, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, RunName, RunsFolder, Unfinished
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, RunName, RunsFolder, Unfinished
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.report.sections.average import AverageSection
@@ -83,4 +83,5 @@ OPERATION: Final = Operation(
     request=AverageRequest,
     run=run,
     examples=("average latest --json", "average excitation --unfinished"),
+    module="rid_daq.report_page.write",
 )

@@ -24,8 +24,8 @@ from config.ranges import (
 )
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import FILES, CellName, Option, Overwrite
-from rid_daq.operations.request import Request, shown_fields
+from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.request import Request, shown_fields
 from rid_daq.terminal.choices import Kind
 
 if TYPE_CHECKING:
@@ -285,4 +285,5 @@ OPERATION: Final = Operation(
         "design ir361 --output excitation.yaml",
         "design ir361 --kind multisine --band 0.5:20 --output multisine.yaml --overwrite",
     ),
+    module="rid_daq.operations.experiment.motion_design",
 )

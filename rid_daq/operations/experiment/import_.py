@@ -12,8 +12,8 @@ from pydantic import AfterValidator, Field
 
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.experiment.imported_runs import ImportedRun
@@ -142,4 +142,5 @@ OPERATION: Final = Operation(
         "import recording.csv --map map.yaml",
         "import bag.mcap --map ur10_ros --rows 1-4000 --rows 4001- --label first --label second",
     ),
+    module="rid_daq.operations.experiment.imported_runs",
 )

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
-from rid_daq.operations.cell.shared import (
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.requests.cell_options import (
     BEFORE,
     SIMULATED,
     AxisTest,
@@ -20,9 +21,8 @@ from rid_daq.operations.cell.shared import (
     Practise,
     Simulation,
 )
-from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.experiment.recorded_motion import RecordedMotion

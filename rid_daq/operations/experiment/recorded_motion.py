@@ -23,7 +23,7 @@ from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, open_session, require_ready
+from rid_daq.recording.run_session import Clearance, RunRequest, open_session
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
 from rid_daq.session.session import as_label
 from rid_daq.terminal.exit_codes import ExitCode
@@ -84,16 +84,6 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
     name = request.label or as_label(request.motion.stem)
     require_label(name)
-    axis_test = AxisTestRule(request.axis_test)
-    require_ready(
-        loaded,
-        request.runs,
-        context,
-        axis_test,
-        cleared=request.cleared,
-        practise=request.practise,
-        files=files,
-    )
     if request.frames:
         require_listenable(loaded.config.can)
     asked = RunRequest(
@@ -104,8 +94,16 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         watch=accuracy,
         frames=request.frames,
     )
-    simulation, live = request.simulation.with_faults(script), request.live.options()
-    with open_session(loaded, request.runs, context, simulation, live, axis_test) as session:
+    with open_session(
+        loaded,
+        request.runs,
+        context,
+        Clearance(request.cleared, request.practise, files),
+        AxisTestRule(request.axis_test),
+        simulation=request.simulation,
+        faults=script,
+        live=request.live,
+    ) as session:
         if request.rehearse:
             run = session.record(_rehearsal(name, samples)).as_step()
             if run.outcome.stop is not None:

@@ -12,8 +12,8 @@ from rid_daq.blocks.block import AnyBlock, Column, Interval, Table, Text, note_b
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.identify.compared_models import Compared, RunPrediction
@@ -219,4 +219,5 @@ OPERATION: Final = Operation(
     request=CompareRequest,
     run=run,
     examples=("compare monday friday", "compare model.json latest --on validation --json"),
+    module="rid_daq.operations.identify.compared_models",
 )

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder, Unfinished
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder, Unfinished
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import Format
 
 if TYPE_CHECKING:
@@ -162,4 +162,5 @@ OPERATION: Final = Operation(
         "export model.json --to urdf --output robot.urdf",
         "export latest --to parquet --output recording.parquet --overwrite",
     ),
+    module="rid_daq.operations.identify.exported_files",
 )

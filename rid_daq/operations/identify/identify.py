@@ -19,7 +19,7 @@ from identification.choices import (
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
 from rid_daq.operations.identify.model_terms import EQUATIONS, Band, ModelTerms, Standstill
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import (
+from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     FurtherNumber,
@@ -29,7 +29,7 @@ from rid_daq.operations.option import (
     RunsFolder,
     Unfinished,
 )
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from identification.calibration.drive_gains import DriveGains

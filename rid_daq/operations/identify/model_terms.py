@@ -9,8 +9,8 @@ from pydantic import AfterValidator, Field
 from config.ranges import Coefficient, SmoothingRadS
 from config.robot.friction_terms import FrictionTerm
 from identification.choices import BandHz, StandstillRadS
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from identification.model.options import ModelOptions

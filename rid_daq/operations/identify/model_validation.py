@@ -26,7 +26,6 @@ from identification.validation.torque_prediction import Validation, validate
 from rid_daq.blocks.formats import number
 from rid_daq.operations.cell_files import estimate_for, motion_for, require_robot
 from rid_daq.operations.identify.validate import ValidateRequest
-from rid_daq.operations.request import refuse_unused
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
@@ -35,6 +34,7 @@ from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import Check, Verdict
 from rid_daq.report_page.write import write_result
+from rid_daq.requests.request import refuse_unused
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, clocks_of, every_lack, result_of
 from rid_daq.terminal.console import as_command

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, RunName, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, RunName, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.report.result import Result
@@ -64,5 +64,4 @@ OPERATION: Final = Operation(
     request=ReportRequest,
     run=run,
     examples=("report latest", "report excitation --json"),
-    numerics=False,
 )

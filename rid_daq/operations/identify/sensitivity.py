@@ -15,8 +15,8 @@ from identification.choices import REPORTED, Share
 from rid_daq.blocks.block import AnyBlock, Column, Table, Text
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import FILES, CellName, Option, Overwrite
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.identify.payload_sensitivity import Sensitivity

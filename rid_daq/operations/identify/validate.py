@@ -12,8 +12,8 @@ from pydantic import Field, ValidationInfo, model_validator
 from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
-from rid_daq.operations.request import Request, refuse_unused
+from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder, Unfinished
+from rid_daq.requests.request import Request, refuse_unused
 
 if TYPE_CHECKING:
     from rid_daq.operations.identify.model_validation import Validated

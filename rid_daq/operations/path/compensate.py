@@ -11,7 +11,8 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Column, Interval, Next, Table, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import (
+from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
+from rid_daq.requests.option import (
     DEFAULT_RUNS,
     CellName,
     Option,
@@ -19,8 +20,7 @@ from rid_daq.operations.option import (
     RunsFolder,
     Unfinished,
 )
-from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from compensation.feedforward.file import TuningEntry
@@ -149,4 +149,5 @@ OPERATION: Final = Operation(
         "compensate ir361 circle.yaml --model model.json --loop loops.json --output ff.json"
         " --reference latest --overwrite",
     ),
+    module="rid_daq.operations.path.feedforward",
 )

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Next, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import (
+from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     Option,
@@ -20,7 +20,7 @@ from rid_daq.operations.option import (
     RunsFolder,
     Unfinished,
 )
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.path.loop_measurement import LoopsMeasured
@@ -96,4 +96,5 @@ OPERATION: Final = Operation(
     request=LoopRequest,
     run=run,
     examples=("loop latest --output loops.json", "loop multisine --overwrite --json"),
+    module="rid_daq.operations.path.loop_measurement",
 )

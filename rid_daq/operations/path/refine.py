@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.path.feedforward import Refined
@@ -135,4 +135,5 @@ OPERATION: Final = Operation(
         "refine first second --model model.json --loop loops.json --output ff2.json"
         " --temperature warm",
     ),
+    module="rid_daq.operations.path.feedforward",
 )

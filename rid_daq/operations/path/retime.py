@@ -13,9 +13,9 @@ from config.ranges import Confidence, FreeShare, Rate
 from identification.choices import BaseMassKg
 from rid_daq.blocks.block import AnyBlock, Next, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import FILES, CellName, Option, Overwrite
 from rid_daq.operations.path.shared import ModelFile, Temperature
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.path.retiming import Retimed
@@ -156,4 +156,5 @@ OPERATION: Final = Operation(
         "retime ir361 path.yaml --model model.json --output fast.yaml --payload payload.json"
         " --margin 0.1 --report fast.html",
     ),
+    module="rid_daq.operations.path.retiming",
 )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from rid_daq.operations.option import FILES, Option
+from rid_daq.requests.option import FILES, Option
 
 ModelFile = Annotated[
     Path,

@@ -12,11 +12,11 @@ from pydantic import Field
 from compensation.online.patience import BUFFER_S, CLIENT_PATIENCE_S
 from config.ranges import BufferS, PatienceS
 from rid_daq.blocks.block import AnyBlock, Next, Text
-from rid_daq.operations.cell.shared import AxisTest, Cleared, OfFile, Practise, Simulation
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
 from rid_daq.operations.path.shared import LoopsFile, ModelFile, Temperature
-from rid_daq.operations.request import Request
+from rid_daq.requests.cell_options import AxisTest, Cleared, OfFile, Practise, Simulation
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.recording.recorded_run import RecordedRun

@@ -19,7 +19,7 @@ from rid_daq.operations.operation import Context
 from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import Record, RunRequest, open_session, require_ready
+from rid_daq.recording.run_session import Clearance, Record, RunRequest, open_session
 from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL
 from rid_daq.session.session import as_label
 
@@ -44,20 +44,16 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
     options = StreamOptions(**request.options.model_dump())
-    axis_test = AxisTestRule(request.axis_test)
     if options.compensated:
         files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: loops_bytes}
-    require_ready(
+    with open_session(
         loaded,
         request.runs,
         context,
-        axis_test,
-        cleared=request.cleared,
-        practise=request.practise,
-        files=files,
-    )
-    simulation = request.simulation.with_faults()
-    with open_session(loaded, request.runs, context, simulation, axis_test=axis_test) as session:
+        Clearance(request.cleared, request.practise, files),
+        AxisTestRule(request.axis_test),
+        simulation=request.simulation,
+    ) as session:
         cell = session.cell
 
         def drive(record: Record) -> RecordOutcome:

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Cell, Column, Table, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.path.tracked_runs import Tracked
@@ -154,4 +154,5 @@ OPERATION: Final = Operation(
         "tracking circle-ff square-ff --against circle --against square --json",
         "tracking compensated --model model.json",
     ),
+    module="rid_daq.operations.path.tracked_runs",
 )

@@ -32,10 +32,10 @@ from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.verdict import Verdict
 from rid_daq.report_page.write import write_result
+from rid_daq.requests.cell_options import Simulation
 from rid_daq.runs.flange import compared
 from rid_daq.runs.origins import note_cell
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
-from rid_daq.session.cells import Simulation
 from rid_daq.session.session import unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.choices import PAYLOAD
@@ -107,16 +107,16 @@ def run_payload_session(
         )
     context.say(motion.describe())
     if moves:
-        simulation = Simulation(seed=request.seed, pace=request.pace)
         with (
             unfinished(state.folder),
             open_session(
                 loaded,
                 request.runs,
                 context,
-                simulation,
-                request.live.options(),
+                None,  # its steps ask
                 AxisTestRule(request.axis_test),
+                simulation=Simulation(seed=request.seed, pace=request.pace),
+                live=request.live,
             ) as session,
         ):
             guide = PayloadGuide(request, session, state, motion, payload_request, context)

@@ -11,8 +11,8 @@ from pydantic import AfterValidator, Field
 
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import CERTIFICATE
 
 if TYPE_CHECKING:
@@ -108,4 +108,5 @@ OPERATION: Final = Operation(
         "payload certificate latest --by Smith",
         "payload certificate gripper --output gripper.pdf --json",
     ),
+    module="rid_daq.operations.payload.certified_session",
 )

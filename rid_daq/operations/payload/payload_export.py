@@ -12,9 +12,9 @@ from pydantic import Field
 from identification.choices import LoadFormat
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder
 from rid_daq.operations.payload.shared import PayloadFile
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, Option, Overwrite, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.payload.load_data import LoadData
@@ -103,4 +103,5 @@ OPERATION: Final = Operation(
         "payload export payload.json --to kuka --output load.src",
         "payload export latest --to ur --output load.script --overwrite",
     ),
+    module="rid_daq.operations.payload.load_data",
 )

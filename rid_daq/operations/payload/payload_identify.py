@@ -25,7 +25,7 @@ from identification.choices import (
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.identify.model_terms import Band, ModelTerms, Standstill
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import (
+from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     Option,
@@ -33,7 +33,7 @@ from rid_daq.operations.option import (
     RunsFolder,
     Unfinished,
 )
-from rid_daq.operations.request import Request
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import PAYLOAD
 
 if TYPE_CHECKING:
@@ -247,4 +247,5 @@ OPERATION: Final = Operation(
         "payload identify --loaded gripper --unloaded empty",
         "payload identify --loaded gripper --model model.json --known m=2.805+-0.005 --json",
     ),
+    module="rid_daq.operations.payload.payload_from_files",
 )

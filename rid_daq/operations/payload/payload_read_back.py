@@ -13,9 +13,9 @@ from config.ranges import TolerancePercent
 from identification.choices import REPORTED, LoadFormat
 from rid_daq.blocks.block import AnyBlock, Column, Table, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder
 from rid_daq.operations.payload.shared import PayloadFile
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.payload.load_data import ReadBack
@@ -107,4 +107,5 @@ OPERATION: Final = Operation(
         "payload read-back payload.json saved.src --from kuka",
         "payload read-back latest saved.script --from ur --tolerance 0.5 --json",
     ),
+    module="rid_daq.operations.payload.load_data",
 )

@@ -13,7 +13,9 @@ from config.errors import ConfigError
 from config.ranges import Periods, Repeats, Seed, WarmUpPeriods
 from identification.choices import RehearsalPercent, UntilMassKg, WarmUpPercent
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
-from rid_daq.operations.cell.shared import (
+from rid_daq.operations.operation import Context, Operation
+from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
+from rid_daq.requests.cell_options import (
     BEFORE,
     SIMULATED,
     AxisTest,
@@ -22,10 +24,8 @@ from rid_daq.operations.cell.shared import (
     SimulatedPace,
     SimulatedPayload,
 )
-from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
-from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.payload.guided_session import SessionIdentified

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from rid_daq.operations.option import Option
+from rid_daq.requests.option import Option
 
 PayloadFile = Annotated[
     Path,

@@ -12,8 +12,8 @@ from pydantic import Field
 from config.errors import ConfigError, RecordingError
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, FILES, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, FILES, Option, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from acquisition.session.repair import Repair
@@ -144,4 +144,5 @@ OPERATION: Final = Operation(
     request=RecoverRequest,
     run=run,
     examples=("recover latest --json", "recover recording.mcap --output readable.mcap"),
+    module="rid_daq.operations.runs.recovery",
 )

@@ -11,8 +11,8 @@ from pydantic import Field
 from config.errors import ConfigError, RecordingError
 from rid_daq.blocks.block import AnyBlock, Column, Table, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, RunsFolder
+from rid_daq.requests.request import Request
 
 
 class RunsRequest(Request):
@@ -162,5 +162,4 @@ OPERATION: Final = Operation(
     request=RunsRequest,
     run=run,
     examples=("runs --runs lab/runs", "runs --verify"),
-    numerics=False,
 )

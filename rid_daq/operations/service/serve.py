@@ -12,8 +12,8 @@ from pydantic import Field
 from rid_daq.blocks.block import Text
 from rid_daq.operations.ended import Ended
 from rid_daq.operations.operation import Context, Operation, OperationResult
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import DEFAULT_LISTEN
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from pydantic import Field
 from config.errors import ConfigError
 from rid_daq.blocks.block import Text
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 
 
 class TokenRequest(Request):
@@ -100,5 +100,4 @@ OPERATION: Final = Operation(
     request=TokenRequest,
     run=run,
     examples=("token plotter --role viewer", "token tablet --code 123456 --folder lab"),
-    numerics=False,
 )

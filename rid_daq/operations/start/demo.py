@@ -11,8 +11,8 @@ from pydantic import Field
 from config.ranges import Periods, Seed
 from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import DEFAULT_RUNS, Option, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import DEMO_PERIOD_S
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from config.error_codes import ErrorCode, declared_codes
 from config.errors import ConfigError
 from rid_daq.blocks.block import Heading, Text
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 
 SITE: Final = Path(__file__).resolve().parents[2] / "site"
 
@@ -149,5 +149,4 @@ OPERATION: Final = Operation(
     request=DocsRequest,
     run=run,
     examples=("docs payload", "docs RID-FILE-READ"),
-    numerics=False,
 )

@@ -14,8 +14,8 @@ from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_whole
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 from rid_daq.terminal.console import as_command
 
 URDF_FILES: Final = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml")
@@ -188,5 +188,4 @@ OPERATION: Final = Operation(
     request=InitRequest,
     run=run,
     examples=("init my-cell --json", "init arm --urdf arm.urdf --base base_link --tip tool0"),
-    numerics=False,
 )

@@ -24,7 +24,8 @@ from config.load import LoadedCell, load_cell
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
-from rid_daq.live.live_page import LiveOptions, LivePage, live_page
+from rid_daq.live.live_page import LivePage, live_page
+from rid_daq.requests.cell_options import Live
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +107,7 @@ def test_a_crowd_at_the_page_and_its_death_change_no_bit_of_the_recording(
 
     def watched(simulated: SimulatedCell) -> RecordOutcome:
         folder = RunFolder.create(tmp_path / "runs", "watched")
-        with live_page(LiveOptions(True, "127.0.0.1:0")) as page:
+        with live_page(Live(wanted=True, listen="127.0.0.1:0")) as page:
             assert page is not None
             crowd = Crowd(page)
             outcome = record_motion(

@@ -17,14 +17,13 @@ from config.errors import ConfigError, PreflightError
 from config.load import LoadedCell, load_cell
 from identification.estimation.file import write_estimate
 from rid_daq.operations.catalogue import CATALOGUE, operation
-from rid_daq.preflight.axis_test import AxisTestRule
+from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.recording import run_session
 from rid_daq.recording.run_session import RunRequest, open_session
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import send
-from rid_daq.service.request_check import check_request
+from rid_daq.service.request_check import check_request, request_of
 from rid_daq.terminal.console import Console
-from rid_daq.worker.job_requests import request_of
 from tests.builders.known_model import known
 from tests.builders.point_streams import loops_of
 from tests.builders.raised_codes import raises_code
@@ -96,15 +95,21 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
     real = replace(bundled, config=bundled.config.model_copy(update={"simulated": False}))
     found = Cell(real, tmp_path, [])
 
-    def opened(*positional: Any, **named: Any) -> None:
-        rule = named.get("axis_test", positional[-1])
-        found.rules.append(rule)
+    seen: list[AxisTestRule] = []
+
+    def tested(loaded: LoadedCell, rule: AxisTestRule) -> str:
+        seen.append(rule)
+        return require_axis_test(loaded, rule)
+
+    def opened(*_: object) -> None:
+        found.rules.append(seen[-1])
         raise OpenedError
 
     for name in (*HELD, *BY_ITSELF):
         module = importlib.import_module(operation(name).module)
         monkeypatch.setattr(module, "load_cell", lambda _: real)
-        monkeypatch.setattr(module, "open_session", opened)
+    monkeypatch.setattr(run_session, "require_axis_test", tested)
+    monkeypatch.setattr(run_session, "mountable_cell", opened)
     return found
 
 
@@ -180,7 +185,7 @@ def test_a_real_cell_has_nobody_who_looks_in_its_place(cell: Cell) -> None:
 def test_a_session_on_a_real_cell_holds_the_axis_test_itself(cell: Cell) -> None:
     with (
         raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1"),
-        open_session(cell.loaded, cell.folder / "runs", Person()),
+        open_session(cell.loaded, cell.folder / "runs", Person(), None, AxisTestRule.REQUIRED),
     ):
         pass
 
@@ -195,7 +200,7 @@ def test_the_process_that_drives_takes_no_field_of_the_services_from_a_client(
     kind = JobKind("axes") if name == "tester" else JobKind("record")
     told = {name: value} if kind == JobKind("axes") else {"motion": "motion.yaml", name: value}
     with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value, name):
-        request_of(kind, told, "ir361", tmp_path, cleared=False)
+        request_of(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
 
 
 @pytest.mark.parametrize("cleared", [False, True])
@@ -208,7 +213,7 @@ def test_whether_a_cell_is_clear_comes_from_the_service(
         "record": {"motion": "motion.yaml"},
         "stream": {"model": "model.json", "loop": "loops.json"},
     }.get(name, {})
-    request = request_of(kind, dict(needed), "ir361", tmp_path, cleared=cleared)
+    request = request_of(kind, dict(needed), cell="ir361", runs=str(tmp_path), cleared=cleared)
     assert request.model_dump()["cleared"] is cleared
 
 
@@ -241,7 +246,7 @@ def test_a_motion_watches_the_service_that_has_ordered_it(
     with (
         pytest.raises(OpenedError),
         open_session(
-            cell.loaded, cell.folder / "runs", Person(), axis_test=AxisTestRule.HELD
+            cell.loaded, cell.folder / "runs", Person(), None, AxisTestRule.HELD
         ) as session,
     ):
         session.record(asked)

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 from config.errors import ConfigError
 from rid_daq.command_line.operation_command import OperationCommand
 from rid_daq.operations.catalogue import CATALOGUE, GROUPS, SECTIONS, operation
-from rid_daq.operations.request import Request, ShownField, shown_fields
+from rid_daq.requests.request import Request, ShownField, shown_fields
 from rid_daq.service.job_kinds import JobKind
 
 NAMES = pytest.mark.parametrize("name", CATALOGUE)

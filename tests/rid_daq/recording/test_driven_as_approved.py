@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.file import feedforward_bytes
 from compensation.loops.loop_file import write_loops
+from config.cell.cell import CellConfig
 from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell, to_yaml
 from identification.estimation.file import write_estimate
@@ -25,10 +26,10 @@ from identification.estimation.limit_torque import limit_torque
 from rid_daq.operations.experiment import recorded_motion
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.experiment.recorded_motion import record_motion_file
-from rid_daq.operations.path import streamed_path
 from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.operations.path.streamed_path import stream_path
-from rid_daq.recording.run_session import RunRequest
+from rid_daq.recording import run_session
+from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_LOOPS, ONLINE_MODEL
 from rid_daq.terminal.console import Console
 from tests.builders.known_model import known
@@ -46,21 +47,13 @@ class DrivenError(Exception):
         self.asked, self.loaded = asked, loaded
 
 
-@dataclass
-class Session:
-    loaded: LoadedCell
-
-    @property
-    def cell(self) -> Any:
-        return self.loaded.config
-
-    def record(self, asked: RunRequest) -> Any:
-        raise DrivenError(asked, self.loaded)
-
-
 @contextlib.contextmanager
-def session(loaded: LoadedCell, *_: object, **__: object) -> Iterator[Session]:
-    yield Session(loaded)
+def reached(loaded: LoadedCell, *_: object) -> Iterator[tuple[CellConfig, None]]:
+    yield loaded.config, None
+
+
+def driven(session: RunSession, asked: RunRequest) -> None:
+    raise DrivenError(asked, session.loaded)
 
 
 class Person(Console):
@@ -91,8 +84,8 @@ class Person(Console):
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a cell of its own, a motion, its feedforward, a model and velocity loops."""
-    monkeypatch.setattr(recorded_motion, "open_session", session)
-    monkeypatch.setattr(streamed_path, "open_session", session)
+    monkeypatch.setattr(run_session, "mountable_cell", reached)
+    monkeypatch.setattr(run_session.RunSession, "record", driven)
     bundled = load_cell("ir361")
     for name, content in bundled.files.items():
         (tmp_path / name).write_bytes(content)

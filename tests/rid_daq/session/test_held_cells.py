@@ -9,7 +9,7 @@ import pytest
 
 from config.errors import LockedError
 from config.load import LoadedCell, load_cell
-from rid_daq.session.cells import reachable_cell
+from rid_daq.session.cells import mountable_cell
 from rid_daq.session.ownership import owned
 from tests.builders.raised_codes import raises_code
 
@@ -25,9 +25,9 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCell:
 
 
 def test_a_real_cell_is_held_alone_while_it_is_open(real: LoadedCell) -> None:
-    with reachable_cell(real), raises_code(LockedError, "RID-CELL-BUSY"), reachable_cell(real):
+    with mountable_cell(real), raises_code(LockedError, "RID-CELL-BUSY"), mountable_cell(real):
         pass
-    with reachable_cell(real):
+    with mountable_cell(real):
         pass
 
 
@@ -35,7 +35,7 @@ def test_a_cell_that_a_service_owns_is_not_opened_by_others(
     real: LoadedCell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rid_daq.session.ownership.file_holder", lambda _: 1)
-    with raises_code(LockedError, "RID-CELL-BUSY", "process 1"), reachable_cell(real):
+    with raises_code(LockedError, "RID-CELL-BUSY", "process 1"), mountable_cell(real):
         pass
 
 

@@ -127,7 +127,7 @@ def test_a_simulated_cell_goes_on_over_a_remote_terminal(
         raise ComeSoFarError
 
     module = {"jog": "jogging", "axes": "axis_bench"}[command]
-    monkeypatch.setattr(f"rid_daq.operations.cell.{module}.require_ready", come_so_far)
+    monkeypatch.setattr(f"rid_daq.operations.cell.{module}.open_session", come_so_far)
     monkeypatch.setattr(keyboard, "require_keyboard", lambda: None)
     monkeypatch.setenv("SSH_CONNECTION", OF_SSH["SSH_CONNECTION"])
     with pytest.raises(ComeSoFarError):

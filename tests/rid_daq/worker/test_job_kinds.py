@@ -20,11 +20,10 @@ from config.load import load_cell
 from rid_daq.blocks.block import Verdict
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import check_request
+from rid_daq.service.request_check import check_request, request_of
 from rid_daq.service.running_job import EventTail
 from rid_daq.terminal.job_events import AnyEvent, Resulted
 from rid_daq.worker.job_console import EventFile, JobConsole
-from rid_daq.worker.job_requests import request_of
 from rid_daq.worker.orders import Orders
 from tests.builders.raised_codes import raises_code
 
@@ -34,7 +33,7 @@ ROWS = 50
 def done(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
     """Do a job of a service's folder, and return what it says."""
     check_request(kind, told, folder)
-    request = request_of(kind, told, "ir361", folder / "runs", cleared=False)
+    request = request_of(kind, told, cell="ir361", runs=str(folder / "runs"), cleared=False)
     path = folder / "events.jsonl"
     with EventFile(path) as file:
         perform(kind.operation, request, JobConsole(events=file, orders=Orders(io.StringIO())))

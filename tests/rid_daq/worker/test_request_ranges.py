@@ -15,8 +15,7 @@ from pydantic import BaseModel
 
 from config.errors import ConfigError, RidDaqError
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import check_request, require_inside
-from rid_daq.worker.job_requests import request_of
+from rid_daq.service.request_check import check_request, request_of, require_inside
 from tests.builders.raised_codes import raises_code
 
 pytestmark = pytest.mark.promise("ranges-everywhere")
@@ -150,7 +149,9 @@ def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drive
         told = document_with(kind, place, value)
         for refuse in (
             lambda told=told: check_request(kind, told, tmp_path),
-            lambda told=told: request_of(kind, told, "ir361", tmp_path / "runs", cleared=False),
+            lambda told=told: request_of(
+                kind, told, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
+            ),
         ):
             with pytest.raises(ConfigError) as caught:
                 refuse()
@@ -248,7 +249,9 @@ def test_a_random_document_is_a_request_or_is_refused(kind: JobKind, tmp_path: P
         before = sorted(tmp_path.parent.iterdir())
         try:
             check_request(kind, told, tmp_path)
-            request = request_of(kind, told, "ir361", tmp_path / "runs", cleared=False)
+            request = request_of(
+                kind, told, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
+            )
         except RidDaqError:
             return
         finally:
@@ -270,5 +273,5 @@ def test_an_implausible_size_is_refused_by_the_process_that_drives(
 ) -> None:
     told = document_with(kind, place, 1e9)
     with raises_code(ConfigError, "RID-REQ-RANGE") as caught:
-        request_of(kind, told, "ir361", tmp_path / "runs", cleared=False)
+        request_of(kind, told, cell="ir361", runs="runs", cleared=False)
     assert caught.value.refusal == "RID-REQ-RANGE"

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Next, Text
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import FILES, CellName, Option, Overwrite
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from drivers.settings.saved_drive import DriveBackup

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.drives.eds_file_fit import EdsFileFit

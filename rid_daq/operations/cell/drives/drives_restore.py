@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rid_daq.operations.cell.drives.restored import RestoredDrives, RestoreRequest
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.operations.option import Option
+from rid_daq.requests.option import Option
 
 
 class DrivesRestoreRequest(RestoreRequest):

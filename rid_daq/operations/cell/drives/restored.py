@@ -11,8 +11,8 @@ from pydantic import Field
 
 from config.errors import PreflightError
 from rid_daq.blocks.block import AnyBlock, Column, Table, Text, Verdict
-from rid_daq.operations.option import DEFAULT_RUNS, CellName, RunsFolder
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import DEFAULT_RUNS, CellName, RunsFolder
+from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from drivers.servo.drive_settings import RestoredSetting

@@ -22,7 +22,7 @@ from drivers.settings.write_log import WriteLog
 from rid_daq.operations.cell.drives.restored import RestoredDrives, RestoreRequest
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.session.cells import reachable_cell
+from rid_daq.session.cells import mountable_cell
 from rid_daq.session.drive_writes import held_before, new_write_log
 
 STORE_TIMEOUT_S = 10.0
@@ -111,7 +111,7 @@ def _restore(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDr
 def _service(loaded: LoadedCell, write_log: WriteLog | None = None) -> Iterator[DriveService]:
     """Yield what asks the drives of a cell, which is held alone as long as the `with` lasts."""
     with (
-        reachable_cell(loaded, any_eds=True) as cell,
+        mountable_cell(loaded, any_eds=True) as (cell, _),
         open_cell(cell, loaded.robot, write_log) as opened,
     ):
         opened.axes.service.claim_bus()

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
 from config.ranges import Pace, Seed
-from config.simulation.faults import NO_SCRIPT, FaultScript
-from rid_daq.operations.option import Option
-from rid_daq.operations.request import Request
+from rid_daq.requests.option import Option
+from rid_daq.requests.request import Request
 from rid_daq.terminal.choices import DEFAULT_LISTEN
-
-if TYPE_CHECKING:
-    from rid_daq.live.live_page import LiveOptions
-    from rid_daq.session.cells import Simulation as SimulatedCell
 
 BEFORE: Final = "Before it moves"
 SIMULATED: Final = "Simulated cells"
@@ -80,16 +75,6 @@ class Simulation(Request):
     ] = 0
     payload: SimulatedPayload = None
 
-    def with_faults(self, faults: FaultScript = NO_SCRIPT) -> SimulatedCell:
-        """Return the options with a fault script.
-
-        Raises:
-            ConfigError: Both real time and a pace are asked for.
-        """
-        from rid_daq.session.cells import Simulation as SimulatedCell
-
-        return SimulatedCell(**self.model_dump(), faults=faults)
-
 
 class Live(Request):
     """Options of the live page."""
@@ -117,9 +102,3 @@ class Live(Request):
         Field(description="Certificate and key (PEM) to serve the live page by TLS."),
         Option(group=LIVE, metavar="FILE", needs="wanted"),
     ] = None
-
-    def options(self) -> LiveOptions:
-        """Return the options of the live page."""
-        from rid_daq.live.live_page import LiveOptions
-
-        return LiveOptions(**self.model_dump())

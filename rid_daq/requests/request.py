@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from config.errors import ConfigError
 from config.ranges import CODE as OUT_OF_RANGE
 from config.ranges import numbers_of, refusal
-from rid_daq.operations.option import Option
+from rid_daq.requests.option import Option
 
 INVALID: Final = "RID-REQUEST-INVALID"
 _BOUNDS: Final = {
