@@ -7,6 +7,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -166,7 +167,11 @@ class RunSession:
             created_utc = folder.manifest().created_utc
             started_s = time.monotonic()
             with self._frames(folder, request.frames):
-                outcome = self._drive(folder, request)
+                if request.drive is not None:
+                    outcome = request.drive(partial(self._driven, folder, request))
+                else:
+                    assert request.samples is not None
+                    outcome = self._driven(folder, request, request.samples)
             elapsed_s = time.monotonic() - started_s
             with ending_said(outcome, request.epilogue):
                 self._keep_pose(folder, outcome)
@@ -196,56 +201,47 @@ class RunSession:
         if self.cell.simulated or not outcome.displaced:
             keep_pose(self.loaded, outcome.pose, f"run {folder.run_id}")
 
-    def _drive(self, folder: RunFolder, request: RunRequest) -> RecordOutcome:
+    def _driven(
+        self, folder: RunFolder, request: RunRequest, motion: MotionSamples | SetPointSource
+    ) -> RecordOutcome:
         """Drive what was asked for, and say what a person should know of it."""
         robot, samples, watch = self.loaded.robot, request.samples, request.watch
         pose = self._known_pose(request)
         observer = None
-        if self.page is not None and samples is not None:
-            observer = self.page.observer(request.sentence, samples, self.cell, robot)
+        rows, per_period = 0, None
+        if samples is not None:
+            rows, per_period = len(samples), samples.samples_per_period
+            if self.page is not None:
+                observer = self.page.observer(request.sentence, samples, self.cell, robot)
+        seen = False
 
-        def record(driven: MotionSamples | SetPointSource) -> RecordOutcome:
-            rows, per_period = (
-                (0, None) if samples is None else (len(samples), samples.samples_per_period)
+        def enough(new: NewPeriods) -> bool:
+            nonlocal seen
+            assert watch is not None
+            seen = seen or watch.enough(new)
+            return seen
+
+        self.display.begins(folder.run_id, request.sentence, rows, per_period)
+        with self.display.progress(request.role, *total_of(samples, held=request.held)) as shown:
+            outcome = record_motion(
+                self.cell,
+                robot,
+                motion,
+                folder,
+                on_progress=progress_shown(
+                    samples,
+                    robot.joint_names,
+                    shown.update,
+                    (lambda: "") if watch is None else watch.line,
+                    lambda: seen,
+                ),
+                enough=None if watch is None else enough,
+                profiles=DeviceProfiles(self.loaded.amplifier_profile, self.loaded.drive_profile),
+                context=MotionContext(observer, self.service, pose),
             )
-            seen = False
-
-            def enough(new: NewPeriods) -> bool:
-                nonlocal seen
-                assert watch is not None
-                seen = seen or watch.enough(new)
-                return seen
-
-            self.display.begins(folder.run_id, request.sentence, rows, per_period)
-            with self.display.progress(
-                request.role, *total_of(samples, held=request.held)
-            ) as shown:
-                outcome = record_motion(
-                    self.cell,
-                    robot,
-                    driven,
-                    folder,
-                    on_progress=progress_shown(
-                        samples,
-                        robot.joint_names,
-                        shown.update,
-                        (lambda: "") if watch is None else watch.line,
-                        lambda: seen,
-                    ),
-                    enough=None if watch is None else enough,
-                    profiles=DeviceProfiles(
-                        self.loaded.amplifier_profile, self.loaded.drive_profile
-                    ),
-                    context=MotionContext(observer, self.service, pose),
-                )
-            for note in outcome.notes:
-                self.display.say(f"note: {note}")
-            return outcome
-
-        if request.drive is not None:
-            return request.drive(record)
-        assert samples is not None
-        return record(samples)
+        for note in outcome.notes:
+            self.display.say(f"note: {note}")
+        return outcome
 
     def _judged(
         self, folder: RunFolder, request: RunRequest, outcome: RecordOutcome

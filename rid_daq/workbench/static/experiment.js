@@ -1,8 +1,8 @@
 // Experiment: choose or design a motion, see it, rehearse and record it.
 import { duration, element, find } from "./dom.js";
 import { newest } from "./requests.js";
-import { on, page } from "./service.js";
-import { CELL, WorkPanel, endFigure, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
+import { CELL, on, page } from "./service.js";
+import { WorkPanel, endFigure, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
 
 const motion = find("motion");
 const kind = find("kind");

@@ -2,8 +2,8 @@
 import { element, find } from "./dom.js";
 import { estimateParts, validationParts } from "./identify_result.js";
 import { newest } from "./requests.js";
-import { ask, mayMove, on } from "./service.js";
-import { CELL, WorkPanel, completeRuns, figuresOf, fileLink, findings, look, nameOf, numberOf, options, press, runWords, wanted } from "./work.js";
+import { CELL, ask, mayMove, on } from "./service.js";
+import { WorkPanel, completeRuns, figuresOf, fileLink, findings, look, nameOf, numberOf, options, press, runWords, wanted } from "./work.js";
 
 const solve = find("solve");
 let runs = [];

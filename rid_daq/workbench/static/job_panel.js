@@ -2,12 +2,13 @@
 import { confirmClear } from "./dialog.js";
 import { duration, element, table } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
-import { answerJob, ask, beginJob, lease, now, on, page } from "./service.js";
+import { CELL, ask, lease, now, on, page } from "./service.js";
 
 const ENDS = {
   done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
   interrupted: ["bad", "Interrupted"],
 };
+const BEGIN_MS = 30000; // a job is answered once it is journalled and its worker runs
 const URGENT = { urgent: true }; // a job's questions do not wait behind lists and figures
 const over = (job) => job.state in ENDS;
 
@@ -36,8 +37,8 @@ export class JobPanel {
     const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
     try {
-      const more = { cleared: moves, on_lost_client: lost };
-      const job = await beginJob(kind, request, more);
+      const wanted = { kind, request, cleared: moves, on_lost_client: lost };
+      const job = await ask("POST", `${CELL}/jobs`, wanted, BEGIN_MS);
       this.show(job);
       return job;
     } catch (error) {
@@ -226,7 +227,7 @@ export class JobPanel {
     const answer = async (text) => {
       problem.textContent = "";
       try {
-        await answerJob(job.id, event.question, text);
+        await ask("POST", `/jobs/${job.id}/answer`, { question: event.question, text });
       } catch (error) {
         problem.textContent = error.message;
       }

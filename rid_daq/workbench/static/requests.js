@@ -30,30 +30,22 @@ function leave() {
 // Send a request and return its JSON. `urgent` ones do not wait for others to end; `signal` ends one.
 export async function request(url, options = {}, { patienceMs, urgent = false, signal = null } = {}) {
   if (!urgent) await turn();
-  try {
-    return await send(url, options, patienceMs, signal);
-  } finally {
-    if (!urgent) leave();
-  }
-}
-
-async function send(url, options, patienceMs, signal) {
-  const replaced = () => new Refusal("Replaced", "A newer request replaces this one.", 0);
-  if (signal?.aborted) throw replaced();
   const ending = new AbortController();
   const end = () => ending.abort();
   const patience = setTimeout(end, patienceMs);
   signal?.addEventListener("abort", end);
   let answer, text;
   try {
+    signal?.throwIfAborted();
     answer = await fetch(url, { ...options, signal: ending.signal });
     text = await answer.text();
   } catch {
-    if (signal?.aborted) throw replaced();
+    if (signal?.aborted) throw new Refusal("Replaced", "A newer request replaces this one.", 0);
     throw new Refusal("OutOfReach", "The service does not answer.", 0);
   } finally {
     clearTimeout(patience);
     signal?.removeEventListener("abort", end);
+    if (!urgent) leave();
   }
   if (!answer.ok) throw refusalOf(answer, text);
   return text ? JSON.parse(text) : null;

@@ -27,7 +27,7 @@ const MOST_PROBES = 2;
 const FIRST_MS = 4000; // for the first word of the WebSocket, while the page loads
 const FRESH_MS = 1000; // a service that was heard so lately is not asked before a page is left
 const KEY = `rid-daq lease ${page.cell}`;
-const CELL = `/cells/${encodeURIComponent(page.cell)}`;
+export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
 // Ask the API: ask("POST", "/cells/ir361/lease", {note}); the cell's lease is shown where we have it.
 // A GET waits while others are under way; what changes something does not. `signal` ends it.
@@ -253,12 +253,6 @@ export const lease = {
     sessionStorage.removeItem(KEY);
   },
 };
-
-// ---- jobs
-export const beginJob = (kind, request = {}, more = {}) =>
-  ask("POST", `${CELL}/jobs`, { kind, request, ...more }, 3 * PATIENCE_MS);
-
-export const answerJob = (job, question, text) => ask("POST", `/jobs/${job}/answer`, { question, text });
 
 // ---- held keys
 const keys = new HeldKey((message) => {

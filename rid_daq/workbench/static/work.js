@@ -3,9 +3,8 @@ import { element, find, parseNumber, table } from "./dom.js";
 import { showFigure } from "./figure.js";
 import { JobPanel } from "./job_panel.js";
 import { request } from "./requests.js";
-import { ask, page } from "./service.js";
+import { CELL, ask } from "./service.js";
 
-export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 export const wanted = new URLSearchParams(location.search);
 
 // A panel that also keeps the newest line of how a step goes, such as the running estimate, and

@@ -29,9 +29,9 @@ pytestmark = pytest.mark.slow
 
 CELL = "ir361"
 RECORD = """async () => {
-  const { beginJob } = await import("/static/service.js");
+  const { CELL, ask } = await import("/static/service.js");
   const request = { motion: "motion.yaml", simulation: { pace: 1 } };
-  return await beginJob("record", request, { cleared: true });
+  return await ask("POST", `${CELL}/jobs`, { kind: "record", request, cleared: true });
 }"""
 """A motion of minutes, by the page's own module and lease."""
 
