@@ -152,9 +152,5 @@ def _suffices(preflight: Preflight, kind: JobKind | None) -> bool:
     """Return whether a red preflight lacks nothing that a kind of motion needs."""
     red = [line.get("what") for line in preflight.lines if line.get("verdict") == "red"]
     waits_for_axes_only = preflight.problem is None and {*red} <= {AXIS_TEST, LAST_POSE}
-    return (
-        kind is not None
-        and not kind.operation.needs_axis_test
-        and bool(red)
-        and waits_for_axes_only
-    )
+    is_held = kind is not None and not kind.operation.needs_axis_test
+    return is_held and bool(red) and waits_for_axes_only

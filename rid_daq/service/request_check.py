@@ -17,7 +17,7 @@ from config.formats.bounded_file import read_file
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, parse_yaml
 from config.ranges import CODE
-from rid_daq.requests.request import Request
+from rid_daq.requests.request import INVALID, Request
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import MOST_CHARACTERS
 
@@ -68,9 +68,10 @@ def check_request(
                 f"{output}: belongs to a cell that is served: choose another name",
                 code="RID-OUTPUT-CELL",
             )
+    require_ending(kind, request)
 
 
-def request_of(kind: JobKind, told: dict[str, object], **owned: object) -> Request:
+def request_of(kind: JobKind, told: object, **owned: object) -> Request:
     """Return the request of a job; the service checks it by this, and its worker again.
 
     Args:
@@ -80,13 +81,13 @@ def request_of(kind: JobKind, told: dict[str, object], **owned: object) -> Reque
     Raises:
         ConfigError: It is not a request of this kind, or a number in it is outside of its range.
     """
+    if not isinstance(told, dict):
+        raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
     _require_bounded(kind, told)
     declared = kind.operation
     declared.refuse_owned(told)
     own = {name: owned[name] for name in declared.owned & owned.keys()}
-    request = declared.request.of_json({**told, **own}, shown=kind.value)
-    _require_ending(kind, told)
-    return request
+    return declared.request.of_json({**told, **own}, shown=kind.value)
 
 
 def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
@@ -111,7 +112,7 @@ def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
         )
 
 
-def _require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
+def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
     """Refuse an output whose name does not end as files of its kind do (`RID-OUTPUT-ENDING`).
 
     Raises:

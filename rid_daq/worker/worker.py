@@ -19,7 +19,7 @@ from rid_daq.app import Ending, end_by_signals, ending_of
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.perform import perform
 from rid_daq.service.job_kinds import JobKind
-from rid_daq.service.request_check import request_of
+from rid_daq.service.request_check import request_of, require_ending
 from rid_daq.terminal.console import printable
 from rid_daq.terminal.job_events import Ended
 from rid_daq.worker.job_console import EventFile, JobConsole
@@ -111,6 +111,7 @@ def work(
                 cleared=order.cleared,
                 tester=order.owner,
             )
+            require_ending(order.kind, order.request)
             perform(operation, request, console)
 
         orders.start()
