@@ -28,7 +28,7 @@ _HEAD: Final = """# Guards of motion
 Each row is a check that refuses a motion before it begins, or stops it while it runs. The tests in
 the last column fail if the check is removed: `python -m tests.guards.removed` removes each check in
 a copy of the project and runs them. `tests/guards/test_guards.py` fails if a check or a test of
-this page no longer exists. What happens when a drive, a bus or a program fails is on the page
+this page no longer exists. Failures of drives, buses and programs are on the page
 [faults](faults.md), promises against people and programs are on the page [security](security.md).
 
 rid-daq is not a safety function. The cell's own emergency stop is required and must be within
