@@ -1,1 +1,1 @@
-"""Frequency response, velocity loop and feedforward: the path error cut."""
+"""Frequency responses, velocity loops, feedforward and retiming: reduction of the path error."""

@@ -1,4 +1,4 @@
-"""A motion beside a model of the robot: the torque that it takes, and its feedforward."""
+"""A motion with a model of the robot: its torque and its feedforward."""
 
 from __future__ import annotations
 
@@ -33,19 +33,18 @@ def compensated_motion(
     loops: Sequence[VelocityLoop],
     tuning: FeedforwardTuning | None = None,
 ) -> MotionSamples:
-    """Return the motion with its pre-compensated feedforward.
+    """Return the motion with its precompensated feedforward.
 
-    Everything is compensated on bins: periods on their own, so that all are alike, and the motion
-    as a whole on those of one long period with a return to its start.
+    The compensation is computed on frequency lines: one period separately, so that all periods are
+    equal, and the whole motion as one long period with a return to its start.
 
     Args:
-        samples: The motion.
-        estimate: The model of the robot.
-        loops: One a joint.
+        estimate: Model of the robot.
+        loops: One per joint.
         tuning: Correction from a reference run.
 
     Raises:
-        ConfigError: Model or loops are of other joints.
+        ConfigError: Model or loops belong to other joints.
     """
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
     samples = samples.whole()
@@ -60,16 +59,15 @@ def with_feedforward(
     torque_nm: FloatArray,
     tuning: FeedforwardTuning | None = None,
 ) -> MotionSamples:
-    """Return the motion with the feedforward that its torque takes.
+    """Return the motion with the feedforward for its torque.
 
-    With a coupled wrist, loops and torques are the motors', and so is what is corrected; the
-    feedforward is the joints' again, as the drives' driver takes it (5.18).
+    With a coupled wrist, loops, torques and corrections are those of the motors. The feedforward is
+    that of the joints, as the driver of the drives needs it (5.18).
 
     Args:
-        samples: The motion.
-        robot: Whose motors they are.
-        loops: One a joint, in the joints' order.
-        torque_nm: Shape (samples, n). The motors' torques, link side [N m or N].
+        robot: Robot of the motors.
+        loops: One per joint, in the order of the joints.
+        torque_nm: Shape (samples, n). Motor torques, link side [N m or N].
         tuning: Correction from a reference run.
     """
     coupling = WristCoupling.of_robot(robot)
@@ -91,22 +89,22 @@ def with_feedforward(
 
 
 def turning_rows(samples: MotionSamples) -> tuple[int, int]:
-    """Return the first row of a periodic motion's first period, and the one after its last."""
+    """Return the first row of the first period of a periodic motion, and the end of its last."""
     turning = np.flatnonzero((samples.phase == Phase.MAIN) | (samples.phase == Phase.TRANSIENT))
     return int(turning[0]), int(turning[-1]) + 1
 
 
 def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) -> FloatArray:
-    """Return rows of a motion that go over into those of its last period, and out again.
+    """Return rows of a motion that blend into the rows of its last period, and out again.
 
     Args:
         samples: A periodic motion.
         rows: Shape (samples, n). Values before and after the periods.
-        period: Shape (samples_per_period, n). Values of its last period, and of every other.
+        period: Shape (samples_per_period, n). Values of the last period; all periods are equal.
     """
     first, last = turning_rows(samples)
     number = np.arange(len(samples))
-    # The motion's row k is row (k - last) of the period, everywhere.
+    # Row k of the motion is row (k - last) of the period.
     exact = period[(number - last) % len(period)]
     over = max(1, round(BLEND_S / samples.sample_period_s))
     x = np.clip(np.minimum(number - first, last + over - number) / over, 0.0, 1.0)
@@ -117,16 +115,17 @@ def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) ->
 def refuse_torque(
     motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
 ) -> None:
-    """Refuse a motion that takes more torque than a joint has, cold or warm (`limit_torque`).
+    """Refuse a motion that exceeds a joint's torque limit, cold or warm (`limit_torque`).
 
     Args:
-        motion: What its file says.
+        motion: The motion file.
         samples: The motion as planned.
-        estimate: The model that predicts its torque.
-        robot: The limits.
+        estimate: Model that predicts the torque.
+        robot: Robot with the limits.
 
     Raises:
-        LimitError: It does; the text names joint, time and, of a path, the segment.
+        LimitError: The limit is exceeded; the message names joint, time and, for a path, the
+            segment.
     """
     samples = samples.whole()
     moved = (samples.position, samples.velocity, samples.acceleration)
@@ -141,7 +140,7 @@ def refuse_torque(
         if place:
             where += f", {place},"
         raise LimitError(
-            f"{where} the motion takes {torque[row, j]:.4g} {unit} of joint {joint.name!r} by the"
-            f" model, its limit is {joint.limits.torque:g}: drive it more slowly",
+            f"{where} the motion needs {torque[row, j]:.4g} {unit} in joint {joint.name!r} by the"
+            f" model; its limit is {joint.limits.torque:g}: drive it more slowly",
             code="RID-MOTION-LIMIT",
         )

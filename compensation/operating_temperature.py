@@ -1,4 +1,4 @@
-"""`at_operation`: a model at the temperature that joints work at, where friction depends on it."""
+"""`at_operation`: a model at the operating temperature, if its friction depends on temperature."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class AtOperation:
     """A model at one temperature.
 
     Attributes:
-        estimate: It, without friction that depends on temperature.
-        sentence: How warm that is, in words; empty where its friction does not depend on it.
+        estimate: The model without friction that depends on temperature.
+        sentence: The temperature in words; empty if friction does not depend on it.
     """
 
     estimate: Estimate
@@ -33,62 +33,61 @@ class AtOperation:
 
     @property
     def notes(self) -> list[str]:
-        """The sentence, where there is one."""
+        """The sentence, if there is one."""
         return [self.sentence] if self.sentence else []
 
 
 def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | None) -> AtOperation:
-    """Return a model at the temperature that a person asks for.
+    """Return a model at the requested temperature.
 
     Args:
-        estimate: The model.
-        asked: Degrees Celsius, one or one a joint separated by commas, for a model that was
-            identified with measured temperatures; `cold`, or `warm` as the motion makes them that
-            is repeated, for one that follows warmth without thermometers.
-        velocity: Shape (samples, n). Of the whole motion [rad/s or m/s]; None where nobody knows it
-            ahead.
+        asked: For a model identified with measured temperatures, degrees Celsius: one value, or one
+            per joint separated by commas. For a model that follows warming without thermometers:
+            `cold`, or `warm` for the state after many repetitions of the motion.
+        velocity: Shape (samples, n). The whole motion [rad/s or m/s]; None if it is not known in
+            advance.
 
     Raises:
-        ConfigError: Nothing was asked and the friction depends on temperature, or it does not and
-            something was; or what was asked is not known of this model, or is no temperature.
+        ConfigError: The friction depends on temperature but none was given, or the reverse; or the
+            value does not fit the model or is not a temperature.
     """
     depends = by_temperature(estimate)
     names = [joint.name for joint in estimate.robot.joints]
     if not depends.any():
         if asked is not None:
             raise ConfigError(
-                f"--temperature {asked}: has no effect, friction in this model does not depend on"
+                f"--temperature {asked}: has no effect: friction in this model does not depend on"
                 " temperature; leave it out",
                 code="RID-OPTION-NO-EFFECT",
             )
         return AtOperation(estimate)
-    told = ", ".join(name for name, own in zip(names, depends, strict=True) if own)
+    affected = ", ".join(name for name, own in zip(names, depends, strict=True) if own)
     words = (COLD, WARM)
     if estimate.warming is None:
         if asked is None or asked in words:
             raise ConfigError(
-                f"friction of {told} depends on temperatures that were measured: say at how many"
-                " degrees Celsius the drives work, --temperature 40, or one for each joint"
-                " separated by commas",
+                f"friction of {affected} depends on measured temperatures: state the drives'"
+                " temperature in degrees Celsius, such as --temperature 40, or one value per"
+                " joint separated by commas",
                 code="RID-MODEL-TEMPERATURE",
             )
         return _at_degrees(estimate, asked, names)
     if asked not in words:
         raise ConfigError(
-            f"friction of {told} depends on warmth that nobody measured: say --temperature {WARM},"
-            f" as the motion makes them that is repeated, or --temperature {COLD}, as after a long"
-            " rest",
+            f"friction of {affected} depends on warming without thermometers: use --temperature"
+            f" {WARM} for the state after many repetitions of the motion, or --temperature {COLD}"
+            " for a robot after a long rest",
             code="RID-MODEL-TEMPERATURE",
         )
     cold = np.array([joint.reference_temperature_k for joint in estimate.robot.joints])
     if asked == COLD:
         return AtOperation(
-            at_temperature(estimate, cold), f"Friction of {told} as after a long rest."
+            at_temperature(estimate, cold), f"Friction of {affected} after a long rest."
         )
     if velocity is None:
         raise ConfigError(
-            f"--temperature {WARM}: the motion comes point by point, nobody knows how warm it makes"
-            f" the joints: give --temperature {COLD}, or a motion file",
+            f"--temperature {WARM}: the motion arrives point by point, so the warming it causes is"
+            f" not known: use --temperature {COLD}, or a motion file",
             code="RID-MODEL-TEMPERATURE",
         )
     settled = estimate.warming.settled(estimate.robot, velocity)
@@ -99,8 +98,8 @@ def at_operation(estimate: Estimate, asked: str | None, velocity: FloatArray | N
     )
     return AtOperation(
         at_temperature(estimate, settled),
-        f"Friction as the motion makes it when it is repeated until nothing changes: it leaves"
-        f" {heat}. Until then joints rub otherwise.",
+        f"Friction after many repetitions of the motion, when it no longer changes: {heat}."
+        " Friction differs until then.",
     )
 
 
@@ -119,4 +118,4 @@ def _at_degrees(estimate: Estimate, asked: str, names: list[str]) -> AtOperation
         )
     each = np.broadcast_to(np.array(degrees), (len(names),))
     said = ", ".join(f"{value:g} °C" for value in degrees)
-    return AtOperation(at_temperature(estimate, each + ZERO_CELSIUS_K), f"Friction as at {said}.")
+    return AtOperation(at_temperature(estimate, each + ZERO_CELSIUS_K), f"Friction at {said}.")

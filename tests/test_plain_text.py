@@ -15,7 +15,7 @@ HITS_PER_1000_WORDS = {
     "drivers": 14.0,
     "acquisition": 15.0,
     "identification": 14.0,
-    "compensation": 14.0,
+    "compensation": 1.0,
     "mock_hw": 15.0,
     "rid_daq": 16.0,
 }

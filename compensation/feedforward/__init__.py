@@ -1,4 +1,4 @@
-"""The feedforward of a motion that is known: computed, refined, judged, kept in a file.
+"""Feedforward of a known motion: compute, refine, judge, and store it.
 
-Off line. Begin with `inverse.py`.
+Everything here runs before the motion. Begin with `inverse.py`.
 """

@@ -1,10 +1,9 @@
-"""`Deflection`: how far gears bend the tool away from where the motors' encoders see it.
+"""`Deflection`: the tool error caused by elastic gears, which motor encoders cannot see.
 
-Encoders at the motors do not see the angle tau/k by which a gear of stiffness k gives way under
-the torque tau that it transmits. Without a model the estimate takes the measured motor torques for
-tau: friction and the motors' own inertia are part of them, although the gear does not transmit
-them. An identified model gives tau without them. Play, and bending of links and bearings, are not
-part of the estimate.
+A gear of stiffness k that transmits the torque tau bends by tau/k, and encoders at the motors do
+not see this angle. Without a model, tau is taken from the measured motor torques: these include
+friction and the motors' own inertia, which the gear does not transmit. An identified model gives
+tau without both. Play, and bending of links and bearings, are not included.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ from identification.estimation.estimate import Estimate
 
 @dataclass(frozen=True, eq=False)
 class Deflection:
-    """Estimated bending of the gears whose stiffness is known, over a motion.
+    """Estimated bending of the gears with known stiffness, over a motion.
 
     Attributes:
-        joint: Shape (samples, n). Angle that each gear gives way by [rad or m]; 0 for gears of
-            unknown stiffness.
-        distance_m: Shape (samples,). Distance between the tool point with and without this bending.
-        known: Shape (n,). The gears whose stiffness is known.
+        joint: Shape (samples, n). Bending of each gear [rad or m]; 0 for gears of unknown
+            stiffness.
+        distance_m: Shape (samples,). Distance of the tool point with and without this bending.
+        known: Shape (n,). True for gears with known stiffness.
     """
 
     joint: FloatArray
@@ -60,14 +59,14 @@ class Deflection:
 def deflection(
     robot: RobotDescription, position: FloatArray, torque_nm: FloatArray
 ) -> Deflection | None:
-    """Estimate how gears bend the tool; return None if no gear's stiffness is known.
+    """Estimate the tool error caused by gear bending; return None if no stiffness is known.
 
     Args:
         robot: Kinematics and `stiffness_nm_rad`. With a coupled wrist each stiffness is that of the
             actuator's gear, at the gear's output.
-        position: Shape (samples, n). Joint positions by the motors' encoders [rad or m].
+        position: Shape (samples, n). Joint positions measured by the motor encoders [rad or m].
         torque_nm: Shape (samples, n). Torques of the actuators, or those that their gears transmit,
-            at the gears' outputs [N m or N].
+            at the gear outputs [N m or N].
     """
     stiffness = [joint.stiffness_nm_rad for joint in robot.joints]
     known = np.array([each is not None for each in stiffness])
@@ -84,15 +83,14 @@ def deflection(
 
 
 def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Return positions of a motion's main part, and the torques that the gears transmit there.
+    """Return the positions of a motion's main phase and the torques that the gears transmit.
 
-    The torques are those of links and springs by the model, without friction and without the
-    inertia of rotors that the model tells from that of the links. What the arm carries beyond the
-    model is not in them.
+    The torques are those of the links and springs in the model, without friction and without rotor
+    inertia that the model separates from link inertia. A payload outside the model is not included.
 
     Args:
         estimate: The identified robot.
-        recording: A run, its approach included.
+        recording: A run with its approach.
 
     Returns:
         `position, torque_nm`, shape (samples, n). Positions, low-passed [rad or m], and torques at

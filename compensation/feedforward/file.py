@@ -1,4 +1,4 @@
-"""The file that `rid-daq compensate` writes: a motion and the speeds that pre-compensate it."""
+"""Feedforward file: a motion and the precompensated speeds, written by `rid-daq compensate`."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ LARGEST_FILE_BYTES: Final = 500_000_000
 
 
 class TuningEntry(ConfigModel):
-    """How a reference run tuned the feedforward, joint by joint; base to flange.
+    """Tuning of the feedforward by a reference run, per joint, base to flange.
 
-    `used` is false for a joint that the run does not show well enough; `applied_scale` and
-    `applied_delay_s` are 1 and 0 where the run cannot tell the value from them.
+    `used` is false for a joint that the run does not excite enough. `applied_scale` and
+    `applied_delay_s` are 1 and 0 if the run shows no significant difference from them.
     """
 
     run: str
@@ -41,7 +41,7 @@ class TuningEntry(ConfigModel):
 
     @classmethod
     def of(cls, found: Tuning, run: str, same_motion: bool) -> TuningEntry:
-        """Return the entry of a tuning by a run, of the same motion or another."""
+        """Return the entry of a tuning by a run of the same or of another motion."""
         return cls.taken(
             found,
             run=run,
@@ -51,15 +51,15 @@ class TuningEntry(ConfigModel):
         )
 
     def as_tuning(self) -> FeedforwardTuning:
-        """Return what to compute with."""
+        """Return the tuning that was applied."""
         return FeedforwardTuning(np.array(self.applied_scale), np.array(self.applied_delay_s))
 
 
 class RefinementEntry(ConfigModel):
-    """One step of refinement: from which runs, what was missed in them, and the stated bound.
+    """One step of refinement: its runs, their remaining error, and the convergence bound.
 
-    `rms` is of the mean error of each joint [rad or m], `over_noise` its power over the noise's,
-    `bound` what an error keeps of itself at most up to `band_hz`.
+    `rms` is the RMS of each joint's mean error [rad or m], `over_noise` the ratio of its power to
+    that of the noise, and `bound` the largest share of an error that remains, up to `band_hz`.
     """
 
     runs: tuple[str, ...]
@@ -71,10 +71,10 @@ class RefinementEntry(ConfigModel):
 
 
 class Origin(ConfigModel):
-    """What a feedforward was computed from: files by their SHA-256, runs by their ids.
+    """Sources of a feedforward: files by their SHA-256, runs by their ids.
 
-    `temperature` is how warm the joints were taken to be, as `at_operation` has it; empty where
-    friction does not depend on it.
+    `temperature` is the assumed temperature of the joints, as in `at_operation`; empty if friction
+    does not depend on it.
     """
 
     model_sha256: str = ""
@@ -85,9 +85,9 @@ class Origin(ConfigModel):
 
 
 class FeedforwardFile(ConfigModel):
-    """Speeds to add in the position loop, row by row of the planned motion.
+    """Speeds that the position loop adds to each row of the planned motion.
 
-    `feedforward` has a row a cycle and a column a joint, base to flange [rad/s or m/s].
+    `feedforward` has one row per cycle and one column per joint, base to flange [rad/s or m/s].
     """
 
     format: Literal["rid-daq feedforward 1"]
@@ -101,7 +101,7 @@ class FeedforwardFile(ConfigModel):
         """Return the planned motion with this feedforward.
 
         Raises:
-            ConfigError: It belongs to another motion, cycle time or robot.
+            ConfigError: The feedforward belongs to another motion, cycle time or robot.
         """
         rows, samples = np.array(self.feedforward, dtype=float), samples.whole()
         cycle_ms = round(1e3 * samples.sample_period_s)
@@ -111,7 +111,7 @@ class FeedforwardFile(ConfigModel):
             or cycle_ms != self.cycle_time_ms
         ):
             raise ConfigError(
-                f"the feedforward is of {len(rows)} rows of {self.cycle_time_ms} ms for joints"
+                f"the feedforward has {len(rows)} rows of {self.cycle_time_ms} ms for joints"
                 f" {', '.join(self.joints)}; the motion has {len(samples)} rows of {cycle_ms} ms"
                 f" for {', '.join(samples.joint_names)}: compensate it again for this cell",
                 code="RID-FEEDFORWARD-OTHER-MOTION",
@@ -122,14 +122,14 @@ class FeedforwardFile(ConfigModel):
 def write_feedforward(
     path: Path, motion: AnyMotion, samples: MotionSamples, origin: Origin | None = None
 ) -> None:
-    """Write a compensated motion and what it was made from into a file, whole or not at all."""
+    """Write a compensated motion and its sources; the file is written completely or not at all."""
     write_whole(path, feedforward_bytes(motion, samples, origin))
 
 
 def feedforward_bytes(
     motion: AnyMotion, samples: MotionSamples, origin: Origin | None = None
 ) -> bytes:
-    """Return what such a file holds."""
+    """Return the content of a feedforward file."""
     assert samples.feedforward is not None
     file = FeedforwardFile(
         format=FORMAT,
@@ -143,15 +143,15 @@ def feedforward_bytes(
 
 
 def read_feedforward(path: Path) -> FeedforwardFile:
-    """Read such a file.
+    """Read a feedforward file.
 
     Raises:
-        ConfigError: It cannot be read or is none.
+        ConfigError: The file cannot be read or is not a feedforward file.
     """
     return feedforward_content(read_content(path, LARGEST_FILE_BYTES), path)
 
 
 def feedforward_content(data: bytes, path: Path) -> FeedforwardFile:
-    """Return what stands in the bytes of such a file; as `read_feedforward`."""
-    what = "a feedforward file as `rid-daq compensate` writes it"
+    """Parse the content of a feedforward file; see `read_feedforward`."""
+    what = "a feedforward file of `rid-daq compensate`"
     return json_content(data, path, FeedforwardFile, what)

@@ -1,12 +1,12 @@
-"""Pre-compensated velocity feedforward (6.1-6.3): the velocity loop's inverse, applied to a model.
+"""Precompensated velocity feedforward (6.1-6.3): inverse of the velocity loop, applied to a model.
 
-The drive makes torque out of velocity error alone, so a robot under load lags behind its command.
-The feedforward is the speed wanted plus the error that makes the torque wanted,
+A drive generates torque from velocity error only, so a loaded robot lags behind its command. The
+feedforward is the desired speed plus the velocity error that generates the desired torque,
 
     v_ff = v_d + G_c^-1 tau_d ,    G_c^-1 = (1 / K_p) T_i s / (T_i s + 1) ,
 
-a high-pass: what is constant, the loop's own integrator carries. Everything is computed ahead by
-the time that commands take to act.
+a high-pass filter: the loop's own integrator carries constant torque. All values are shifted ahead
+by the delay with which commands act.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ RETURN_S: Final = 1.5
 
 @dataclass(frozen=True, eq=False)
 class FeedforwardTuning:
-    """How one reference run corrects the feedforward, axis by axis.
+    """Correction of the feedforward by one reference run, per axis.
 
     Attributes:
-        scale: Shape (n,). What the model's torque is multiplied by.
-        delay_s: Shape (n,). Transport delay beyond the cycles that are known [s].
+        scale: Shape (n,). Factor of the model torque.
+        delay_s: Shape (n,). Transport delay beyond the known cycles [s].
     """
 
     scale: FloatArray
@@ -53,10 +53,10 @@ class FeedforwardTuning:
 
 
 def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
-    """Refuse what works joint by joint for a robot whose motors do not.
+    """Refuse a method that works joint by joint if the robot has a coupled wrist.
 
     Raises:
-        ConfigError: The robot's wrist is coupled; `what` is named.
+        ConfigError: The robot has a coupled wrist; the message names `what`.
     """
     if robot.coupling is not None:
         raise ConfigError(
@@ -69,7 +69,7 @@ def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
 def inverse_response(
     loop: VelocityLoop, frequency_hz: FloatArray
 ) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
-    """Return 1 / G_c at frequencies [Hz], 0 at 0: what is constant needs nothing."""
+    """Return 1 / G_c at frequencies [Hz]; 0 at 0 Hz, as constant torque needs no velocity error."""
     found = np.zeros(len(frequency_hz), dtype=np.complex128)
     moving = frequency_hz > 0.0
     found[moving] = 1.0 / loop.response(frequency_hz[moving])
@@ -85,19 +85,17 @@ def periodic_feedforward(
     tuning: FeedforwardTuning | None = None,
     band_hz: float | None = None,
 ) -> FloatArray:
-    """Return the feedforward of a periodic motion, exactly on its bins.
+    """Return the feedforward of a periodic motion, exact on its frequency lines.
 
     Args:
-        loops: One a joint.
-        velocity, torque_nm: Shape (K, n). One period of the motion wanted, and the torque that a
-            model says it takes.
+        loops: One per joint.
+        velocity, torque_nm: Shape (K, n). One period of the desired motion and its model torque.
         cycle_time_s: Time between rows [s].
         tuning: Correction from a reference run.
-        band_hz: Torque above this frequency [Hz] is left out; a quarter of the sampling frequency,
-            if not given.
+        band_hz: Highest frequency of the torque [Hz] (default: a quarter of the sampling rate).
 
     Returns:
-        Shape (K, n). Speeds to send, row by row: those of row k act two cycles later.
+        Shape (K, n). Speeds to send; row k acts two cycles later.
     """
     rows, n = velocity.shape
     tuning = tuning or FeedforwardTuning.none(n)
@@ -118,15 +116,15 @@ def periodic_feedforward(
 
 @dataclass
 class InverseFilter:
-    """G_c^-1 in time, sample after sample, for torques that are linear in between.
+    """G_c^-1 in the time domain, for torques that are linear between samples.
 
-    The state is the torque that the loop's integrator carries. Parameters are those of
-    `VelocityLoop`, without delay and lag, which the caller looks ahead for.
+    The state is the torque of the loop's integrator. Parameters are those of `VelocityLoop` without
+    delay and lag; the caller compensates these by looking ahead.
 
     Args:
-        gain, integral_time_s: Shape (n,). K_p and T_i of every joint.
+        gain, integral_time_s: Shape (n,). K_p and T_i of each joint.
         step_s: Time between samples [s].
-        torque_nm: Shape (n,). The torque at the start, which the integrators carry already.
+        torque_nm: Shape (n,). Torque at the start, already in the integrators.
     """
 
     gain: FloatArray
@@ -144,25 +142,25 @@ class InverseFilter:
         self._decay, self._old, self._new = decay, share - decay, 1.0 - share
 
     def step(self, torque_nm: FloatArray) -> FloatArray:
-        """Return the velocity error that makes the next sample's torque, shape (n,)."""
+        """Return the velocity error that generates the next sample's torque, shape (n,)."""
         self._carried = self._decay * self._carried + self._old * self._last + self._new * torque_nm
         self._last = torque_nm
         return np.asarray((torque_nm - self._carried) / self.gain)
 
 
 def padding_rows(step_s: float) -> int:
-    """Return the rows of the return, with a rest before and after it."""
+    """Return the number of rows of the return, with the rest before and after it."""
     return round((2.0 * REST_S + RETURN_S) / step_s)
 
 
 def returned(values: FloatArray, step_s: float) -> FloatArray:
-    """Return a signal with a smooth way back to its first row, so that its bins have no jump.
+    """Append a smooth return to the first row, so that the periodic signal has no jump.
 
-    The return is far longer than a velocity loop's integral time: nothing of it is left when the
-    motion begins.
+    The return is much longer than the integral time of a velocity loop, so its effect has decayed
+    when the motion begins.
 
     Args:
-        values: Shape (samples, n). A signal that rests at both ends.
+        values: Shape (samples, n). A signal that is at rest at both ends.
         step_s: Time between rows [s].
 
     Returns:
@@ -182,10 +180,10 @@ def rest_to_rest_feedforward(
     *,
     tuning: FeedforwardTuning | None = None,
 ) -> FloatArray:
-    """Return the feedforward of any motion that begins and ends at rest, on its bins.
+    """Return the feedforward of a motion from rest to rest, computed on its frequency lines.
 
-    The motion is made periodic by a slow return to its start: all delays are looked ahead for, by
-    parts of a cycle too. Parameters and result are those of `feedforward`.
+    A slow return makes the motion periodic, so that delays are compensated to fractions of a cycle.
+    Parameters and result are those of `feedforward`.
     """
     speed, torque = (returned(values, cycle_time_s) for values in (velocity, torque_nm))
     ahead = periodic_feedforward(loops, speed, torque, cycle_time_s, tuning=tuning)
@@ -200,18 +198,17 @@ def feedforward(
     *,
     tuning: FeedforwardTuning | None = None,
 ) -> FloatArray:
-    """Return the feedforward of any motion in time, row after row, as the on-line stage does.
+    """Return the feedforward of any motion in the time domain, as the on-line stage computes it.
 
     Args:
-        loops: One a joint.
-        velocity, torque_nm: Shape (samples, n). The motion wanted, and the torque that a model says
-            it takes.
+        loops: One per joint.
+        velocity, torque_nm: Shape (samples, n). The desired motion and its model torque.
         cycle_time_s: Time between rows [s].
         tuning: Correction from a reference run.
 
     Returns:
-        Shape (samples, n). Speeds to send, row by row. What the first two cycles would have to be
-        told before the motion begins is lost; it begins at rest.
+        Shape (samples, n). Speeds to send, row by row. The commands that would have to be sent
+        before the first row are lost; the motion begins at rest.
     """
     n = velocity.shape[1]
     tuning = tuning or FeedforwardTuning.none(n)

@@ -1,17 +1,17 @@
-"""Refinement of a feedforward over repetitions: what the robot missed, it is sent the next time.
+"""Refinement of a feedforward over repetitions: each run corrects the error of the last one.
 
-The robot was sent R (K_v e + v_ff) where the model says that the motion it made takes
-jw q + G_c^-1 tau(q), and that the motion wanted takes jw q_d + G_c^-1 tau(q_d). The difference is
-sent in addition:
+The command R (K_v e + v_ff) was sent. By the model, the motion that the robot made takes jw q +
+G_c^-1 tau(q), and the desired motion takes jw q_d + G_c^-1 tau(q_d). The difference is added to the
+next command:
 
     v_ff' = v_ff + K_v e + (jw e + G_c^-1 (tau(q_d) - tau(q))) / R .
 
-Were the model right, one repetition would do. It is not, and the error shrinks by
+With an exact model one repetition would be enough. With a real one the error shrinks by
 
     rho(w) = |1 - L(w) / L_true(w)| ,   L = R K_v + jw + G_c^-1 (jw f_v - w^2 M) ,
 
-from one repetition to the next, as long as rho < 1 (Bristow, Tharayil and Alleyne 2006). `bound` is
-the largest rho over the band for loops and inertia within their intervals, along the motion.
+from one repetition to the next if rho < 1 (Bristow, Tharayil and Alleyne 2006). `stability_bound`
+is the largest rho in the band, along the motion, for loops and inertia within their intervals.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ _LOSSES: Final = ("cl_", "eta_")
 
 @dataclass(frozen=True, eq=False)
 class StabilityBound:
-    """By what an error shrinks at least, from one repetition to the next.
+    """Upper bound of the share of an error that remains after one repetition.
 
     Attributes:
-        frequency_hz: Shape (lines,). Where it was computed.
-        rho: Shape (lines, n). The largest |1 - L / L_true| over loops and inertias within their
+        frequency_hz: Shape (lines,). Frequencies of the bound [Hz].
+        rho: Shape (lines, n). Largest |1 - L / L_true| for loops and inertias within their
             intervals.
-        band_hz: What is learned ends here: up to it `rho` stays below 0.8 in every joint.
+        band_hz: End of the refined band [Hz]; up to it `rho` stays below 0.8 in every joint.
     """
 
     frequency_hz: FloatArray
@@ -68,7 +68,7 @@ class StabilityBound:
 
     @property
     def largest(self) -> FloatArray:
-        """The bound of each joint over the band, shape (n,)."""
+        """Largest bound of each joint in the band, shape (n,)."""
         return np.asarray(self.rho[self.frequency_hz <= self.band_hz].max(axis=0))
 
 
@@ -77,12 +77,12 @@ class Refinement:
     """One step of refinement.
 
     Attributes:
-        correction: Shape (samples, n). What to add to the feedforward in the error's rows [rad/s or
-            m/s].
-        bound: Of this step.
-        over_noise: Shape (n,). Power of the mean error inside the band, over that of the noise in
+        correction: Shape (samples, n). Speeds to add to the feedforward in the rows of the error
+            [rad/s or m/s].
+        bound: Convergence bound of this step.
+        over_noise: Shape (n,). Power of the mean error in the band over the power of the noise in
             it.
-        noise_limit: Up to here the error cannot be told from noise.
+        noise_limit: Ratio up to which the error is indistinguishable from noise.
     """
 
     correction: FloatArray
@@ -92,7 +92,7 @@ class Refinement:
 
     @property
     def finished(self) -> bool:
-        """Whether the remaining error is noise in every joint."""
+        """True if the remaining error is noise in every joint."""
         return bool((self.over_noise <= self.noise_limit).all())
 
 
@@ -103,18 +103,17 @@ def refinement(
     loops: Sequence[VelocityLoop],
     gain_per_s: float,
 ) -> Refinement:
-    """Return what to add to the feedforward, after repetitions of a motion.
+    """Return the correction of a feedforward after repetitions of a motion.
 
     Args:
-        samples: The motion.
-        measured: What was missed.
-        estimate: The model of the robot.
-        loops: One a joint, base to flange.
+        measured: Error that remained in the repetitions.
+        estimate: Model of the robot.
+        loops: One per joint, base to flange.
         gain_per_s: K_v of the position loop [1/s].
 
     Raises:
-        ConfigError: The robot's wrist is coupled.
-        DataQualityError: The loops are known too badly for any refinement to be safe.
+        ConfigError: The robot has a coupled wrist.
+        DataQualityError: The loops are too uncertain for a safe refinement.
     """
     refuse_coupled_wrist(estimate.robot, "refinement")
     step_s = samples.sample_period_s
@@ -131,7 +130,7 @@ def refinement(
     lines = int(inside.sum())
     over_noise = power[inside].sum(axis=0) / np.maximum(noise[inside].sum(axis=0), 1e-300)
     limit = 1.0 + SIGMAS_OF_NOISE * math.sqrt((1.0 + 1.0 / (measured.repetitions - 1)) / lines)
-    # Wiener's share: of a line that is mostly noise little is learned.
+    # Wiener filter: a line that is mostly noise is hardly corrected.
     share = np.maximum(0.0, 1.0 - noise / np.maximum(power, 1e-300))
     learned = bins * share * _fade(frequency_hz, bound.band_hz)[:, np.newaxis]
     torque = to_bins(_torque_missed(samples, measured, smooth, learned, rows), highest)
@@ -148,10 +147,10 @@ def refinement(
 def stability_bound(
     samples: MotionSamples, smooth: Estimate, loops: Sequence[VelocityLoop], gain_per_s: float
 ) -> StabilityBound:
-    """Return by what refinement shrinks an error, given how well the loops are known.
+    """Return the convergence bound of refinement for loops of known uncertainty.
 
     Raises:
-        DataQualityError: Not even below 0.5 Hz by as much as a fifth.
+        DataQualityError: An error below 0.5 Hz could keep more than 80 % of itself.
     """
     step_s = samples.sample_period_s
     frequency_hz = np.geomspace(0.1, BAND_SHARE / step_s, 120)
@@ -174,8 +173,8 @@ def stability_bound(
     if unsafe[0] or band_hz < LOWEST_BAND_HZ:
         worst = int(rho[0].argmax())
         raise DataQualityError(
-            f"the velocity loop of {loops[worst].joint_name} is known too badly to refine by: an"
-            f" error could keep {rho[0, worst]:.0%} of itself. Measure the loops again with more"
+            f"the velocity loop of {loops[worst].joint_name} is too uncertain for refinement:"
+            f" {rho[0, worst]:.0%} of an error could remain. Measure the loops again with more"
             " periods (`rid-daq loop`)",
             code="RID-LOOP-WEAK",
         )
@@ -183,7 +182,7 @@ def stability_bound(
 
 
 def without_jumps(estimate: Estimate) -> Estimate:
-    """Return a model without the friction that jumps where a speed changes its sign."""
+    """Return a model without friction that jumps when a speed changes its sign."""
     jumping = {
         column.parameter_name
         for term in estimate.model.terms
@@ -197,7 +196,7 @@ def without_jumps(estimate: Estimate) -> Estimate:
 
 
 def _lossless(estimate: Estimate) -> Estimate:
-    """Return a model whose gears lose nothing: their losses change sides with the speed's sign."""
+    """Return a model without gear losses; losses jump when the speed changes its sign."""
     own, model = estimate.options, estimate.model
     left = np.array([not name.startswith(_LOSSES) for name in model.nonlinear_names])
     joints = tuple(
@@ -223,7 +222,7 @@ def _lossless(estimate: Estimate) -> Estimate:
 
 
 def _likely(loop: VelocityLoop) -> list[VelocityLoop]:
-    """Return loops on the edge of two standard deviations around a fitted one."""
+    """Return loops at two standard deviations from a fitted one, in random directions."""
     if not len(loop.names):
         return [loop]
     random = np.random.default_rng(0)
@@ -243,7 +242,7 @@ _CHI2_95: Final = (3.841, 5.991, 7.815, 9.488)
 def _inertia_and_friction(
     samples: MotionSamples, smooth: Estimate
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return M_jj at poses along the motion with its standard deviation, and viscous friction."""
+    """Return M_jj at poses along the motion, its standard deviation, and viscous friction."""
     rows = np.unique(np.linspace(0, len(samples) - 1, POSES).astype(int))
     q, n = samples.position[rows], len(samples.joint_names)
     rest = np.zeros_like(q)
@@ -263,14 +262,14 @@ def _inertia_and_friction(
 
 
 def _columns(estimate: Estimate, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-    """Return what each base parameter adds to the torques, shape (samples, n, b)."""
+    """Return the torque per base parameter, shape (samples, n, b)."""
     return np.asarray(estimate.base.columns(regressor(estimate.model, q, v, a)))
 
 
 def _torque_missed(
     samples: MotionSamples, measured: RepeatedError, smooth: Estimate, learned: Complex, rows: int
 ) -> FloatArray:
-    """Return tau(q_d) - tau(q), with q what was reached by the errors that are learned from."""
+    """Return tau(q_d) - tau(q), with q reached according to the error that is learned."""
     omega = 2.0 * math.pi * np.arange(len(learned)) / (rows * samples.sample_period_s)
     slope = (1j * omega)[:, np.newaxis]
     count = len(measured.error)
@@ -282,6 +281,6 @@ def _torque_missed(
 
 
 def _fade(frequency_hz: FloatArray, band_hz: float) -> FloatArray:
-    """Return 1 up to `FULL_SHARE` of the band, falling to 0 at its end."""
+    """Return 1 up to `FULL_SHARE` of the band, then a smooth decrease to 0 at its end."""
     x = np.clip((frequency_hz / band_hz - FULL_SHARE) / (1.0 - FULL_SHARE), 0.0, 1.0)
     return np.asarray(1.0 - x * x * (3.0 - 2.0 * x))

@@ -1,4 +1,4 @@
-"""`RepeatedError`: what a robot misses of a motion every time, apart from what is chance."""
+"""`RepeatedError`: the part of a tracking error that repeats, separated from noise."""
 
 from __future__ import annotations
 
@@ -20,18 +20,17 @@ FEWEST_RUNS: Final = 2
 
 @dataclass(frozen=True, eq=False)
 class RepeatedError:
-    """The mean error of a motion's repetitions, and the noise left in that mean.
+    """Mean error over a motion's repetitions, and the noise that remains in this mean.
 
     Attributes:
         joint_names: Base to flange.
         sample_period_s: Time between rows [s].
-        rows: The rows of the planned motion that it is of: its last measured period, or all of
-            them.
+        rows: Rows of the planned motion that the error covers: the last measured period, or all.
         error: Shape (samples, n). Mean of q_d - q [rad or m].
-        bin_variance: Shape (bins, n). Noise of the mean, E|N|^2 on each bin of the error (with its
-            return to the first row, where the motion is not periodic).
-        periodic: Whether it is of a period.
-        repetitions: Periods, or runs, that were averaged.
+        bin_variance: Shape (bins, n). Noise of the mean, E|N|^2 on each bin of the error; for a
+            motion that is not periodic, of the error with its return to the first row.
+        periodic: True if the error covers one period.
+        repetitions: Number of averaged periods or runs.
     """
 
     joint_names: tuple[str, ...]
@@ -55,26 +54,24 @@ class RepeatedError:
 
 
 def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> RepeatedError:
-    """Average the repetitions of a motion: the periods of a run, or several runs.
+    """Average the repetitions of a motion: the periods of one run, or several runs.
 
     Args:
         samples: The motion as planned.
-        recordings: One run of a periodic motion, or at least two runs of one that is not.
+        recordings: One run of a periodic motion, or at least two runs of any other motion.
 
     Raises:
         DataQualityError: There are too few repetitions, or rows are missing.
     """
     for recording in recordings:
         if recording.joint_names != samples.joint_names:
-            raise DataQualityError(
-                "a run is of other joints than the motion", code="RID-ROBOT-OTHER"
-            )
+            raise DataQualityError("a run has other joints than the motion", code="RID-ROBOT-OTHER")
     if samples.samples_per_period is None:
         return _of_runs(samples, recordings)
     if len(recordings) != 1:
         raise DataQualityError(
-            f"{len(recordings)} runs of a periodic motion are given: one is enough, its periods are"
-            " the repetitions",
+            f"{len(recordings)} runs of a periodic motion: give one run; its periods are the"
+            " repetitions",
             code="RID-REFINE-RUNS",
         )
     average = average_periods(recordings[0])
@@ -95,8 +92,8 @@ def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> R
 def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> RepeatedError:
     if len(recordings) < FEWEST_RUNS:
         raise DataQualityError(
-            "the motion is not periodic: give two runs of it or more with the same feedforward, so"
-            " that what repeats can be told from noise",
+            "the motion is not periodic: give two or more runs with the same feedforward, so that"
+            " the repeated error can be separated from noise",
             code="RID-REFINE-RUNS",
         )
     errors = np.array([samples.position - _position(samples, one) for one in recordings])
@@ -104,7 +101,7 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
     padded = np.array([returned(error, samples.sample_period_s) for error in errors])
     bins = np.fft.rfft(padded, axis=1) / padded.shape[1]
     noise = np.square(np.abs(bins - bins.mean(axis=0))).sum(axis=0) / (count - 1) / count
-    # Of two or three runs a single bin says little: neighbours are taken together.
+    # A single bin of two or three runs is uncertain: average over neighbours.
     wide = max(1, 2 * round(len(noise) / 40) + 1)
     smooth = np.array([np.convolve(one, np.full(wide, 1.0 / wide), "same") for one in noise.T]).T
     rounding = np.mean([_rounding(one.position) for one in recordings], axis=0) / padded.shape[1]
@@ -120,15 +117,15 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
 
 
 def _position(samples: MotionSamples, recording: Recording) -> FloatArray:
-    """Return the measured position of every row of the motion."""
+    """Return the measured position in each row of the motion."""
     there = recording.valid & (recording.sample_index >= 0)
     index = recording.sample_index[there]
     rows = np.arange(len(samples))
     missing = len(samples) - len(np.unique(index))
     if missing > 0.02 * len(samples):
         raise DataQualityError(
-            f"run {recording.run_id} misses {missing} of {len(samples)} rows of the motion: record"
-            " it again",
+            f"run {recording.run_id}: {missing} of {len(samples)} rows of the motion are missing:"
+            " record it again",
             code="RID-RECORDING-ROWS-LOST",
         )
     columns = [np.interp(rows, index, column) for column in recording.position[there].T]
@@ -136,7 +133,7 @@ def _position(samples: MotionSamples, recording: Recording) -> FloatArray:
 
 
 def _rounding(position: FloatArray) -> FloatArray:
-    """Return the variance that rounding to the encoders' steps has, shape (n,)."""
+    """Return the variance of rounding to encoder increments, shape (n,)."""
     steps = np.abs(np.diff(position, axis=0))
     smallest = np.where(steps > 1e-12, steps, np.inf).min(axis=0)
     return np.asarray(np.where(np.isfinite(smallest), smallest, 0.0) ** 2 / 12.0)

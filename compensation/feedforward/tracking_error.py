@@ -1,4 +1,4 @@
-"""`TrackingError`: how far a robot was from where it should have been, joint and path (6.4-6.6)."""
+"""`TrackingError`: distance between desired and reached positions, per joint and path (6.4-6.6)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class TrackingError:
     Attributes:
         joint: Shape (samples, n). q_d - q [rad or m].
         distance_m: Shape (samples,). |p_d(i) - p(i)| of the tool point at the same instant (6.4).
-        wanted_m, reached_m: Shape (samples, 3). The tool point's paths in the base frame.
+        wanted_m, reached_m: Shape (samples, 3). Desired and reached path of the tool point in the
+            base frame.
     """
 
     joint: FloatArray
@@ -48,7 +49,7 @@ class TrackingError:
 
 
 def tracking_error(chain: Chain, wanted: FloatArray, reached: FloatArray) -> TrackingError:
-    """Compare positions wanted with positions reached, both of shape (samples, n)."""
+    """Compare desired with reached positions, both of shape (samples, n)."""
     paths = [forward(chain, positions) for positions in (wanted, reached)]
     return TrackingError(
         joint=wanted - reached,

@@ -1,11 +1,11 @@
-"""Tuning of the feedforward by one averaged reference run: a scale per axis and a delay.
+"""Tuning of the feedforward by one averaged reference run: a torque scale and a delay per axis.
 
-Model, loops and transport delay were measured apart, and what they get wrong together shows when
-the loop is closed. Over the mean period of the reference run
+Model, loops and transport delay were measured separately; the closed loop shows their common error.
+Over the mean period of the reference run
 
     R exp(-jw T) (K_v e + v_ff) - jw q = s G_c^-1 tau(q)
 
-holds on every bin; s and T are found by least squares (chapter 6.4 tunes the same two).
+holds on every bin. s and T are found by least squares (chapter 6.4 tunes the same two values).
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class Tuning:
     """A tuning with its uncertainty.
 
     Attributes:
-        tuning: To use: 1 and 0 where the run cannot tell the value from them.
-        scale, delay_s: Shape (n,). As found.
+        tuning: Values to use; 1 and 0 if the run shows no significant difference from them.
+        scale, delay_s: Shape (n,). Estimated values.
         scale_std, delay_std_s: Shape (n,). Standard deviations, from the residuals.
-        used: Which axes the run shows well enough.
+        used: True for axes that the run excites enough.
     """
 
     tuning: FeedforwardTuning
@@ -72,25 +72,25 @@ def tune(
     loops: Sequence[VelocityLoop],
     gain_per_s: float,
 ) -> Tuning:
-    """Return scale and delay of every axis, from the mean period of a reference run.
+    """Return scale and delay of each axis from the mean period of a reference run.
 
     Args:
-        samples: The reference motion, with the feedforward that it was run with.
-        measured: What it missed.
-        estimate: The model of the robot.
-        loops: One a joint, base to flange.
+        samples: The reference motion with the feedforward of its run.
+        measured: Error that remained.
+        estimate: Model of the robot.
+        loops: One per joint, base to flange.
         gain_per_s: K_v of the position loop [1/s].
 
     Raises:
-        ConfigError: The robot's wrist is coupled.
-        DataQualityError: The motion is not periodic, is too short to show anything, or shows that
-            the model or the loops are of something else.
+        ConfigError: The robot has a coupled wrist.
+        DataQualityError: The motion is not periodic or too short, or the run contradicts the model
+            or the loops.
     """
     refuse_coupled_wrist(estimate.robot, "tuning by a reference run")
     if not measured.periodic:
         raise DataQualityError(
-            "the reference run is not of a periodic motion, so there is nothing to average: record"
-            " a circle or another periodic motion",
+            "the reference run is not periodic and cannot be averaged: record a circle or another"
+            " periodic motion",
             code="RID-RECORDING-NOT-PERIODIC",
         )
     step_s, rows = samples.sample_period_s, measured.rows
@@ -126,20 +126,22 @@ def tune(
     if (np.abs(found[0] - 1.0)[used] > LARGEST_CHANGE).any():
         worst = int(np.argmax(np.abs(found[0] - 1.0) * used))
         raise DataQualityError(
-            f"the reference run asks for {found[0, worst]:.3g} times the torque of"
-            f" {loops[worst].joint_name}: model or velocity loops are of another robot or payload;"
-            " measure them again",
+            f"the reference run needs {found[0, worst]:.3g} times the model torque of"
+            f" {loops[worst].joint_name}: model or velocity loops belong to another robot or"
+            " payload; measure them again",
             code="RID-LOOP-OTHER",
         )
-    told = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)
-    chosen = FeedforwardTuning(np.where(told[0], found[0], 1.0), np.where(told[1], found[1], 0.0))
+    significant = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)
+    chosen = FeedforwardTuning(
+        np.where(significant[0], found[0], 1.0), np.where(significant[1], found[1], 0.0)
+    )
     return Tuning(chosen, found[0], found[1], std[0], std[1], tuple(used.tolist()))
 
 
 def _equations(
     x: FloatArray, needed: Complex, sent: Complex, speed: Complex, omega: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the equations for a change of scale and delay, and what is missing on each bin."""
+    """Return the linearised equations for scale and delay, and the residual on each bin."""
     arrives = np.exp(-1j * omega * x[1]) * sent
     missing = arrives - speed - x[0] * needed
     columns = np.stack([needed, 1j * omega * arrives], axis=1)

@@ -1,5 +1,5 @@
-"""Velocity loops measured by multisines and fitted; the cascade that they make.
+"""Velocity loops measured with multisines, their fits, and the cascade of all loops of an axis.
 
-What a drive does to a command; what to command stands in the rooms after. Begin with
-`velocity_loop.py`; decision 0025 says why.
+This package describes the response of a drive; the other packages compute commands. Begin with
+`velocity_loop.py`; decision 0025 has the reasons.
 """

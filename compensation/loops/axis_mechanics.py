@@ -1,11 +1,11 @@
-"""`AxisMechanics`: inertia and damping that one motor moves, fitted to its frequency response.
+"""`AxisMechanics`: inertia and damping of one axis, fitted to its frequency response.
 
     velocity / torque = 1 / (J s + B)
 
-about the pose of the multisine. Both are apparent values, for the margins of the loops. What
-friction adds depends on the amplitude: B is what stands for it at this one, and friction that holds
-acts as a spring against the inertia. The other joints' loops give way, so that J is less than the
-mass matrix has on its diagonal: by up to 17 % on the simulated arm, where noise leaves 1.5 %.
+at the pose of the multisine. Both are apparent values for the margins of the loops. Friction
+depends on the amplitude: B approximates it at this amplitude, and stiction acts like a spring
+against the inertia. The other joints' loops are not rigid, so J is smaller than the diagonal
+element of the mass matrix: by up to 17 % on the simulated arm, where noise alone causes 1.5 %.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from config.errors import EstimationError
 
 LEAST_RELATIVE: Final = 0.03
 MEDIAN_OF_RAYLEIGH: Final = math.sqrt(math.log(2.0))
-"""Median size of complex normal noise over its root mean square."""
+"""Median magnitude of complex normal noise over its RMS."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +32,13 @@ class AxisMechanics:
     """A fitted axis, joint side.
 
     Attributes:
-        joint_name: The joint.
         inertia: J [kg m^2 or kg].
         damping: B [N m s/rad or N s/m].
-        covariance: Shape (2, 2). Of both, with the misfit as an error that all lines share. It
-            spreads the margins; it is no interval of J.
-        misfit: Median over the lines of what the fit leaves of torque per speed, as a share of it.
-            Where it is large the axis is something else than one inertia: elastic, above all.
-        noise: What the noise between periods alone leaves of it, likewise.
+        covariance: Shape (2, 2). Covariance of J and B; the misfit is included as an error common
+            to all lines. It serves the margins and is not a confidence interval of J.
+        misfit: Median over the lines of the relative residual of torque per speed. A large value
+            means that the axis is not a single inertia: usually it is elastic.
+        noise: The same median if only the noise between periods remained.
     """
 
     joint_name: str
@@ -53,14 +52,14 @@ class AxisMechanics:
         freeze(self, EstimationError, (2, 2), "covariance")
         if not self.inertia > 0.0:
             raise EstimationError(
-                f"joint {self.joint_name}: velocity does not answer torque as an inertia does: the"
-                " multisine was too weak, or its band too low",
+                f"joint {self.joint_name}: the velocity does not respond to torque like an inertia:"
+                " increase the amplitude of the multisine or its band",
                 code="RID-LOOP-WEAK",
             )
 
     @property
     def transfer_function(self) -> control.TransferFunction:
-        """Velocity over torque as python-control's object."""
+        """Velocity over torque as a python-control system."""
         return control.TransferFunction([1.0], [self.inertia, self.damping])
 
     def response(self, frequency_hz: FloatArray) -> NDArray[np.complex128]:
@@ -69,7 +68,7 @@ class AxisMechanics:
         return np.asarray(self.transfer_function(s), dtype=np.complex128)
 
     def moved(self, inertia: float, damping: float) -> AxisMechanics:
-        """Return the axis with both changed by so much; the inertia stays positive."""
+        """Return the axis with changed inertia and damping; the inertia stays positive."""
         return replace(
             self,
             inertia=max(self.inertia + inertia, 1e-3 * self.inertia),
@@ -80,12 +79,12 @@ class AxisMechanics:
 def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:
     """Fit inertia and damping to a response of `mechanics_responses`.
 
-    Torque per speed is linear in both: weighted least squares on its real and imaginary part.
-    Friction makes it differ from an inertia by more than its variance, so that lines count by their
-    relative accuracy, but none for more than a few per cent.
+    Torque per speed is linear in both, so weighted least squares on its real and imaginary parts
+    suffices. Friction causes deviations beyond the variance. Therefore the weights are relative
+    accuracies, limited to 3 % per line.
 
     Raises:
-        EstimationError: Nothing like an inertia answers.
+        EstimationError: The response is not that of an inertia.
     """
     omega = 2.0 * math.pi * measured.frequency_hz
     size = np.abs(measured.response)

@@ -1,14 +1,14 @@
-"""`Cascade`: current, velocity and position loop of one axis together, their margins and advice.
+"""`Cascade`: current, velocity and position loop of one axis, with their margins and gain advice.
 
     velocity loop   L_v = G_c P ,            T_v = L_v / (1 + L_v)
-    position loop   L_p = K_v R T_v / s ,    R: commands on their way (`interpolation_response`)
+    position loop   L_p = K_v R T_v / s ,    R: transmission of commands (`interpolation_response`)
 
-G_c holds the current loop's lag and the drive's delay (`VelocityLoop`), P the axis
-(`AxisMechanics`), R the cycle of delay and the interpolation of the digital position loop. What the
-position loop samples above half its frequency is neglected.
+G_c includes the lag of the current loop and the delay of the drive (`VelocityLoop`), P is the axis
+(`AxisMechanics`), and R is the delay of one cycle and the interpolation of the digital position
+loop. Aliasing of the position loop above half its sampling rate is neglected.
 
-Margins are python-control's, of the loops' frequency responses: those hold every delay exactly,
-which a rational transfer function would not.
+python-control computes the margins from frequency responses: they contain delays exactly, which
+rational transfer functions do not.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ Complex = NDArray[np.complex128]
 LEAST_PHASE_DEG: Final = 60.0
 LEAST_GAIN: Final = 2.0
 POINTS: Final = 200
-"""On each grid; python-control joins them by a spline, to 1e-5 of a margin."""
+"""Points of a frequency grid; the spline of python-control is exact to 1e-5 of a margin."""
 LOWEST_HZ: Final = 0.05
 HIGHEST_HZ: Final = 2000.0
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far an open loop is from instability.
+    """Stability margins of an open loop.
 
     Attributes:
-        gain: The factor by which its gain may grow, below 1 where it is unstable already and has to
-            shrink; None where no gain makes it unstable.
-        phase_deg: The phase that it may lose; None where its gain is below 1 everywhere.
-        crossover_hz, phase_crossover_hz: Where its gain is 1, and where its phase is -180 degrees.
+        gain: Factor by which the gain may grow; below 1 if the loop is unstable; None if no gain
+            makes it unstable.
+        phase_deg: Phase margin [degrees]; None if the gain is below 1 at all frequencies.
+        crossover_hz, phase_crossover_hz: Frequencies [Hz] of gain 1 and of phase -180 degrees.
     """
 
     gain: float | None
@@ -57,19 +57,19 @@ class Margins:
 
     @property
     def gain_db(self) -> float | None:
-        """The gain margin [dB]."""
+        """Gain margin [dB]."""
         return None if self.gain is None else 20.0 * math.log10(self.gain)
 
 
 @dataclass(frozen=True, eq=False)
 class Cascade:
-    """The loops of one axis around one another.
+    """Nested loops of one axis.
 
     Attributes:
-        loop: The velocity controller with its current loop.
-        mechanics: What it moves.
+        loop: Velocity controller with its current loop.
+        mechanics: Inertia and damping of the axis.
         position_gain_per_s: K_v [1/s].
-        cycle_time_s: Of the position loop [s].
+        cycle_time_s: Cycle time of the position loop [s].
     """
 
     loop: VelocityLoop
@@ -80,24 +80,24 @@ class Cascade:
     def __post_init__(self) -> None:
         if self.loop.joint_name != self.mechanics.joint_name:
             raise EstimationError(
-                f"the velocity loop is of joint {self.loop.joint_name}, the mechanics of"
+                f"the velocity loop belongs to joint {self.loop.joint_name}, the mechanics to"
                 f" {self.mechanics.joint_name}",
                 code="RID-INTERNAL-ERROR",
             )
 
     def velocity_loop(self, frequency_hz: FloatArray) -> Complex:
-        """Return the velocity loop opened at the error, L_v, at frequencies [Hz]."""
+        """Return the open velocity loop L_v at frequencies [Hz]."""
         s = 2j * math.pi * np.asarray(frequency_hz, dtype=float)
         series = self.loop.transfer_function * self.mechanics.transfer_function
         return np.asarray(series(s) * np.exp(-s * self.loop.delay_s), dtype=np.complex128)
 
     def closed_velocity_loop(self, frequency_hz: FloatArray) -> Complex:
-        """Return velocity over its command as it reaches the drive, T_v."""
+        """Return the closed velocity loop T_v: velocity over the command that reaches the drive."""
         opened = self.velocity_loop(frequency_hz)
         return np.asarray(opened / (1.0 + opened))
 
     def position_loop(self, frequency_hz: FloatArray) -> Complex:
-        """Return the position loop opened at the error, L_p, at frequencies [Hz]."""
+        """Return the open position loop L_p at frequencies [Hz]."""
         reach = interpolation_response(frequency_hz, self.cycle_time_s)
         turn = 2j * math.pi * np.asarray(frequency_hz)
         closed = self.closed_velocity_loop(frequency_hz)
@@ -105,42 +105,43 @@ class Cascade:
 
     @property
     def velocity_loop_frd(self) -> control.FrequencyResponseData:
-        """L_v as python-control's object, over rad/s."""
+        """L_v as a python-control frequency response, over rad/s."""
         return _frd(self.velocity_loop, HIGHEST_HZ)
 
     @property
     def position_loop_frd(self) -> control.FrequencyResponseData:
-        """L_p as python-control's object, over rad/s."""
+        """L_p as a python-control frequency response, over rad/s."""
         return _frd(self.position_loop, 0.5 / self.cycle_time_s)
 
     @property
     def velocity_margins(self) -> Margins:
-        """Of the velocity loop with its current loop."""
+        """Margins of the velocity loop, including the current loop."""
         return margins(self.velocity_loop_frd)
 
     @property
     def position_margins(self) -> Margins:
-        """Of the position loop around all."""
+        """Margins of the position loop, the outermost loop."""
         return margins(self.position_loop_frd)
 
     @property
     def peak(self) -> float:
-        """Largest amplification of the position loop without feedforward, |L_p / (1 + L_p)|."""
+        """Largest magnitude of the position loop without feedforward, |L_p / (1 + L_p)|."""
         return float(np.max(self.position_loop_frd.feedback().magnitude))
 
     @property
     def largest_position_gain_per_s(self) -> float:
-        """The largest K_v with a phase margin of 60 degrees and a gain margin of 2 [1/s]."""
+        """Largest K_v with a phase margin of 60 degrees and a gain margin of 2 [1/s]."""
         loop = self.position_loop_frd
         turned = loop * cmath.exp(-1j * math.radians(LEAST_PHASE_DEG))
         factor = min(_gain_to_edge(turned), _gain_to_edge(loop) / LEAST_GAIN)
         return self.position_gain_per_s * factor
 
     def spread(self) -> tuple[Cascade, ...]:
-        """Return cascades one standard deviation to both sides of this one.
+        """Return cascades at one standard deviation to both sides of this one.
 
-        One pair along each column of the root of the fitted parameters' covariance: half the
-        difference of a pair is the share of that column in a result's standard deviation.
+        There is one pair per column of the square root of the parameter covariance. Half the
+        difference of a pair is the contribution of this column to the standard deviation of a
+        result.
         """
         loop = self.loop
         steps = [
@@ -161,13 +162,13 @@ class Cascade:
 
 @dataclass(frozen=True)
 class GainAdvice:
-    """What to do about the position gain of a cell.
+    """Advice on the position gain of a cell.
 
     Attributes:
-        joint_name: The axis that allows least.
-        present_per_s: K_v as it is [1/s].
-        largest_per_s: The largest K_v that keeps the margins on every axis, two standard deviations
-            below what the fits say.
+        joint_name: Axis with the smallest limit.
+        present_per_s: Present K_v [1/s].
+        largest_per_s: Largest K_v that keeps the margins on every axis, two standard deviations
+            below the estimate [1/s].
         sentence: The advice in words.
     """
 
@@ -178,10 +179,10 @@ class GainAdvice:
 
 
 def advise(cascades: Sequence[Cascade]) -> GainAdvice:
-    """Return what the margins say about K_v, which all axes share.
+    """Return advice on K_v, which all axes share.
 
     Args:
-        cascades: Of the axes that were measured.
+        cascades: The measured axes.
     """
     limits = [_surely(cascade) for cascade in cascades]
     least = int(np.argmin(limits))
@@ -190,20 +191,20 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
     rule = f"{LEAST_PHASE_DEG:g}° of phase and {20.0 * math.log10(LEAST_GAIN):.0f} dB of gain"
     if present > largest:
         text = (
-            f"K_v {present:g} 1/s leaves {name} less than {rule}: {largest:.3g} 1/s keeps that on"
-            " every axis. Lower position_gain_per_s in the cell file."
+            f"K_v {present:g} 1/s leaves {name} less than {rule}. {largest:.3g} 1/s keeps them on"
+            " every axis: lower position_gain_per_s in the cell file."
         )
     else:
         text = (
-            f"K_v {present:g} 1/s may grow to {largest:.3g} 1/s: up to there every axis keeps"
-            f" {rule}; {name} allows least. A larger K_v follows more closely where there is no"
+            f"K_v {present:g} 1/s can be raised to {largest:.3g} 1/s: every axis then keeps"
+            f" {rule}; {name} is the limit. A larger K_v reduces the error of motions without"
             " feedforward."
         )
     return GainAdvice(name, present, largest, text)
 
 
 def margins(opened: control.FrequencyResponseData) -> Margins:
-    """Return the margins of an open loop, of several the one nearest to its edge.
+    """Return the margins of an open loop; of several crossings, the most critical one counts.
 
     Args:
         opened: The open loop, over rad/s.
@@ -218,7 +219,7 @@ def margins(opened: control.FrequencyResponseData) -> Margins:
 
 
 def _finite(value: float) -> float | None:
-    """Return None for what python-control gives where a loop has no such crossing."""
+    """Return None for the value that python-control gives if there is no crossing."""
     return float(value) if math.isfinite(value) else None
 
 

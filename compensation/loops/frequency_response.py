@@ -1,11 +1,10 @@
 """`FrequencyResponse`: the best linear approximation of one part of a drive's cascade.
 
-Everything works in closed loops, so input and output both hold the loops' noise, and their plain
-ratio is biased. The multisine is what they have in common and the noise has not: both are referred
-to it, realisation by realisation (Pintelon and Schoukens 2012, chapter 7; theory: section 13).
-What differs between periods is noise, what differs between realisations more than that is nonlinear
-distortion. Lines that nobody excites show distortion too: output there which the input there does
-not explain.
+The measurement is in closed loop, so input and output contain the same noise and their plain ratio
+is biased. The multisine is known and free of noise: both signals are referred to it, realisation by
+realisation (Pintelon and Schoukens 2012, chapter 7; theory: section 13). Differences between
+periods are noise. Differences between realisations beyond that are nonlinear distortion. So is
+output at lines that were not excited, unless input at these lines explains it.
 """
 
 from __future__ import annotations
@@ -34,16 +33,17 @@ ONE_REALISATION: Final = "RID-LOOP-ONE-REALISATION"
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """The output at lines that no joint excites.
+    """Output at lines that no joint excites.
 
-    Levels are RMS over realisations of the mean over periods. The linear response explains what
-    the input at these lines causes; the rest is the part's own distortion.
+    Levels are the RMS over realisations of the mean over periods. The linear response explains the
+    output caused by input at these lines; the rest is the distortion of this part.
 
     Attributes:
-        frequency_hz: Shape (lines,). Where.
+        frequency_hz: Shape (lines,). Frequencies [Hz].
         output: Shape (lines,). Amplitude of the output, in its unit.
-        level, noise: Shape (lines,). What the linear response leaves of it, and what noise alone
-            would leave, over the input at the excited lines beside: in the unit of the response.
+        level, noise: Shape (lines,). Residual of the linear response, and the residual that noise
+            alone would leave, each over the input at the neighbouring excited lines: in the unit of
+            the response.
     """
 
     frequency_hz: FloatArray
@@ -61,20 +61,20 @@ class Distortion:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """The best linear approximation of one joint's part, from its input to its output.
+    """Best linear approximation from input to output, for one joint.
 
     Attributes:
-        joint_name: The joint; with a coupled wrist the motor that is numbered as the joint is.
-        frequency_hz: Shape (lines,). Excited lines.
+        joint_name: The joint; with a coupled wrist, the motor with the joint's number.
+        frequency_hz: Shape (lines,). Excited lines [Hz].
         response: Shape (lines,). Output over input.
-        variance_noise: Shape (lines,). Of the response by noise, E|dG|^2, from what differs between
-            periods.
-        variance: Shape (lines,). Of the response in all: by noise, times what distortion adds. That
-            is what realisations differ more than by noise, over all lines; of one realisation, what
-            its empty odd lines show.
-        coherence: Shape (lines,). Between the multisine and the output, over all periods, 0 to 1.
-        even, odd: At even lines, and at odd lines left empty.
-        realisations, periods: What was averaged.
+        variance_noise: Shape (lines,). Variance E|dG|^2 of the response due to noise, from the
+            differences between periods.
+        variance: Shape (lines,). Total variance of the response: that of noise times a factor for
+            distortion. The factor comes from the differences between realisations, over all lines,
+            or for one realisation from its empty odd lines.
+        coherence: Shape (lines,). Coherence of multisine and output over all periods, 0 to 1.
+        even, odd: Distortion at even lines, and at odd lines left empty.
+        realisations, periods: Numbers of averaged realisations and periods.
     """
 
     joint_name: str
@@ -100,12 +100,12 @@ class FrequencyResponse:
 
     @property
     def noise_freedom(self) -> int:
-        """Complex degrees of freedom of each line's variance by noise."""
+        """Complex degrees of freedom of each line's noise variance."""
         return self.realisations * (self.periods - 1)
 
     @property
     def frd(self) -> control.FrequencyResponseData:
-        """The response as python-control's object, over rad/s."""
+        """The response as a python-control frequency response, over rad/s."""
         import control
 
         return control.FRD(self.response, 2.0 * math.pi * self.frequency_hz)
@@ -122,25 +122,25 @@ def frequency_responses(
 
 
 def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
-    """Return how each excited joint's velocity controller makes torque of velocity error.
+    """Return torque over velocity error of each excited joint's velocity controller.
 
     Args:
-        spectra: Of a multisine run.
+        spectra: Spectra of a multisine run.
 
     Returns:
-        N m s/rad or N s/m.
+        Responses in N m s/rad or N s/m.
     """
     return _responses(spectra, spectra.error, spectra.torque)
 
 
 def mechanics_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, ...]:
-    """Return how each excited joint's velocity answers its motor's torque, the others controlled.
+    """Return velocity over motor torque of each excited joint, with the other joints controlled.
 
     Args:
-        spectra: Of a multisine run.
+        spectra: Spectra of a multisine run.
 
     Returns:
-        rad/(N m s) or m/(N s).
+        Responses in rad/(N m s) or m/(N s).
     """
     return _responses(spectra, spectra.torque, spectra.velocity)
 
@@ -200,8 +200,8 @@ def _response(
     if realisations > 1:
         squares = np.sum(np.abs(by_realisation) ** 2, axis=0)
         total = squares / (realisations - 1) / realisations / size
-        # A line's own scatter over a few realisations says little: all lines together say more.
-        # The mean of a ratio of variances is freedom / (freedom - 1), where nothing distorts.
+        # The scatter of one line over a few realisations is uncertain: all lines are pooled.
+        # Without distortion, the mean of a ratio of variances is freedom / (freedom - 1).
         unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
         more = unbiased * float(np.mean(total / noise))
     else:
@@ -221,9 +221,9 @@ def _response(
 
 
 def _by_empty_lines(joint_name: str, odd: Distortion) -> float:
-    """Return how many times the noise's variance one realisation's distortion makes of it.
+    """Return the factor by which distortion enlarges the noise variance of one realisation.
 
-    Odd lines that nobody excites show the distortion that excited odd lines hide (Pintelon and
+    Odd lines that are not excited show the distortion that excited odd lines hide (Pintelon and
     Schoukens 2012, section 4.3).
 
     Raises:
@@ -231,7 +231,7 @@ def _by_empty_lines(joint_name: str, odd: Distortion) -> float:
     """
     if not len(odd.level):
         raise DataQualityError(
-            f"joint {joint_name}: one realisation that leaves no odd line empty does not show what"
+            f"joint {joint_name}: one realisation without empty odd lines does not show what"
             " distortion adds to the response: design with --grid random_odd, or with two"
             " realisations or more",
             code=ONE_REALISATION,

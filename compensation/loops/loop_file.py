@@ -1,4 +1,4 @@
-"""The file of velocity loops that `rid-daq loop` writes: JSON, strict, complete in itself."""
+"""File of velocity loops, written by `rid-daq loop`: strict, self-contained JSON."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class LoopEntry(ConfigModel):
 
 
 class LoopFile(ConfigModel):
-    """The velocity loops of a robot's drives, as measured in one run."""
+    """Velocity loops of a robot's drives, measured in one run."""
 
     format: Literal["rid-daq velocity loops 1"]
     robot: str
@@ -42,7 +42,7 @@ class LoopFile(ConfigModel):
 
 
 def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str) -> None:
-    """Write loops into a file, whole or not at all."""
+    """Write loops to a file; the file is written completely or not at all."""
     entries = [LoopEntry.taken(loop, joint=loop.joint_name, fitted=loop.names) for loop in loops]
     file = LoopFile(format=FORMAT, robot=robot, run=run, loops=tuple(entries))
     write_whole(path, (file.model_dump_json(indent=1) + "\n").encode())
@@ -52,14 +52,14 @@ def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
     """Return the robot's name and its loops.
 
     Raises:
-        ConfigError: The file cannot be read or is none.
+        ConfigError: The file cannot be read or is not a loop file.
     """
     return loops_content(read_content(path, LARGEST_FILE_BYTES), path)
 
 
 def loops_content(data: bytes, path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
-    """Return what stands in the bytes of such a file; as `read_loops`."""
-    what = "a file of velocity loops as `rid-daq loop` writes it"
+    """Parse the content of a loop file; see `read_loops`."""
+    what = "a loop file of `rid-daq loop`"
     file = json_content(data, path, LoopFile, what)
     loops = tuple(
         entry.into(VelocityLoop, joint_name=entry.joint, names=entry.fitted, trials=())

@@ -1,9 +1,9 @@
-"""`LoopMeasurement`: everything that a multisine run says of the drives' loops, in two passes.
+"""`LoopMeasurement`: the loops of all drives that a multisine run shows, identified in two passes.
 
-Commands reach a drive as lines between samples, which hold images of every line about the multiples
-of the cycle's frequency. The axis follows those a little, and sampling folds that motion back onto
-the line: some 0.1 % of the velocity error at a sixth of the cycle's frequency. The first pass takes
-it for the response; what it finds predicts the images, and the second pass is without them.
+Commands are linear between samples, so their spectrum has images of each line around the multiples
+of the cycle frequency. The axis follows the images a little, and sampling folds this motion back
+onto the line: about 0.1 % of the velocity error at a sixth of the cycle frequency. The first pass
+neglects it. Its result predicts the images, and the second pass removes them.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ IMAGES: Final = (-2, -1, 1, 2)
 
 @dataclass(frozen=True)
 class LoopMeasurement:
-    """Responses of the excited axes and what was fitted to them, in the same order.
+    """Responses of the excited axes and their fits, in the same order.
 
     Attributes:
         controllers, mechanics: Torque over velocity error, and velocity over torque.
-        cascades: The fitted loops around one another.
-        left_out: Realisations, counted from 1, of which rows are missing.
+        cascades: Fitted loops of each axis.
+        left_out: Realisations with missing rows, counted from 1.
     """
 
     controllers: tuple[FrequencyResponse, ...]
@@ -62,16 +62,16 @@ def measure_loops(
     robot: RobotDescription,
     position_gain_per_s: float,
 ) -> LoopMeasurement:
-    """Measure and fit the loops of every axis that a multisine excites.
+    """Measure and fit the loops of each axis that a multisine excites.
 
     Args:
-        recording: Of that motion, by a cell.
+        recording: A run of this motion, recorded by a cell.
         position_gain_per_s: K_v of the cell [1/s].
 
     Raises:
-        DataQualityError: The recording is of another robot, holds no commands, or no whole
-            realisation.
-        EstimationError: Too few lines, or nothing like a velocity loop answers.
+        DataQualityError: The recording belongs to another robot, has no commands, or has no
+            complete realisation.
+        EstimationError: There are too few lines, or the response is not that of a velocity loop.
     """
     spectra = multisine_spectra(recording, motion, robot)
     first = _measured(spectra, position_gain_per_s)
@@ -79,11 +79,11 @@ def measure_loops(
 
 
 def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> MultisineSpectra:
-    """Return spectra without what sampling folds back onto the lines.
+    """Return spectra without the images that sampling folds back onto the lines.
 
     Args:
-        spectra: As measured.
-        cascades: What predicts the images; other joints stay as they are.
+        spectra: Measured spectra.
+        cascades: Loops that predict the images; other joints are not changed.
     """
     f, step_s = spectra.frequency_hz, spectra.cycle_time_s
     torque, error, velocity = (

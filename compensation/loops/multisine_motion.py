@@ -1,4 +1,4 @@
-"""A multisine motion for a cell, as large as the robot's limits comfortably allow."""
+"""Multisine motion of a cell, as large as the robot's limits allow with a margin."""
 
 from __future__ import annotations
 
@@ -38,10 +38,11 @@ PATH_STRIDE: Final = 10
 
 
 def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
-    """Return the lowest and the highest frequency that multisines of a cell have [Hz].
+    """Return the lowest and highest frequency of multisines for a cell [Hz].
 
-    What the cell file states; else up to half the torque filter's cutoff, or to a sixth of the
-    cycle's frequency where that is less: as high as torque is measured and commands are followed.
+    If the cell file has no band, it ends at half the cutoff frequency of the torque filter or at a
+    sixth of the cycle frequency, whichever is lower: torque is measured and commands are followed
+    up to there.
     """
     if cell.velocity_loop_band_hz is not None:
         return cell.velocity_loop_band_hz
@@ -53,16 +54,16 @@ def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class MultisineOptions(Ranged):
-    """What multisines are asked for.
+    """Options of a multisine.
 
     Attributes:
-        band_hz: Lowest and highest frequency [Hz]; the cell's (`velocity_loop_band_hz`), if None.
-        period_s: The period [s], whole cycles; some 8 s, if None.
-        periods, realisations: How many count.
+        band_hz: Lowest and highest frequency [Hz] (default: `velocity_loop_band_hz`).
+        period_s: Period [s], a whole number of cycles (default: about 8 s).
+        periods, realisations: Numbers of periods and realisations that count.
         grid, phases: As in `MultisineMotion`.
-        slow: Whether there is a slow sine beneath.
-        seed: Of phases, of the lines left empty, and of poses where the middle of the ranges
-            touches.
+        slow: True to add a slow sine.
+        seed: Random seed of phases and empty lines, and of poses if bodies touch in the middle of
+            the ranges.
     """
 
     band_hz: tuple[FrequencyHz, FrequencyHz] | None = None
@@ -81,20 +82,22 @@ def multisine_motion(
     options: MultisineOptions,
     estimate: Estimate | None = None,
 ) -> MultisineMotion:
-    """Return a multisine about the middle of every joint's range, verified within the limits.
+    """Return a multisine about the middle of each joint's range, verified within the limits.
 
-    RMS speeds start where half of the joint's acceleration would be needed at the highest line. A
-    joint's multisine shrinks until speed, acceleration and torque stay within 80 % of their limits;
-    the slow sine beneath it, which keeps friction from sticking most of the time, where position
-    limits or clearances ask for it. Torque is held where a model or the robot's `cad` tells it.
+    RMS speeds start at the value that needs half of the joint's acceleration at the highest line.
+    The multisine of a joint shrinks until speed, acceleration and torque stay within 80 % of their
+    limits. The slow sine, which keeps friction from sticking most of the time, shrinks until
+    position limits and clearances hold. Torque is checked if a model or the robot's `cad` predicts
+    it.
 
     Args:
         cell: Cycle time, band, workspace.
-        options: What is asked for.
+        options: Options of the multisine.
         estimate: A model, for the torque limits.
 
     Raises:
-        ConfigError: Not even a small one holds the limits, or period and band do not suit the cell.
+        ConfigError: Even a small multisine exceeds the limits, or period and band do not fit the
+            cell.
     """
     cycle_s, period_s, seed = cell.cycle_time_s, options.period_s, options.seed
     realisations, band_hz = options.realisations, options.band_hz
@@ -103,27 +106,27 @@ def multisine_motion(
     lowest_hz, highest_hz = velocity_loop_band_hz(cell) if band_hz is None else band_hz
     if not 0.0 < lowest_hz < highest_hz < 0.5 / cycle_s:
         raise ConfigError(
-            f"a band from {lowest_hz:g} to {highest_hz:g} Hz: it must rise, from above 0 to below"
-            f" half the cycle's frequency, {0.5 / cycle_s:g} Hz",
+            f"invalid band {lowest_hz:g} to {highest_hz:g} Hz: choose a rising band between 0 and"
+            f" half the cycle frequency, {0.5 / cycle_s:g} Hz",
             code="RID-MOTION-BAND",
         )
     if lowest_hz * period_s < 2.0 - 1e-9:
         raise ConfigError(
             f"a band from {lowest_hz:g} Hz needs a period of at least {2.0 / lowest_hz:g} s, it is"
-            f" {period_s:g} s: the first harmonic is the slow sine's",
+            f" {period_s:g} s: the first harmonic is reserved for the slow sine",
             code="RID-MOTION-BAND",
         )
     if options.phases == "schroeder" and realisations > 1:
         raise ConfigError(
-            f"Schroeder's phases are the same in all {realisations} realisations: ask for one, or"
-            " for random phases",
+            f"Schroeder phases are equal in all {realisations} realisations: use one realisation"
+            " or random phases",
             code="RID-OPTION-EXCLUSIVE",
         )
     if realisations == 1 and options.grid != "random_odd":
         raise ConfigError(
-            f"one realisation on grid {options.grid} leaves no odd line empty, and does not show"
-            " what distortion adds to the response: take --grid random_odd, or two realisations or"
-            " more",
+            f"one realisation on grid {options.grid} has no empty odd line and does not show what"
+            " distortion adds to the response: use --grid random_odd, or at least two"
+            " realisations",
             code=ONE_REALISATION,
         )
     limits = [joint.limits for joint in robot.joints]
@@ -175,7 +178,7 @@ def multisine_motion(
             speed, swing = SMALLER * speed, SMALLER * swing
             continue
         if not clearances.is_clear(samples.position[::PATH_STRIDE]):
-            reason = "the robot comes too near to itself or to the workspace"
+            reason = "the robot comes too close to itself or to the workspace"
             speed, swing = SMALLER * speed, SMALLER * swing
             continue
         use = limit_use(samples, robot, estimate).max(axis=1)
@@ -184,17 +187,18 @@ def multisine_motion(
         reason = f"limits are used by {', '.join(f'{100.0 * x:.0f}' for x in use)} % of them"
         speed = np.where(use > LARGEST_USE, SMALLER * speed, speed)
     raise ConfigError(
-        f"no multisine holds the limits of robot {robot.name!r}: {reason}", code="RID-DESIGN-NONE"
+        f"no multisine stays within the limits of robot {robot.name!r}: {reason}",
+        code="RID-DESIGN-NONE",
     )
 
 
 def limit_use(
     samples: MotionSamples, robot: RobotDescription, estimate: Estimate | None = None
 ) -> FloatArray:
-    """Return the largest share of speed, acceleration and torque limit that a motion uses.
+    """Return the largest shares of the speed, acceleration and torque limits that a motion uses.
 
     Returns:
-        Shape (joints, 3). Torque is 0 where neither a model nor the robot's `cad` tells it.
+        Shape (joints, 3). Torque is 0 if neither a model nor the robot's `cad` predicts it.
     """
     moved = (samples.position, samples.velocity, samples.acceleration)
     torque_nm = np.zeros_like(samples.position)

@@ -1,4 +1,4 @@
-"""`MultisineSpectra`: what a multisine run holds at every line, period by period."""
+"""`MultisineSpectra`: amplitudes of a multisine run at each line, per period."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class MultisineSpectra:
-    """Amplitudes of the measured signals at the lines, a row a period; the motors' own signals.
+    """Amplitudes of the measured motor signals at the lines, one row per period.
 
     Attributes:
         joint_names: Base to flange.
-        frequency_hz: Shape (lines,). Of every harmonic of the period, from 0.
-        lines: The harmonics that each joint excites.
-        reference: Tuple of ndarray of complex, shape (realisations, own lines). The multisines that
-            were asked for [rad/s or m/s].
-        torque, error, velocity: Shape (realisations, periods, lines, joints). Torque in front of
-            its filter, velocity error of the drive, and velocity.
+        frequency_hz: Shape (lines,). All harmonics of the period, from 0 [Hz].
+        lines: Harmonics that each joint excites.
+        reference: Tuple of ndarray of complex, shape (realisations, own lines). Desired multisines
+            [rad/s or m/s].
+        torque, error, velocity: Shape (realisations, periods, lines, joints). Torque before its
+            filter, velocity error of the drive, and velocity.
         cycle_time_s: Time between samples and between commands [s].
-        torque_filter: The analog filter, already divided out of the torque.
-        left_out: Realisations that are not in it, counted from 1: rows of them are missing.
+        torque_filter: Analog filter; its effect is already removed from the torque.
+        left_out: Realisations with missing rows, counted from 1; they are not included.
     """
 
     joint_names: tuple[str, ...]
@@ -55,27 +55,27 @@ def multisine_spectra(
 ) -> MultisineSpectra:
     """Return the spectra of a multisine run.
 
-    The anti-alias filter in front of the torques is divided out, and commands are taken as they
-    reach the velocity loops (`interpolation_response`). With a coupled wrist everything is the
-    motors', whose loops they are.
+    The effect of the anti-alias filter is removed from the torques, and commands are converted to
+    those that reach the velocity loops (`interpolation_response`). With a coupled wrist all signals
+    are those of the motors, to which the loops belong.
 
     Args:
-        recording: Of that motion, by a cell. Realisations of which rows are missing are left out.
+        recording: A run of this motion, recorded by a cell. Realisations with missing rows are left
+            out.
 
     Raises:
-        DataQualityError: The recording is of another robot, holds no commands, or no whole
-            realisation.
+        DataQualityError: The recording belongs to another robot, has no commands, or has no
+            complete realisation.
     """
     step_s, commands = recording.sample_period_s, recording.velocity_command
     if commands is None or step_s is None:
         raise DataQualityError(
-            "the recording holds no velocity commands: frequency responses need one of this"
-            " program's own",
+            "the recording has no velocity commands: use a recording made by rid-daq",
             code="RID-RUN-FOREIGN",
         )
     if recording.joint_names != robot.joint_names:
         raise DataQualityError(
-            f"the recording is of joints {', '.join(recording.joint_names)}, robot {robot.name!r}"
+            f"the recording has the joints {', '.join(recording.joint_names)}, robot {robot.name!r}"
             f" has {', '.join(robot.joint_names)}",
             code="RID-ROBOT-OTHER",
         )
@@ -123,19 +123,19 @@ def multisine_spectra(
 def realisation_starts(
     recording: Recording, motion: MultisineMotion, robot: RobotDescription
 ) -> dict[int, int]:
-    """Return the recording's row at which each whole realisation's counted periods start.
+    """Return the first recording row of the counted periods of each complete realisation.
 
-    Realisations count from 0; those of which rows are missing or not valid are left out.
+    Realisations count from 0. Those with missing or invalid rows are left out.
 
     Raises:
-        DataQualityError: None is whole.
+        DataQualityError: No realisation is complete.
     """
     assert recording.sample_period_s is not None
     length = motion.periods * round(motion.period_s / recording.sample_period_s)
     parts = _main_parts(recording.phase)
     numbers = list(range(len(parts)))
     if len(parts) != motion.realisations:
-        # Some are missing altogether: where each stands in the motion tells which it is.
+        # If some are missing completely, the position in the motion identifies the others.
         planned = motion.plan(robot, recording.sample_period_s).phase
         expected = np.array([first for first, _ in _main_parts(planned)])
         indices = [int(recording.sample_index[first]) for first, _ in parts]
@@ -148,7 +148,7 @@ def realisation_starts(
             found[number] = first
     if not found:
         raise DataQualityError(
-            f"the recording holds none of the multisine's {motion.realisations} realisations with"
+            f"the recording has none of the multisine's {motion.realisations} realisations with"
             " all its rows: record it again",
             code="RID-RECORDING-ROWS-LOST",
         )
@@ -156,21 +156,21 @@ def realisation_starts(
 
 
 def _main_parts(phase: PhaseArray) -> list[tuple[int, int]]:
-    """Return first row and end of every stretch that counts."""
+    """Return first row and end of each main phase."""
     main = np.concatenate([[0], (phase == Phase.MAIN).astype(int), [0]])
     edges = np.flatnonzero(np.diff(main)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def interpolation_response(frequency_hz: FloatArray, cycle_time_s: float) -> Complex:
-    """Return how commands that are sent once a cycle reach the velocity loop.
+    """Return the transmission of commands, sent once per cycle, to the velocity loop.
 
-    What is sent in cycle k acts from SYNC k+1 on, and the drive goes to it linearly within that
-    cycle: a triangle two cycles wide, two cycles late.
+    A command sent in cycle k acts from SYNC k+1 on, and the drive approaches it linearly within
+    that cycle: a triangle of two cycles' width, two cycles late.
 
     Args:
-        frequency_hz: Shape (lines,). Where.
-        cycle_time_s: The cycle [s].
+        frequency_hz: Shape (lines,). Frequencies [Hz].
+        cycle_time_s: Cycle time [s].
     """
     late = np.exp(-2j * math.pi * frequency_hz * 2.0 * cycle_time_s)
     bent = np.sinc(frequency_hz * cycle_time_s) ** 2

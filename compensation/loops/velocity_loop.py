@@ -2,11 +2,11 @@
 
     G_c(s) = K_p (1 + 1 / (T_i s)) exp(-s T_d) / (1 + s T_c)
 
-with a delay T_d (the drive's own, beyond one cycle and the interpolation, which are known) and the
-current loop's lag T_c where the data show them (theory: section 13). Maximum likelihood on the
-complex bins, each weighted by its measured variance (Pintelon and Schoukens 2012, chapter 9); which
-terms are needed is decided by the minimum description length (Rissanen 1978), and whether they
-suffice by the size of the misfit and by its whiteness along the lines.
+T_d is the drive's own delay beyond the known delay of one cycle and the interpolation. T_c is the
+lag of the current loop. Both are included if the data show them (theory: section 13). The fit is
+maximum likelihood on the complex bins, each weighted by its measured variance (Pintelon and
+Schoukens 2012, chapter 9). The minimum description length (Rissanen 1978) selects the terms; the
+size of the misfit and its whiteness along the lines show whether they suffice.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ CLEARLY_SHORTER: Final = 4.0
 
 @dataclass(frozen=True, eq=False)
 class LoopTrial:
-    """One choice of terms and what came of it.
+    """One choice of terms and its result.
 
     Attributes:
-        extras: Terms beside the PI: `delay`, `lag`.
+        extras: Terms in addition to the PI controller: `delay`, `lag`.
         cost: Sum over lines of |misfit|^2 over its variance.
-        aic, mdl: Akaike's criterion and the minimum description length; the smaller the better.
+        aic, mdl: Akaike's criterion and the minimum description length; smaller is better.
     """
 
     extras: tuple[Extra, ...]
@@ -57,18 +57,17 @@ class VelocityLoop:
     """A fitted velocity controller, joint side.
 
     Attributes:
-        joint_name: The joint.
         gain: K_p [N m s/rad or N s/m].
         integral_time_s: T_i [s].
-        delay_s, lag_s: T_d and T_c [s]; 0 where the data do not show them.
-        names: The fitted parameters, in the covariance's order.
-        covariance: Shape (k, k). Of the fitted parameters, with what not knowing the right terms
-            adds to it.
-        p_value: Probability of a cost as large by chance: small where the controller is something
-            else.
+        delay_s, lag_s: T_d and T_c [s]; 0 if the data do not show them.
+        names: Fitted parameters, in the order of the covariance.
+        covariance: Shape (k, k). Covariance of the fitted parameters, including the uncertainty of
+            the choice of terms.
+        p_value: Probability of a larger cost by chance; small if the controller has another
+            structure.
         trials: All choices that were compared.
-        whiteness: Probability of misfits as alike on neighbouring lines by chance: small where a
-            term is missing; 1 where the lines are too few to tell.
+        whiteness: Probability of a larger correlation of neighbouring lines by chance; small if a
+            term is missing; 1 if there are too few lines for the test.
     """
 
     joint_name: str
@@ -87,8 +86,8 @@ class VelocityLoop:
         freeze(self, EstimationError, (k, k), "covariance")
         if not (self.gain > 0.0 and self.integral_time_s > 0.0 and self.lag_s >= 0.0):
             raise EstimationError(
-                f"joint {self.joint_name}: a velocity controller with gain {self.gain:.4g} and"
-                f" integral time {self.integral_time_s:.4g} s is none",
+                f"joint {self.joint_name}: invalid velocity controller: gain {self.gain:.4g},"
+                f" integral time {self.integral_time_s:.4g} s; measure the loop again",
                 code="RID-LOOP-WEAK",
             )
 
@@ -104,7 +103,7 @@ class VelocityLoop:
         return _response(np.asarray(frequency_hz), *values)
 
     def moved(self, by: Mapping[str, float]) -> VelocityLoop:
-        """Return the loop with parameters changed by so much, held where they keep a meaning."""
+        """Return the loop with changed parameters, limited to meaningful values."""
         least = 1e-3
         return replace(
             self,
@@ -118,9 +117,9 @@ class VelocityLoop:
 
     @property
     def transfer_function(self) -> control.TransferFunction:
-        """G_c(s) without its delay, as python-control's object.
+        """G_c(s) without its delay, as a python-control transfer function.
 
-        python-control has no exact delay. `response` multiplies the delay in.
+        python-control has no exact delay; `response` includes it.
         """
         import control
 
@@ -131,7 +130,7 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
     """Fit a velocity controller to its frequency response.
 
     Raises:
-        EstimationError: Too few lines, or no controller of this kind fits.
+        EstimationError: There are too few lines, or no such controller fits.
     """
     lines = len(measured.frequency_hz)
     if lines < FEWEST_LINES:
@@ -162,7 +161,7 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
 
 
 def _chosen(trials: Sequence[LoopTrial]) -> int:
-    """Return the trial of least description length; a lag rather than a delay that is no better."""
+    """Return the trial of least description length, preferring a lag to a similar delay."""
     least = min(range(len(trials)), key=lambda k: trials[k].mdl)
     if trials[least].extras == ("delay",):
         for k, trial in enumerate(trials):
@@ -174,10 +173,10 @@ def _chosen(trials: Sequence[LoopTrial]) -> int:
 def _between_models(
     trials: Sequence[LoopTrial], values: Sequence[FloatArray], best: int
 ) -> FloatArray:
-    """Return what not knowing the right terms adds to the covariance of gain and integral time.
+    """Return the covariance of gain and integral time due to the uncertain choice of terms.
 
-    Choices count by the chance that their description length gives them (Burnham and Anderson
-    2002, chapter 4).
+    The weight of each choice is the probability given by its description length (Burnham and
+    Anderson 2002, chapter 4).
     """
     lengths = np.array([trial.mdl for trial in trials])
     chance = np.exp(-0.5 * (lengths - lengths.min()))
@@ -189,12 +188,12 @@ def _between_models(
 
 
 def whiteness(misfit: NDArray[np.complex128]) -> float:
-    """Return the probability of misfits as alike on neighbouring lines by chance.
+    """Return the probability that white misfits correlate as much along the lines.
 
-    A test of Ljung and Box's kind on the complex autocorrelation of the weighted misfits.
+    A test of the Ljung-Box type on the complex autocorrelation of the weighted misfits.
 
     Args:
-        misfit: Shape (lines,). Over their standard deviations, in the order of frequency.
+        misfit: Shape (lines,). Misfits over their standard deviations, in the order of frequency.
     """
     lines = len(misfit)
     lags = min(WHITENESS_LAGS, lines // 3)
@@ -209,10 +208,10 @@ def whiteness(misfit: NDArray[np.complex128]) -> float:
 
 
 def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -> float:
-    """Return the probability of a cost as large where only noise is left.
+    """Return the probability of a larger cost if only noise remains.
 
-    Each line's variance comes from few periods, so that its share of the cost follows an F
-    distribution and not a chi-squared one: mean and variance are matched.
+    The variance of each line comes from few periods, so its share of the cost follows an F
+    distribution instead of chi-squared: mean and variance are matched.
     """
     lines, own = len(measured.frequency_hz), measured.noise_freedom
     if own <= 2:
@@ -267,11 +266,11 @@ def _fit(
     found = least_squares(residuals, begin, x_scale="jac", bounds=(lowest, np.inf))
     values = np.array(unfold(found.x))
     kept = np.array([0, 1, *(2 + EXTRAS.index(extra) for extra in extras)])
-    # d value / d x: of logarithms the value itself, of milliseconds a thousandth.
+    # d value / d x: the value itself for logarithms, 1e-3 for milliseconds.
     chain_rule = np.concatenate([values[:2], np.full(2, 1e-3)])[kept]
-    # With E|dG|^2 = variance, real and imaginary part have half of it each.
+    # With E|dG|^2 = variance, real and imaginary parts have half the variance each.
     slopes: FloatArray = np.asarray(found.jac, dtype=float)
-    # Weights come from few periods and are not exact: misfits say by how much.
+    # Weights come from few periods and are inexact: scale the covariance by the misfit.
     freedom = 2 * len(frequency_hz) - len(begin)
     inflation = max(1.0, 4.0 * float(found.cost) / freedom)
     inverse = inflation * np.linalg.pinv(2.0 * slopes.T @ slopes)
@@ -290,7 +289,7 @@ def _response(
 ) -> NDArray[np.complex128]:
     """Return G_c at frequencies [Hz].
 
-    The fit and `rid-daq compensate` need it without the import of python-control, which loads
+    The fit and `rid-daq compensate` use it without importing python-control, which loads
     matplotlib.
     """
     s = 2j * math.pi * frequency_hz

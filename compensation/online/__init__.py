@@ -1,4 +1,4 @@
-"""The feedforward of a path that somebody sends while it is driven.
+"""Feedforward of a path that another program sends during the motion.
 
-Its kernels run within the cycle. Begin with `online.py`; decision 0027 says why.
+The kernels run within the cycle. Begin with `online.py`; decision 0027 has the reasons.
 """

@@ -1,4 +1,4 @@
-"""`OnlineFeedforward`: what the on-line compensation knows of a robot, checked before power."""
+"""`OnlineFeedforward`: robot data of the on-line compensation, checked before power is applied."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ LONGEST_LOOK_AHEAD: Final = 32
 
 @dataclass(frozen=True, eq=False)
 class OnlineFeedforward:
-    """Model, velocity loops and limits, as the compiled stage takes them.
+    """Model, velocity loops and limits, in the form that the compiled stage needs.
 
     Attributes:
-        cycle_time_s: The cell's cycle [s].
+        cycle_time_s: Cycle time of the cell [s].
         torque: The identified model.
         axes: Shape (rows, n). Limits and inverse of each velocity loop; `online_kernel` names the
             rows.
@@ -51,11 +51,11 @@ class OnlineFeedforward:
         loops: Sequence[VelocityLoop],
         tuning: FeedforwardTuning | None = None,
     ) -> OnlineFeedforward:
-        """Take an identified model and the measured velocity loops.
+        """Build it from an identified model and the measured velocity loops.
 
         Raises:
-            ConfigError: Model, loops or tuning are of other joints, or a loop reacts too late to be
-                led.
+            ConfigError: Model, loops or tuning belong to other joints, or the delay of a loop
+                cannot be compensated.
             EstimationError: The model depends on the drives' temperature.
         """
         ordered = in_order(robot.joint_names, estimate.robot.joint_names, loops)
@@ -73,33 +73,33 @@ class OnlineFeedforward:
         loops: Sequence[VelocityLoop],
         tuning: FeedforwardTuning | None = None,
     ) -> OnlineFeedforward:
-        """Take a model's torque and the velocity loops, joint by joint.
+        """Build it from a model's torque and the velocity loops, joint by joint.
 
-        Speed and acceleration limits are the robot's with 1 % on top, since a path's differences
-        are not exact; positions and torques are the robot's. The path with its compensation has
+        Speed and acceleration limits are those of the robot plus 1 %, because differences of a path
+        are not exact. Position and torque limits are those of the robot. The compensated path has
         the margin of the cell's supervision.
 
         Args:
             cell, robot: Cycle and limits.
-            torque: The model of the robot.
-            loops: One a joint, in the joints' order.
+            torque: Model of the robot.
+            loops: One per joint, in the order of the joints.
             tuning: Correction from a reference run.
 
         Raises:
-            ConfigError: The robot's wrist is coupled, the tuning is of other joints, or a loop
-                reacts too late to be led.
+            ConfigError: The robot has a coupled wrist, the tuning belongs to other joints, or the
+                delay of a loop cannot be compensated.
         """
-        refuse_coupled_wrist(robot, "feedforward on line")
+        refuse_coupled_wrist(robot, "on-line feedforward")
         n = len(robot.joints)
         tuning = tuning or FeedforwardTuning.none(n)
         if len(tuning.scale) != n:
             raise ConfigError(
-                f"the tuning is of {len(tuning.scale)} joints, the robot has {n}",
+                f"the tuning has {len(tuning.scale)} joints, the robot {n}",
                 code="RID-ROBOT-OTHER",
             )
         if not (tuning.scale > 0.0).all():
             raise ConfigError(
-                "the tuning scales a joint's torque by nothing or less: tune again",
+                "the tuning scales a joint's torque by 0 or less: tune again",
                 code="RID-LOOP-OTHER",
             )
         step_s = cell.cycle_time_s
@@ -112,8 +112,8 @@ class OnlineFeedforward:
             ahead = CYCLES_TO_ACT + (loop.delay_s + loop.lag_s + tuning.delay_s[j]) / step_s
             if not 0.0 <= ahead <= LONGEST_LOOK_AHEAD:
                 raise ConfigError(
-                    f"joint {joint.name}: its velocity loop acts {ahead:.3g} cycles late, 0 to"
-                    f" {LONGEST_LOOK_AHEAD} can be led: measure the loop again",
+                    f"joint {joint.name}: its velocity loop acts {ahead:.3g} cycles late; at most"
+                    f" {LONGEST_LOOK_AHEAD} cycles can be compensated: measure the loop again",
                     code="RID-LOOP-WEAK",
                 )
             column = axes[:, j]
@@ -136,7 +136,7 @@ class OnlineFeedforward:
 
     @property
     def delay_cycles(self) -> int:
-        """By how many cycles set-points are behind the path's head."""
+        """Number of cycles between the path's head and the set-points."""
         return int(self.axes[stage.CYCLES].max()) + 1
 
 
@@ -146,19 +146,19 @@ def in_order(
     """Return the loops in the order of the joints.
 
     Raises:
-        ConfigError: The model is of other joints, or a loop is missing.
+        ConfigError: The model belongs to other joints, or a loop is missing.
     """
     if tuple(modelled) != tuple(names):
         raise ConfigError(
-            f"the model is of joints {', '.join(modelled)}, the motion of {', '.join(names)}: give"
-            " a model of this robot",
+            f"the model has the joints {', '.join(modelled)}, the motion {', '.join(names)}: use a"
+            " model of this robot",
             code="RID-ROBOT-OTHER",
         )
     measured = {loop.joint_name: loop for loop in loops}
     missing = [name for name in names if name not in measured]
     if missing:
         raise ConfigError(
-            f"there is no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`",
+            f"no velocity loop of {', '.join(missing)}: measure it with `rid-daq loop`",
             code="RID-LOOP-MISSING",
         )
     return [measured[name] for name in names]

@@ -1,21 +1,20 @@
-"""One cycle of the on-line compensation: compiled, nothing allocated.
+"""One cycle of the on-line compensation: compiled, without memory allocation.
 
-The path's head runs some cycles before the set-points that are handed out, so that the speeds that
-the drives need in advance are known. At the head the model's torque goes through the inverse of
-each velocity loop,
+The path's head runs some cycles ahead of the set-points that are sent, because drives need their
+speeds in advance. At the head the model torque passes the inverse of each velocity loop,
 
     v_ff = v + e ,    tau = K_p e + x ,    x' = (K_p / T_i) e ,
 
-with x the torque that the loop's integrator carries: it starts as the torque at rest, so that a
-resting robot is asked for nothing. Where e has to be limited, x follows the limited one, as the
-drive's own integrator does: nothing winds up.
+in which x is the torque of the loop's integrator. It starts as the torque at rest, so that a robot
+at rest needs no correction. If e is limited, x follows the limited value, as the drive's own
+integrator does (anti-windup).
 
-Friction that remembers follows the head. Until the path leaves its first point, joints remember
-what was seen of them: the way to the start, and how they settled there. A joint that stands is
-carried by its integrator whichever way it sticks, so what is seen changes x and asks for nothing.
+Presliding hysteresis follows the head. Until the path leaves its first point, the state of the
+joints comes from their measured approach and settling. A joint at rest is carried by its integrator
+in either direction of stiction, so the measured state changes x but needs no correction.
 
-Numba's cache on disk notices a change in this file only: after one in `path_kernels` or in
-`dynamics.model.one_sample`, remove the cache (`compensation/online/__pycache__/*.nb*`).
+Numba's disk cache notices changes in this file only. After a change in `path_kernels` or
+`dynamics.model.one_sample`, delete the cache (`compensation/online/__pycache__/*.nb*`).
 """
 
 from __future__ import annotations
@@ -45,32 +44,32 @@ from dynamics.model.remembered_sample import LAST, go_to, remembered_torque
 
 # More rows of `axes`.
 GAIN: Final = 5  # K_p over the tuned scale
-OLD: Final = 6  # of a torque that is linear over a cycle: what of it the integrator takes
+OLD: Final = 6  # share of a torque, linear over a cycle, that the integrator takes
 NEW: Final = 7
 DECAY: Final = 8
 SHARE: Final = 9  # T / (2 T_i)
 MOST: Final = 10  # largest correction [rad/s or m/s]
 CYCLES: Final = 11  # whole cycles to look ahead, and the fraction
 FRACTION: Final = 12
-PRESLIDING: Final = 13  # distance, 0 for joints that remember nothing, and share: two rows
+PRESLIDING: Final = 13  # presliding distance, 0 for joints without hysteresis, and share: two rows
 STEP: Final = 15  # largest change of the feedforward in a cycle [rad/s or m/s]
 AXES_ROWS: Final = 16
 
 # More words of `counts`.
-HEAD: Final = 11  # cycles that the head has gone
-DELAY: Final = 12  # cycles by which set-points are behind it
+HEAD: Final = 11  # cycles of the head so far
+DELAY: Final = 12  # cycles from the head to the set-points
 RESTED: Final = 13  # the head's cycle at which the path was at rest, -1 before
-DOUBTED: Final = 14  # the head's cycle until which there is doubt
+DOUBTED: Final = 14  # the head's cycle until which the compensation is in doubt
 DOUBTS: Final = 15  # doubts so far: torque, correction
 LARGE: Final = 16
 LIMITED: Final = 17  # cycles in which torque, speed or acceleration was limited
-HOLD: Final = 18  # cycles that a doubt lasts
-FADE: Final = 19  # cycles that fading takes
-REMEMBERS: Final = 20  # whether any joint does
-SEEING: Final = 21  # whether what was seen still counts
+HOLD: Final = 18  # cycles of a doubt
+FADE: Final = 19  # cycles of fading
+REMEMBERS: Final = 20  # true if any joint has hysteresis
+SEEING: Final = 21  # true while the measured state counts
 COUNTS: Final = 22
 
-WEIGHT: Final = 4  # of `pace`: the share of the compensation that is handed out
+WEIGHT: Final = 4  # of `pace`: share of the compensation that is sent
 PACE: Final = 5
 
 CARRIED: Final = 0  # rows of the inverse's state: x, latest torque, latest correction, and room
@@ -79,24 +78,24 @@ ERROR: Final = 2
 CHANGE: Final = 3
 STATE_ROWS: Final = 4
 
-DRIVEN: Final = 0  # what joints remember: along the head's path, and along what was seen
+DRIVEN: Final = 0  # hysteresis states: along the head's path, and along the measured motion
 SEEN: Final = 1
 
-WANTED: Final = 2  # of the line, beside Q and V: speed to send
+WANTED: Final = 2  # of the line, in addition to Q and V: speed to send
 INDEX: Final = 3
 
 POINTS_A_CYCLE: Final = 4
-DUST: Final = 1e-9  # rad or m in a cycle: rounding of points at rest
+DUST: Final = 1e-9  # rad or m per cycle: rounding of points at rest
 
 StageArrays: TypeAlias = tuple[
     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]
-"""What the compensation keeps beside the path.
+"""State of the compensation.
 
-`line` (places, 4, n): what the head has passed and has not been handed out. `state`
-(STATE_ROWS, n): the inverse of the velocity loops. `memory` (2, n, STATE): what joints remember.
-`found` (n, FOUND): to compute in. `head` (3, n): where the path's head is. `out` (3, n): position,
-velocity, feedforward to hand out.
+`line` (places, 4, n): rows that the head has passed and that have not been sent. `state`
+(STATE_ROWS, n): inverse of the velocity loops. `memory` (2, n, STATE): hysteresis states. `found`
+(n, FOUND): work space. `head` (3, n): the path's head. `out` (3, n): position, velocity and
+feedforward to send.
 """
 
 
@@ -108,19 +107,19 @@ def next_set_point(
     path: PathArrays,
     stage: StageArrays,
 ) -> bool:
-    """Go on by one cycle.
+    """Advance by one cycle.
 
     Args:
         counters, rows, model, path: As for `take_points`.
-        stage: What is kept; `out` is written.
+        stage: State of the compensation; `out` is written.
 
     Returns:
-        Whether the motion is over, and `out` its last set-point.
+        True if the motion is over and `out` is its last set-point.
     """
     axes, nodes, _, counts, pace, _ = path
     line, state, memory, found, head, out = stage
     n, places = out.shape[1], line.shape[0]
-    most = int(np.int64(POINTS_A_CYCLE))  # as a literal it would be compiled for by itself
+    most = int(np.int64(POINTS_A_CYCLE))  # a literal would compile a separate version
     limited_before = counts[LIMITED]
     take_points(counters, rows, model, path, most)
     torque = out[0]
@@ -166,7 +165,7 @@ def next_set_point(
         out[1, j] = own[V, j]
         fed = own[V, j] + pace[WEIGHT] * (wanted - own[V, j])
         fed = min(max(fed, -axes[SPEED, j]), axes[SPEED, j])
-        # never faster than its joint may accelerate, whatever the model asks for
+        # the joint's acceleration limit holds for any model torque
         told = min(max(fed, out[2, j] - axes[STEP, j]), out[2, j] + axes[STEP, j])
         limited = limited or told != fed
         out[2, j] = told
@@ -177,7 +176,7 @@ def next_set_point(
 
 @kernel
 def see(position: FloatArray, axes: FloatArray, memory: FloatArray, found: FloatArray) -> None:
-    """Follow where the robot was seen (n,), on its way to the path and on its first point."""
+    """Update the measured state from a position (n,), on the way to the path and at its start."""
     go_to(position, axes[PRESLIDING : PRESLIDING + 2], memory[SEEN], found)
 
 
@@ -191,9 +190,9 @@ def _take_what_was_seen(
     head: FloatArray,
     torque: FloatArray,
 ) -> None:
-    """Let the head remember what was seen, and the integrators carry what that changes.
+    """Move the measured state into the head, and its change of torque into the integrators.
 
-    The torques of the head before and after are compared, so that what else it takes stays.
+    The head's torques before and after are compared, so that its other torques are kept.
     """
     n = len(torque)
     go_to(head[Q], presliding, memory[DRIVEN], found)
@@ -220,7 +219,7 @@ def _compensate(
     head: FloatArray,
     place: FloatArray,
 ) -> None:
-    """Turn the head's torque into a speed to send, within limits, and keep the integrators'."""
+    """Turn the head's torque into a speed to send, within limits, and update the integrators."""
     limited = doubt = large = False
     for j in range(len(torque)):
         wanted = torque[j]

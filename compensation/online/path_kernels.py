@@ -1,15 +1,15 @@
-"""Points become a path that can be driven, and stopped on: compiled, nothing allocated.
+"""Points become a path that can be driven and stopped: compiled, without memory allocation.
 
-A point is taken in only where the path through it holds every limit, so that what is taken in can
-be driven at full rate or slower. The path between two points is the quintic of their positions and
-of velocities and accelerations by five-point differences; its control points bound it between the
-points too (a Bezier curve stays within the hull of its control points).
+A point is accepted only if the path through it is within all limits, so that accepted points can be
+driven at full rate or slower. The path between two points is the quintic of their positions and of
+velocities and accelerations from five-point differences. Its control points bound it between the
+points (a Bezier curve stays within the hull of its control points).
 
-How fast the path may be driven so that it can still be stopped before its last known point comes
-from a pass backwards over the points, as in TOPP-RA (Pham and Pham 2018): with x the square of the
-rate, from x = 0 at the last point, the largest x at each point from which the next one's can be
-reached within the joints' accelerations, everywhere on the segment between. As long as that is 1,
-the path is driven as it is; where it is not, it is driven by the pass's own profile, down to rest.
+A pass backwards over the points, as in TOPP-RA (Pham and Pham 2018), finds the rate from which the
+path can still stop before its last known point. x is the square of the rate. From x = 0 at the last
+point, the pass finds the largest x at each point from which the next one is reachable within the
+joints' accelerations on the whole segment. While this is 1, the path runs at full rate. Otherwise
+it follows the profile of the pass, down to rest.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Q: Final = 0  # rows of a node: position, velocity, acceleration, torque at full
 V: Final = 1
 A: Final = 2
 TAU: Final = 3
-# Of the segment that ends there: its largest speed, and its least acceleration along the motion,
-# the worst either way at a turn.
+# Of the segment that ends there: largest speed, and smallest acceleration along the motion
+# (at a turn, of both directions).
 MAX_SPEED: Final = 4
 MIN_ACCELERATION: Final = 5
 NODE_ROWS: Final = 6
 
-# Rows of `axes`, a column a joint.
+# Rows of `axes`, one column per joint.
 LOW: Final = 0
 HIGH: Final = 1
 SPEED: Final = 2
@@ -41,14 +41,14 @@ TORQUE: Final = 4
 
 # Words of `counts`.
 TAKEN: Final = 0  # nodes with a position, two more than points at the start, four at the end
-KNOWN: Final = 1  # nodes whose velocity and acceleration are known and held all limits
-NODE: Final = 2  # the node last passed
+KNOWN: Final = 1  # nodes with known velocity and acceleration, within all limits
+NODE: Final = 2  # the last node passed
 SAFE: Final = 3  # the last node that may be driven at full rate
-PROFILE: Final = 4  # which of the two profiles holds
+PROFILE: Final = 4  # index of the valid profile
 HORIZON: Final = 5  # its last node
 STATE: Final = 6
 CLOSED: Final = 7
-WHY: Final = 8  # why a point was refused, for which joint, and which point
+WHY: Final = 8  # reason, joint and number of a refused point
 WHOSE: Final = 9
 WHICH: Final = 10
 
@@ -70,19 +70,19 @@ TORQUE_LIMIT: Final = 5
 # Numbers of `pace`.
 OFFSET: Final = 0  # time into the segment at full rate [s]
 RATE: Final = 1  # path time over time
-FOUND: Final = 2  # what a refused point asks for, and what is allowed
+FOUND: Final = 2  # value of a refused point, and the limit
 ALLOWED: Final = 3
 
-BEFORE: Final = 2  # nodes before the first point, which is where the robot rests
+BEFORE: Final = 2  # nodes before the first point, at which the robot rests
 BEHIND: Final = 4  # nodes behind the last one
 SPARE: Final = 12
 
 PathArrays: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray, float]
-"""The path on its way through the kernels.
+"""State of the path.
 
-`axes` (5 or more, n): limits. `nodes` (nodes, 6, n): each in place (number modulo length).
-`profiles` (2, nodes): the one that holds, and the one that is tried. `counts` and `pace`: see the
-words above. Last the time between points [s].
+`axes` (5 or more, n): limits. `nodes` (nodes, 6, n): ring buffer, index modulo length. `profiles`
+(2, nodes): the valid profile and a trial. `counts` and `pace`: words as above. Last the time
+between points [s].
 """
 
 
@@ -94,12 +94,12 @@ def take_points(
     path: PathArrays,
     most: int,
 ) -> None:
-    """Take up to `most` points out of the ring, as long as there is room ahead.
+    """Take up to `most` points out of the ring while there is room ahead.
 
     Args:
         counters, rows: Those of the `PointRing`.
         model: `SampleTorque.arrays`.
-        most: How many at once.
+        most: Largest number of points.
     """
     axes, nodes, _, counts, pace, _ = path
     total, written = counters[TOTAL], counters[WRITTEN]
@@ -154,7 +154,7 @@ def _refuse(
 
 @kernel
 def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
-    """Append a node; the one two before it then has neighbours on both sides, and is judged."""
+    """Append a node; the node two before it then has neighbours on both sides and is checked."""
     axes, nodes, _, counts, pace, step_s = path
     length, n = nodes.shape[0], nodes.shape[2]
     own = nodes[counts[TAKEN] % length, Q]
@@ -177,7 +177,7 @@ def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
     sample_torque(model, node[Q], node[V], node[A], node[TAU])
     for j in range(n):
         limit = axes[TORQUE, j]
-        if abs(node[TAU, j]) > limit:  # what is not a number is the compensation's doubt
+        if abs(node[TAU, j]) > limit:  # NaN puts the compensation in doubt
             _refuse(counts, pace, TORQUE_LIMIT, j, which, node[TAU, j], limit)
     if counts[CLOSED] == OPEN:
         counts[KNOWN] = k + 1
@@ -185,7 +185,7 @@ def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
 
 @kernel
 def _judge(begin: FloatArray, end: FloatArray, path: PathArrays, which: int) -> None:
-    """Hold the control points of the quintic between two nodes against the limits."""
+    """Check the control points of the quintic between two nodes against the limits."""
     axes, _, _, counts, pace, h = path
     for j in range(begin.shape[1]):
         p0, p5 = begin[Q, j], end[Q, j]
@@ -221,11 +221,11 @@ def _judge(begin: FloatArray, end: FloatArray, path: PathArrays, which: int) -> 
 
 @kernel
 def plan_stop(path: PathArrays, which: int) -> int:
-    """Fill a profile of x, the rate's square, that ends at rest; return the last safe node.
+    """Fill a profile of x, the squared rate, that ends at rest; return the last safe node.
 
-    Where the path's end is known, the profile ends there at full rate: the path itself rests.
-    Safe is what follows the present node without a gap at full rate; one less than the present
-    node where not even that is.
+    If the path's end is known, the profile ends there at full rate, because the path itself rests.
+    Nodes are safe if the present node reaches them at full rate without a gap; the result is one
+    less than the present node otherwise.
     """
     axes, nodes, profiles, counts, _, step_s = path
     profile = profiles[which]
@@ -240,7 +240,7 @@ def plan_stop(path: PathArrays, which: int) -> int:
         for j in range(n):
             limit = axes[ACCELERATION, j]
             speed, least = segment[MAX_SPEED, j], segment[MIN_ACCELERATION, j]
-            if least < 0.0:  # worst where the rate is still high
+            if least < 0.0:  # worst at the end with the higher rate
                 best = min(best, (speed * x + twice * limit) / (speed - twice * least))
             elif speed > 1e-12:
                 best = min(best, x + twice * (limit + least * x) / speed)
@@ -254,13 +254,13 @@ def plan_stop(path: PathArrays, which: int) -> int:
 
 @kernel
 def advance(path: PathArrays, head: FloatArray) -> bool:
-    """Go on by one cycle.
+    """Advance by one cycle.
 
     Args:
-        head: Shape (3, n). Where the path is then: position, velocity, acceleration; written.
+        head: Shape (3, n). Position, velocity and acceleration of the path; written.
 
     Returns:
-        Whether that is a node at full rate, whose torque is known.
+        True if this is a node at full rate, whose torque is known.
     """
     _, nodes, profiles, counts, pace, step_s = path
     length = nodes.shape[0]
@@ -271,7 +271,7 @@ def advance(path: PathArrays, head: FloatArray) -> bool:
         elif ahead > counts[SAFE]:
             other = 1 - counts[PROFILE]
             safe = plan_stop(path, other)
-            if safe >= counts[NODE]:  # a new profile holds from where the path is
+            if safe >= counts[NODE]:  # a new profile is valid from the present state on
                 counts[PROFILE], counts[SAFE], counts[HORIZON] = other, safe, counts[KNOWN] - 1
             if ahead > counts[SAFE]:
                 counts[STATE] = BRAKING
@@ -295,7 +295,7 @@ def advance(path: PathArrays, head: FloatArray) -> bool:
 
 @kernel
 def _follow(counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: float) -> float:
-    """Go one cycle along a profile; return how the rate changes at its end [1/s]."""
+    """Advance one cycle along a profile; return the change of the rate at its end [1/s]."""
     length, last = len(profile), counts[HORIZON]
     left, change = step_s, 0.0
     while left > 0.0:

@@ -1,4 +1,4 @@
-"""How long a stream of set-points waits: the command line's help says so without numerics."""
+"""Waiting times of a stream of set-points, without numerics for the help of the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bytes between a client that sends points and the socket server; no input and output here.
+"""Protocol between a client that sends points and the socket server; without input and output.
 
 One line of JSON each way, then frames:
 
@@ -34,7 +34,7 @@ def greeting(joint_names: Sequence[str], cycle_time_s: float, buffer: int) -> by
     Args:
         joint_names: Base to flange: the order of a point's numbers.
         cycle_time_s: Time between points [s].
-        buffer: How many points the robot is behind the client, once it moves.
+        buffer: Number of points between client and robot during the motion.
     """
     return _line(
         {
@@ -47,7 +47,7 @@ def greeting(joint_names: Sequence[str], cycle_time_s: float, buffer: int) -> by
 
 
 def farewell(points: int, error: str) -> bytes:
-    """Return the server's last line: how many points were taken, and what went wrong."""
+    """Return the server's last line: the number of accepted points and the error, if any."""
     return _line({"points": points, "error": error or None})
 
 
@@ -56,13 +56,13 @@ def _line(document: dict[str, object]) -> bytes:
 
 
 class PointDecoder:
-    """Turns a client's bytes into points.
+    """Decoder of a client's bytes into points.
 
     Args:
-        joints: Numbers in a point.
+        joints: Numbers per point.
 
     Attributes:
-        ended: Whether the client has announced the end.
+        ended: True if the client has announced the end.
     """
 
     def __init__(self, joints: int) -> None:
@@ -73,10 +73,10 @@ class PointDecoder:
         self.ended = False
 
     def decode(self, data: bytes) -> FloatArray:
-        """Take more bytes; return the points that are complete, shape (any, joints).
+        """Decode more bytes; return the complete points, shape (any, joints).
 
         Raises:
-            ProtocolError: The client speaks another protocol, or goes on after the end.
+            ProtocolError: The client uses another protocol, or continues after the end.
         """
         self._bytes += data
         if not self._greeted and not self._greet():
@@ -85,13 +85,14 @@ class PointDecoder:
         while len(self._bytes) >= _COUNT.size:
             if self.ended:
                 raise ProtocolError(
-                    "the client sent something after the end of its path",
+                    "the client sent data after the end of its path",
                     code="RID-STREAM-PROTOCOL",
                 )
             (count,) = _COUNT.unpack_from(self._bytes)
             if count > MOST_POINTS:
                 raise ProtocolError(
-                    f"the client announced a frame of {count} points, {MOST_POINTS} are the most",
+                    f"the client announced a frame of {count} points; at most {MOST_POINTS} are"
+                    " allowed",
                     code="RID-STREAM-PROTOCOL",
                 )
             size = _COUNT.size + count * self._point_bytes
@@ -112,7 +113,7 @@ class PointDecoder:
                 said = json.loads(self._bytes[:end])
         if not isinstance(said, dict) or said.get("protocol") != PROTOCOL:
             raise ProtocolError(
-                f'the client does not speak this protocol: its first line must be {{"protocol":'
+                'the client does not use this protocol: its first line must be {"protocol":'
                 f' "{PROTOCOL}"}}',
                 code="RID-STREAM-PROTOCOL",
             )

@@ -1,4 +1,4 @@
-"""Points into the ring: held against collisions first, waiting where it is full."""
+"""Points into the ring: checked for collisions first; blocks while the ring is full."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ PAUSE_S: Final = 0.001
 
 
 class PointGate:
-    """Lets points through that keep the robot off itself and its surroundings.
+    """Collision check of points against the robot itself and its workspace.
 
     Args:
-        robot: Its bodies.
-        workspace: What stands around it.
+        robot: Robot with its bodies.
+        workspace: Surroundings.
         step_s: Time between points [s].
     """
 
@@ -35,10 +35,10 @@ class PointGate:
         self._first: FloatArray | None = None
 
     def check(self, points: FloatArray) -> None:
-        """Refuse points where two bodies come too close.
+        """Refuse points at which two bodies come too close.
 
         Raises:
-            PreflightError: Two do; the text names them.
+            PreflightError: Two bodies come too close; the message names them.
         """
         numbers = np.isfinite(points).all(axis=1)
         points = points[: len(points) if numbers.all() else int(np.argmin(numbers))]
@@ -46,7 +46,7 @@ class PointGate:
             return
         if self._first is None:
             self._first = points[:1].copy()
-        # What is too close where the path begins may stay as close: it counts every time.
+        # Bodies that are too close at the path's begin may stay as close, in every batch.
         rows = np.concatenate([self._first, points])
         refuse_collision(self._clearances, rows, self._step_s, "the path")
 
@@ -57,15 +57,15 @@ def feed(
     batches: Iterable[FloatArray],
     given_up: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Write all batches of points, shape (any, joints), into a ring, and announce the end.
+    """Write all batches of points, shape (any, joints), to a ring, and announce the end.
 
-    Blocks while the ring is full. What goes wrong is said in the ring: the robot is then stopped on
-    the points that it has.
+    Blocks while the ring is full. Errors are reported through the ring: the robot then stops on the
+    points that it has.
 
     Args:
-        gate: What points have to pass.
-        batches: One point, shape (joints,), or several at a time, shape (any, joints).
-        given_up: Whether to leave.
+        gate: Check of the points.
+        batches: One point, shape (joints,), or several, shape (any, joints).
+        given_up: Returns True to end early.
     """
     try:
         for batch in batches:
@@ -73,7 +73,7 @@ def feed(
             if points.ndim != 2 or points.shape[1] != ring.joints:
                 ring.fail(
                     PointsFailed.REFUSED,
-                    f"points of the shape {np.shape(batch)} came, {ring.joints} joints are needed",
+                    f"points have the shape {np.shape(batch)}; {ring.joints} joints are needed",
                 )
                 return
             for first in range(0, len(points), ROWS_AT_ONCE):
@@ -104,7 +104,7 @@ def _put(
 
 
 class PointFeed:
-    """Feeds a ring from an iterator in a thread of its own; a context manager.
+    """Thread that feeds a ring from an iterator; a context manager.
 
     Args:
         ring, gate, batches: As for `feed`.
@@ -120,7 +120,7 @@ class PointFeed:
     def _run(self, gate: PointGate, batches: Iterable[FloatArray]) -> None:
         try:
             feed(self._ring, gate, batches)
-        except Exception as error:  # the user's own iterator: its error is told at the end
+        except Exception as error:  # the user's own iterator: its error is reported at the end
             self._error = error
 
     def __enter__(self) -> PointFeed:
@@ -132,7 +132,7 @@ class PointFeed:
         self._thread.join(10.0 * PAUSE_S)
 
     def wait(self, points: int, patience_s: float) -> None:
-        """Wait until so many points have come, or no more will.
+        """Wait until so many points have arrived, or no more will.
 
         Raises:
             ConfigError: The iterator failed before the first point.
@@ -150,7 +150,7 @@ def wait_for_points(
     patience_s: float,
     given_up: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Wait until so many points have come or no more will; return False after the patience."""
+    """Wait until so many points have arrived or no more will; return False after the patience."""
     until_s = time.monotonic() + patience_s
     while ring.written < points and not ring.closed:
         if given_up() or time.monotonic() > until_s:

@@ -1,9 +1,8 @@
-"""`PointRing`: points of a path on their way to the cyclic task, through shared memory, no lock.
+"""`PointRing`: points of a path on their way to the cyclic task, in shared memory without locks.
 
-One process writes (a file's reader, an iterator's thread, the socket server), one reads. Each
-counter has one writer and is stored with one aligned 64-bit store after what it announces, as in
-`acquisition.task.ring`. A full ring takes nothing: who writes has to wait, which is the
-back-pressure.
+One process writes (reader of a file, thread of an iterator, socket server), one reads. Each counter
+has one writer and is stored with one aligned 64-bit store after the data it announces, as in
+`acquisition.task.ring`. A full ring accepts nothing, so the writer must wait: back-pressure.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _HEADER_BYTES = 8 * _WORDS + 2 * _TEXT_BYTES
 
 
 class PointsFailed(IntEnum):
-    """Why no more points will come, before the end was announced."""
+    """Reasons why no more points will arrive, before the end was announced."""
 
     NO = 0
     LOST = 1
@@ -36,11 +35,11 @@ class PointsFailed(IntEnum):
 
 
 class PointRing:
-    """Rows of joint positions in shared memory; made by `create`, handed to processes.
+    """Rows of joint positions in shared memory; made by `create` and passed to processes.
 
     Args:
         memory: Shared memory of the header and `capacity` rows.
-        joints: Joints in a point.
+        joints: Joints per point.
         capacity: Points that fit.
     """
 
@@ -57,14 +56,14 @@ class PointRing:
 
     @classmethod
     def create(cls, joints: int, capacity: int) -> PointRing:
-        """Return an empty ring in fresh shared memory.
+        """Return an empty ring in new shared memory.
 
         Raises:
-            ConfigError: It would hold nothing.
+            ConfigError: It would have no capacity.
         """
         if capacity < 1 or joints < 1:
             raise ConfigError(
-                f"a buffer of {capacity} points of {joints} joints holds nothing",
+                f"a buffer of {capacity} points of {joints} joints has no capacity",
                 code="RID-INTERNAL-ERROR",
             )
         size = _HEADER_BYTES + 8 * capacity * joints
@@ -87,22 +86,22 @@ class PointRing:
 
     @property
     def ended(self) -> bool:
-        """Whether the writer has announced the end."""
+        """True if the writer has announced the end."""
         return bool(self.counters[TOTAL] >= 0)
 
     @property
     def failed(self) -> PointsFailed:
-        """Why no more points will come."""
+        """Reason why no more points will arrive."""
         return PointsFailed(int(self.counters[FAILED]))
 
     @property
     def closed(self) -> bool:
-        """Whether no more points will come."""
+        """True if no more points will arrive."""
         return self.ended or bool(self.counters[FAILED])
 
     @property
     def failure(self) -> str:
-        """Why, in a sentence; empty where nothing failed."""
+        """The reason in a sentence; empty without a failure."""
         return _read(self._text)
 
     @property
@@ -112,12 +111,12 @@ class PointRing:
 
     @property
     def concluded(self) -> bool:
-        """Whether the motion is over."""
+        """True if the motion is over."""
         return bool(self.counters[CONCLUDED])
 
     @property
     def verdict(self) -> str:
-        """Why the motion was over before its end; empty where it came to its end."""
+        """Reason why the motion ended early; empty if it reached its end."""
         return _read(self._verdict)
 
     def write(self, points: FloatArray) -> int:
@@ -138,13 +137,13 @@ class PointRing:
             self.counters[TOTAL] = self.counters[WRITTEN]
 
     def fail(self, why: PointsFailed, text: str) -> None:
-        """Say that no more points will come although the path is not at its end."""
+        """Report that no more points will arrive although the path is incomplete."""
         if not self.closed:
             _write(self._text, text)
             self.counters[FAILED] = int(why)
 
     def conclude(self, verdict: str) -> None:
-        """Say that the motion is over, and why where it did not come to its end."""
+        """Report that the motion is over, with the reason if it ended early."""
         if not self.concluded:
             _write(self._verdict, verdict)
             self.counters[CONCLUDED] = 1

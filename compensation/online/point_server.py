@@ -1,8 +1,8 @@
-"""A local socket that takes points from another program: a process of its own.
+"""Local socket that accepts points from another program, in a process of its own.
 
-It can hang, fail or die without touching the cyclic task, which then stops the robot on the points
-that it has. One client is served, of the same user; the socket lies in a folder of the user's own.
-While the ring is full nothing is read, so that the client's sending blocks: back-pressure.
+The process can hang, fail or die without touching the cyclic task, which then stops the robot on
+the points that it has. It serves one client of the same user; the socket is in a folder of that
+user. While the ring is full nothing is read, so that the client's sending blocks: back-pressure.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _LONGEST_PATH: Final = 107
 
 @dataclass(frozen=True)
 class PointService:
-    """What the server's process is told.
+    """Settings of the server's process.
 
     Attributes:
-        workspace: What stands around it.
+        workspace: Surroundings of the robot.
         cycle_time_s: Time between points [s].
-        buffer: Points that the robot is behind.
-        silence_s: How long a client may send nothing while there is room [s].
+        buffer: Number of points between client and robot.
+        silence_s: Longest silence of a client while there is room [s].
     """
 
     robot: RobotDescription
@@ -55,16 +55,16 @@ class PointService:
 
 
 class PointServer:
-    """The socket and its process; a context manager.
+    """Socket and process of the server; a context manager.
 
     Args:
-        path: Where the socket is made; removed in the end.
-        ring: Where points go.
-        service: What is served.
+        path: Path of the socket; removed in the end.
+        ring: Ring for the points.
+        service: Settings of the process.
 
     Raises:
-        TransportError: The folder is open to other users, the path too long, or taken.
-        LockedError: Another session listens there, or is served.
+        TransportError: The folder is open to other users, or the path is too long or in use.
+        LockedError: Another session uses the socket.
     """
 
     def __init__(self, path: Path, ring: PointRing, service: PointService) -> None:
@@ -79,7 +79,7 @@ class PointServer:
     def __enter__(self) -> PointServer:
         try:
             start_all([self._process])
-        except BaseException as error:  # a signal that came meanwhile, perhaps
+        except BaseException as error:  # possibly a signal that arrived meanwhile
             self._end(str(error))
             raise
         finally:
@@ -88,13 +88,13 @@ class PointServer:
 
     @property
     def dead(self) -> bool:
-        """Whether the server's process has ended."""
+        """True if the server's process has ended."""
         return not self._process.is_alive
 
     def watch(self) -> None:
-        """Let nobody wait for points from a server that has died."""
+        """Report a failure if the server has died, so that the motion stops waiting."""
         if self.dead:
-            self._ring.fail(PointsFailed.LOST, "the process that takes the points has died")
+            self._ring.fail(PointsFailed.LOST, "the process that receives the points has died")
 
     def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
         self._end("the session has ended" if error is None else str(error))
@@ -107,14 +107,14 @@ class PointServer:
 
 @contextlib.contextmanager
 def listening(path: Path) -> Iterator[socket.socket]:
-    """Listen, for this user alone, at a path in a folder of the user's own.
+    """Listen at a path in a folder of the user, for this user only.
 
-    The path is this session's until the end of the `with`, also when the socket listens no more
-    since its client has come: a lock file beside it says so.
+    The path belongs to this session until the end of the `with`, even after the socket has closed
+    because its client has connected: a lock file next to it marks it.
 
     Raises:
-        TransportError: No socket can be made there.
-        LockedError: Another session listens there, or is served.
+        TransportError: The socket cannot be made there.
+        LockedError: Another session uses the path.
     """
     _refuse_unfit(path)
     lock = path.with_name(f"{path.name}.lock")
@@ -130,20 +130,22 @@ def listening(path: Path) -> Iterator[socket.socket]:
             listener.listen(1)
         except BlockingIOError:
             raise LockedError(
-                f"{path}: another session takes points here (process {file_holder(lock)}). Wait"
-                " until it ends, stop it (`rid-daq stop`), or choose another path with --socket",
+                f"{path}: another session receives points here (process {file_holder(lock)})."
+                " Wait until it ends, stop it (`rid-daq stop`), or choose another path with"
+                " --socket",
                 code="RID-CELL-BUSY",
             ) from None
         except OSError as error:
             raise TransportError(
-                f"{path}: no socket can be made there: {error.strerror}",
+                f"{path}: cannot make a socket: {error.strerror}; choose another path with"
+                " --socket",
                 code="RID-SOCKET-PATH",
             ) from error
         yield listener
 
 
 def _refuse_unfit(path: Path) -> None:
-    """Refuse a path that is too long, or in a folder that others can reach."""
+    """Refuse a path that is too long, or in a folder that others can access."""
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise TransportError(
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"
@@ -156,8 +158,8 @@ def _refuse_unfit(path: Path) -> None:
         folder = path.parent.lstat()
     if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
         raise TransportError(
-            f"{path.parent}: is open to other users, and a socket there would be too: give one"
-            " in a folder of your own (chmod 700)",
+            f"{path.parent}: is open to other users: use a folder that only you can access (chmod"
+            " 700)",
             code="RID-SOCKET-PATH",
         )
 
@@ -177,10 +179,10 @@ def run_point_server(
     """Serve one client; the main function of the server's process.
 
     Args:
-        listener: Bound and listening.
-        ring: Where points go.
-        service: What is served.
-        parent: Process id of the program: without it, there is nobody to take points for.
+        listener: Bound and listening socket.
+        ring: Ring for the points.
+        service: Settings of the process.
+        parent: Process id of the program; without it, the server ends.
     """
     leave_terminal()
     serve(listener, ring, service, lambda: ring.concluded or os.getppid() != parent)
@@ -189,7 +191,7 @@ def run_point_server(
 def serve(
     listener: socket.socket, ring: PointRing, service: PointService, over: Callable[[], bool]
 ) -> None:
-    """Take one client's points until `over`; close the listener once it has come."""
+    """Accept one client's points until `over`; close the listener once it has connected."""
     with listener:
         client = _accept(listener, over)
     if client is None:
@@ -200,7 +202,7 @@ def serve(
         feed(ring, gate, _points(client, service, over), over)
         while not over():
             time.sleep(PAUSE_S)
-        with contextlib.suppress(OSError):  # it may have hung up
+        with contextlib.suppress(OSError):  # the client may have disconnected
             client.sendall(farewell(ring.taken, ring.verdict or ring.failure))
 
 
@@ -210,9 +212,8 @@ def _points(
     """Yield a client's points until it announces the end.
 
     Raises:
-        TransportError: It hangs up, says nothing for too long, or there is nobody left to take
-            points for.
-        ProtocolError: What it sends is not the protocol.
+        TransportError: The client disconnects or is silent for too long, or the session has ended.
+        ProtocolError: The client does not follow the protocol.
     """
     names = service.robot.joint_names
     decoder = PointDecoder(len(names))
@@ -235,7 +236,7 @@ def _points(
                 continue
             if not data:
                 raise TransportError(
-                    "the client hung up before the end of its path", code="RID-STREAM-CLIENT"
+                    "the client disconnected before the end of its path", code="RID-STREAM-CLIENT"
                 )
             points = decoder.decode(data)
             if len(points):

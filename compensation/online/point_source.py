@@ -1,4 +1,4 @@
-"""`PointSource`: points of a path in, set-points with their compensation out, once a cycle."""
+"""`PointSource`: points of a path in, compensated set-points out, once per cycle."""
 
 from __future__ import annotations
 
@@ -44,15 +44,14 @@ class PointSource:
 
     Args:
         feedforward: Model, loops, limits.
-        ring: Where the points come from.
-        compensated: False for plain velocity feedforward: to compare with.
-        phase: Shape (points,). `Phase` of each point; `Phase.MAIN` where none is given.
-        samples_per_period: Where the points are of a periodic motion.
-        buffer_s: How much of the path is taken in ahead, at least 64 points; the robot has to come
-            to rest within that when nothing more comes [s].
-        prefill_patience_s: How long `prepare` waits for points to begin with [s, wall clock].
-        stall_patience_s: How long time stands still for points, on a cell in lock-step [s, wall
-            clock].
+        ring: Source of the points.
+        compensated: False for plain velocity feedforward, as a comparison.
+        phase: Shape (points,). `Phase` of each point (default: `Phase.MAIN`).
+        samples_per_period: Points per period of a periodic motion.
+        buffer_s: Length of the path that is read ahead, at least 64 points; the robot must be able
+            to stop within it [s].
+        prefill_patience_s: Time that `prepare` waits for the first points [s, wall clock].
+        stall_patience_s: Time that a cell in lock-step waits for points [s, wall clock].
     """
 
     def __init__(
@@ -70,7 +69,7 @@ class PointSource:
         n = len(feedforward.robot.joints)
         if ring.joints != n:
             raise ConfigError(
-                f"points of {ring.joints} joints for a robot that has {n}", code="RID-MOTION-JOINTS"
+                f"points of {ring.joints} joints for a robot with {n}", code="RID-MOTION-JOINTS"
             )
         self._feedforward = feedforward
         self._ring = ring
@@ -86,42 +85,42 @@ class PointSource:
 
     @property
     def samples_per_period(self) -> int | None:
-        """Rows of one period where the motion is periodic."""
+        """Rows per period of a periodic motion."""
         return self._samples_per_period
 
     @property
     def rows_expected(self) -> int:
-        """As many as there are points, where their number is known."""
+        """Number of points, if it is known."""
         if self._phase is not None:
             return len(self._phase)
         return round(LONGEST_STREAM_S / self._feedforward.cycle_time_s)
 
     @property
     def period_ends(self) -> Mapping[int, int]:
-        """None: what is streamed is driven to its end."""
+        """None: a streamed path is driven to its end."""
         return {}
 
     @property
     def stop(self) -> StopReason | None:
-        """Why the path was left before its end; None where it was driven to its end."""
+        """Reason why the path was left early; None if it was driven to its end."""
         if self._counts[path.STATE] == path.ARRIVED:
             return None
         if self._counts[path.CLOSED] == path.REFUSED:
             return self._refusal()
-        at = f" The robot was brought to rest on its path, at point {self._point(path.NODE)}."
+        at = f" The robot stopped on its path, at point {self._point(path.NODE)}."
         if self._ring.failed is not PointsFailed.NO:
             refused = self._ring.failed is PointsFailed.REFUSED
             code = StopCode.POINTS_REFUSED if refused else StopCode.POINTS_LOST
             return StopReason(code, f"{self._ring.failure}.{at}")
         return StopReason(
             StopCode.POINTS_LOST,
-            f"no new points came in time: {int(self._ring.counters[READ])} had come.{at} Keep the"
-            " buffer full, and announce the end",
+            f"no new points arrived in time: {int(self._ring.counters[READ])} had arrived.{at}"
+            " Keep the buffer full, and announce the end",
         )
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the compensation could not do."""
+        """Limitations of the compensation during this motion."""
         counts, notes = self._counts, []
         if counts[stage.DOUBTS] or counts[stage.LARGE] or self._late:
             notes.append(
@@ -137,10 +136,10 @@ class PointSource:
         return notes
 
     def prepare(self) -> None:
-        """Make room, compile, take in the first points and check them.
+        """Allocate memory, compile, read the first points and check them.
 
         Raises:
-            DriverError: No points, or too few to be stopped on, come.
+            DriverError: No points arrive, or too few for a stop.
             ConfigError: The first points are refused.
         """
         forward, ring = self._feedforward, self._ring
@@ -186,8 +185,8 @@ class PointSource:
         if self._counts[path.KNOWN] == 0 or begin < 1:
             why = ring.failure or f"only {int(ring.counters[READ])} came"
             raise DriverError(
-                f"too few points to begin with: {why}. Send points from rest on, and either so many"
-                " that the robot can be stopped on them, or all and the end; nothing was moved",
+                f"too few points to begin: {why}. Send points from rest, either enough for a stop"
+                " or all of them with the end; nothing was moved",
                 code="RID-STREAM-POINTS",
             )
         self._counts[path.SAFE] = begin
@@ -197,11 +196,11 @@ class PointSource:
         self._line[:, 0] = self._nodes[0, 0]
         for _ in range(forward.delay_cycles):
             self._go_on()
-        self._see()  # compiled here, and nothing that counts
+        self._see()  # compiled here; the result does not matter
         self._memory[stage.SEEN] = unknown(n)
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
-        """Return the pose to begin at."""
+        """Return the pose at which the motion begins."""
         self._lockstep = lockstep
         self._position[:] = position
         if self._counts[stage.REMEMBERS]:
@@ -209,9 +208,9 @@ class PointSource:
         return np.array(self._nodes[0, 0])
 
     def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """See how joints come to the path's first point, and how they settle there.
+        """Observe the approach of the joints to the first point, and their settling there.
 
-        One that is told to be a single count away stands where it stood: its last digit flickers.
+        A joint that reads one count off is treated as unmoved: its last digit flickers.
         """
         beginning = self._row < 0 or self._counts[stage.SEEING]
         if beginning and self._counts[stage.REMEMBERS]:
@@ -220,7 +219,7 @@ class PointSource:
             self._see()
 
     def at(self, row: int) -> SetPoint | None:
-        """Return the set-point of a cycle; None once the robot has come to rest on the path."""
+        """Return the set-point of a cycle; None once the robot is at rest on the path."""
         if self._lockstep:
             self._wait_for_points()
         if self._row < 0:
@@ -265,7 +264,7 @@ class PointSource:
         return bool(self._counts[path.CLOSED] != path.OPEN or room <= 0)
 
     def _wait_for_points(self) -> None:
-        """Let simulated time stand still until as many points are known as can be kept."""
+        """Pause simulated time until as many points are known as fit."""
         until_s = time.monotonic() + self._stall_patience_s
         while not self._filled and not self._ring.failed:
             waiting = self._ring.written - int(self._ring.counters[READ])
@@ -294,40 +293,38 @@ class PointSource:
             text = f"{where}: the position is not a number"
             limits = {"joint": joint.name}
         elif why == path.TORQUE_LIMIT:
-            text = (
-                f"{where}: the model asks for a torque of {found:.4g}, the limit is {allowed:.4g}"
-            )
+            text = f"{where}: the model needs a torque of {found:.4g}, the limit is {allowed:.4g}"
         else:
             quantity, per = _WHAT[why]
             text = (
-                f"{where}: the path takes a {quantity} of {found:.4g} {base}{per}, the limit is"
+                f"{where}: the {quantity} of the path is {found:.4g} {base}{per}, the limit is"
                 f" {allowed:.4g}"
             )
         rested = counts[stage.RESTED] >= 0
-        at = " The robot was brought to rest on its path before it." if rested else ""
+        at = " The robot stopped on its path before it." if rested else ""
         return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
 
 
 def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
-    """Return how many points are kept ahead for a time [s].
+    """Return the number of points that are kept ahead for a time [s].
 
     Raises:
-        ConfigError: They would be more than can be kept.
+        ConfigError: There are more than fit.
     """
     points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
     if points > MOST_NODES:
         raise ConfigError(
-            f"a buffer of {buffer_s:g} s is {points} points, {MOST_NODES} are the most: give less",
+            f"a buffer of {buffer_s:g} s has {points} points, more than {MOST_NODES}: give less",
             code="RID-OPTION-RANGE",
         )
     return points
 
 
 def compile_stage(feedforward: OnlineFeedforward) -> None:
-    """Compile what the task will run, or load it: in the program, so that the task starts at once.
+    """Compile or load the kernels of the task in the program, so that the task starts at once.
 
     Args:
-        feedforward: Of any robot.
+        feedforward: That of any robot.
     """
     axes = np.array(feedforward.axes)
     axes[path.TORQUE] = np.inf

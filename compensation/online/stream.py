@@ -25,12 +25,12 @@ Record = Callable[[SetPointSource], RecordOutcome]
 
 @dataclass(frozen=True)
 class StreamOptions(Ranged):
-    """How a path is streamed.
+    """Options of a streamed path.
 
     Attributes:
         compensated: False for plain velocity feedforward.
-        buffer_s: How much of the path is taken in ahead [s].
-        patience_s: How long to wait for the first points [s].
+        buffer_s: Length of the path that is read ahead [s].
+        patience_s: Time to wait for the first points [s].
     """
 
     compensated: bool = True
@@ -45,24 +45,23 @@ def stream_motion(
     record: Record,
     options: StreamOptions | None = None,
 ) -> RecordOutcome:
-    """Stream a planned motion's positions; its phases and periods stay what they are.
+    """Stream a planned motion's positions; its phases and periods are kept.
 
     Args:
         cell: Cycle and surroundings.
         feedforward: Model, loops, limits.
-        samples: The motion.
-        record: Runs a source: `record_motion` with everything else that it wants.
-        options: How.
+        record: Runs a source: `record_motion` with its other arguments.
+        options: Options of the stream.
 
     Raises:
-        PreflightError: The motion comes too close to something; nothing was moved.
+        PreflightError: The motion comes too close to a body; nothing was moved.
         RidDaqError: As `record_motion`.
     """
     options, samples = options or StreamOptions(), samples.whole()
     if samples.sample_period_s != cell.cycle_time_s:
         raise ConfigError(
-            f"the motion is sampled every {samples.sample_period_s * 1e3:g} ms, the cell's cycle"
-            f" takes {cell.cycle_time_ms} ms: plan the motion for this cell",
+            f"the motion has a row every {samples.sample_period_s * 1000.0:g} ms, the cell's"
+            f" cycle takes {cell.cycle_time_ms} ms: plan the motion for this cell",
             code="RID-MOTION-CYCLE",
         )
     gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
@@ -90,17 +89,17 @@ def stream_points(
     record: Record,
     options: StreamOptions | None = None,
 ) -> RecordOutcome:
-    """Stream what an iterator yields: one point or several at a time, at the cell's cycle.
+    """Stream the points of an iterator: one or several at a time, at the cell's cycle.
 
     The iterator runs in a thread of this process and is asked for more whenever there is room. When
-    it ends, the path ends; when it raises or is too slow, the robot is stopped on the path.
+    it ends, the path ends. If it raises or is too slow, the robot stops on the path.
 
     Args:
         cell: Cycle and surroundings.
         feedforward: Model, loops, limits.
         points: Joint positions, shape (joints,) or (any, joints) [rad or m], from rest to rest.
-        record: Runs a source: `record_motion` with everything else that it wants.
-        options: How.
+        record: Runs a source: `record_motion` with its other arguments.
+        options: Options of the stream.
 
     Raises:
         ConfigError: The iterator fails before the first point.
@@ -122,18 +121,18 @@ def stream_socket(
     options: StreamOptions | None = None,
     on_listening: Callable[[], None] = lambda: None,
 ) -> RecordOutcome:
-    """Stream what another program sends to a socket.
+    """Stream the points that another program sends to a socket.
 
     Args:
         cell: Cycle and surroundings.
         feedforward: Model, loops, limits.
-        path: Where the socket is made, in a folder of the user's own.
-        record: Runs a source: `record_motion` with everything else that it wants.
-        options: How.
+        path: Path of the socket, in a folder of the user.
+        record: Runs a source: `record_motion` with its other arguments.
+        options: Options of the stream.
         on_listening: Called once clients can connect.
 
     Raises:
-        TransportError: No socket can be made.
+        TransportError: The socket cannot be made.
         DeviceTimeoutError: No client sends points in time.
         RidDaqError: As `record_motion`.
     """

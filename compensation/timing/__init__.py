@@ -1,5 +1,5 @@
-"""How fast a path may be driven: the fastest timing that the torques of a model allow.
+"""Timing of a path: the fastest motion that the torques of a model allow.
 
-Nothing here knows velocity loops, cells or files. Begin with `timed_path.py`; decision 0043 says
-why it is so.
+Independent of velocity loops, cells and files. Begin with `timed_path.py`; decision 0043 has the
+reasons.
 """

@@ -1,4 +1,4 @@
-"""`JointCurve`: where a motion leads the joints, without when; between its rests."""
+"""`JointCurve`: the geometric path of the joints between two rests, without time."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 
 KNOTS: Final = (1000, 2000, 4000, 8000)
-"""How many poses a way is told by at most: the first that are enough; a file takes 10,000."""
+"""Numbers of poses that are tried; the first sufficient one is used. A file has at most 10,000."""
 SLOW: Final = 1e-3  # of the largest speed
 STRAIGHT_ON: Final = 0.9999
-SHORTEST: Final = 1e-4  # rad or m of any joint: less than that is no way
+SHORTEST: Final = 1e-4  # rad or m of any joint: less is not a motion
 FARTHEST_OFF: Final = 2e-4  # rad or m
 
 
 @dataclass(frozen=True, eq=False)
 class JointCurve:
-    """The joints as functions of a path's length, of class C1 with a second derivative.
+    """Joint positions as functions of the path length, of class C1 with a second derivative.
 
     Attributes:
         curve: Joint positions over the length; its values have shape (..., n).
@@ -35,21 +35,21 @@ class JointCurve:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Where the path begins and ends."""
+        """Path lengths of begin and end."""
         return float(self.curve.x[0]), float(self.curve.x[-1])
 
     def at(self, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joint positions and their two derivatives by the length, each (len(length), n)."""
+        """Return joint positions and two derivatives by the length, each (len(length), n)."""
         position, slope, bend = (np.ascontiguousarray(self.curve(length, k)) for k in range(3))
         return position, slope, bend
 
     @classmethod
     def through(cls, points: FloatArray, speeds: Sequence[float] | FloatArray) -> JointCurve:
-        """Return the cubic spline through points, measured by the time that chords would take.
+        """Return the cubic spline through points, over the travel time of the chords.
 
         Args:
-            points: Shape (m, n). Joint positions, m at least 2; each unlike the one before.
-            speeds: The joints' speed limits.
+            points: Shape (m, n). Joint positions, m at least 2; each differs from the one before.
+            speeds: Speed limits of the joints.
         """
         knots = np.concatenate([[0.0], np.cumsum(_chords(points, np.asarray(speeds)))])
         return cls(joint_spline(knots, points))
@@ -57,13 +57,13 @@ class JointCurve:
 
 @dataclass(frozen=True, eq=False)
 class RestToRest:
-    """A motion's way from one rest to the next.
+    """Part of a motion from one rest to the next.
 
     Attributes:
-        curve: The way.
-        rest_s: How long the motion rests at its end, or in its last row [s].
-        off: How far the motion's own rows are off the curve [rad or m].
-        place: Shape (rows,). How far along the curve each of them is.
+        curve: Path of this part.
+        rest_s: Time of rest at its end, or in its last row [s].
+        off: Largest distance of the motion's own rows from the curve [rad or m].
+        place: Shape (rows,). Path length of each of these rows.
     """
 
     curve: JointCurve
@@ -73,17 +73,17 @@ class RestToRest:
 
 
 def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, list[RestToRest]]:
-    """Return how long a motion rests before it begins, and its ways from rest to rest.
+    """Return the rest before a motion, and its parts from rest to rest.
 
-    A way ends where the motion stands still, or nearly, and goes on in another direction.
+    A part ends if the motion is at rest, or nearly, and continues in another direction.
 
     Args:
-        samples: The motion, of any kind.
-        speeds: The joints' speed limits.
+        samples: A motion of any kind.
+        speeds: Speed limits of the joints.
 
     Raises:
-        ConfigError: The motion goes nowhere, or its rows are too far apart to say what lies
-            between.
+        ConfigError: The motion does not move, or its rows are too far apart to define the path
+            between them.
     """
     samples = samples.whole()
     step_s = samples.sample_period_s
@@ -91,7 +91,7 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
     speed = np.linalg.norm(samples.velocity * weights, axis=1)
     if speed.max() <= 0.0 or np.ptp(samples.position, axis=0).max() < SHORTEST:
         raise ConfigError(
-            "the motion does not move: there is nothing to be timed", code="RID-TIMING-SHAPE"
+            "the motion does not move, so there is nothing to retime", code="RID-TIMING-SHAPE"
         )
     breaks = _rests(samples.velocity * weights, speed)
     ways: list[RestToRest] = []
@@ -105,7 +105,7 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
 
 
 def _rests(velocity: FloatArray, speed: FloatArray) -> list[tuple[int, int]]:
-    """Return the first and last row of each rest; the motion begins and ends with one."""
+    """Return the first and last row of each rest; a motion begins and ends with one."""
     slow = speed <= SLOW * speed.max()
     slow[[0, -1]] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], slow, [False]]).astype(np.int8)))
@@ -138,14 +138,13 @@ def _way(points: FloatArray, speeds: FloatArray, rest_s: float) -> RestToRest:
             return RestToRest(curve, rest_s, off, along)
         if most >= len(points):
             raise ConfigError(
-                f"between its rows the motion's path cannot be told to better than {off:.2g} rad or"
-                " m: it turns within a few cycles. Let it turn less sharply, or drive it slower",
+                f"the motion's path between its rows is uncertain by {off:.2g} rad or m: it turns"
+                " within a few cycles. Make it turn less sharply, or slower",
                 code="RID-TIMING-SHAPE",
             )
     raise ConfigError(
-        f"{KNOTS[-1]:,} poses tell the motion's path to {off:.2g} rad or m only, from one rest to"
-        f" the next, and {FARTHEST_OFF:g} is wanted: make it shorter (fewer turns), or let it rest"
-        " in between",
+        f"{KNOTS[-1]:,} poses approximate the motion's path to {off:.2g} rad or m only, and"
+        f" {FARTHEST_OFF:g} is required between two rests: shorten it (fewer turns), or add rests",
         code="RID-TIMING-SHAPE",
     )
 

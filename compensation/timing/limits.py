@@ -1,4 +1,4 @@
-"""`TimingLimits`: what a timed path keeps to, joint by joint."""
+"""`TimingLimits`: the limits of a timed path, per joint."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from config.robot.robot import RobotDescription
 
 @dataclass(frozen=True, eq=False)
 class TimingLimits:
-    """Limits of size, alike both ways; rad or m, per second, N m or N at the link side.
+    """Symmetric limits of magnitude; rad or m, per second, N m or N at the link side.
 
     Attributes:
-        speed, acceleration: Shape (n,). The joints'; with a coupled wrist `speed` bounds the
-            motors' as well, each on its own side.
-        torque: Shape (n,). The motors'.
-        base: Shape (6,). Force and moment of the base wrench [N, N m]; inf where one is free.
-        torque_rms: Shape (n,). Root mean square of each motor's torque over the motion.
-        torque_rate: Shape (n,). How fast a motor's torque may change [N m/s or N/s], the jump of
-            its friction where it turns back left out.
-        jerk: Shape (n,). How fast a joint's acceleration may change [rad/s³ or m/s³].
+        speed, acceleration: Shape (n,). Limits of the joints; with a coupled wrist `speed` limits
+            each motor too.
+        torque: Shape (n,). Limits of the motors.
+        base: Shape (6,). Limits of force and moment of the base wrench [N, N m]; inf for no limit.
+        torque_rms: Shape (n,). Limits of each motor's RMS torque over the motion.
+        torque_rate: Shape (n,). Limits of the rate of a motor's torque [N m/s or N/s], without the
+            jump of friction at a reversal.
+        jerk: Shape (n,). Limits of the rate of a joint's acceleration [rad/s³ or m/s³].
     """
 
     speed: FloatArray
@@ -41,7 +41,7 @@ class TimingLimits:
         freeze(self, ConfigError, (n,), *own, what="limits ")
         if self.base is not None and np.shape(self.base) != (6,):
             raise ConfigError(
-                "limits base must have six values: three forces, three moments",
+                "limits.base needs six values: three forces, three moments",
                 code="RID-OPTION-COUNT",
             )
         for name in (*own, "torque", "base"):
@@ -53,7 +53,7 @@ class TimingLimits:
 
     @classmethod
     def of_robot(cls, robot: RobotDescription) -> TimingLimits:
-        """Return those of a robot file."""
+        """Return the limits of a robot file."""
         limits = [joint.limits for joint in robot.joints]
         return cls(
             speed=np.array([each.velocity for each in limits]),
@@ -62,14 +62,14 @@ class TimingLimits:
         )
 
     def keeping_free(self, share: float) -> TimingLimits:
-        """Return them with a share of the torque, and of what the base takes, kept free.
+        """Return limits that keep a share of the torque and of the base wrench free.
 
         Raises:
-            ConfigError: The share is not one of 0 to 1.
+            ConfigError: The share is not between 0 and 1.
         """
         if not 0.0 <= share < 1.0:
             raise ConfigError(
-                f"a margin of {share:g} of the torque: give 0 to less than 1",
+                f"invalid margin {share:g} of the torque: give at least 0 and less than 1",
                 code="RID-OPTION-RANGE",
             )
         left = 1.0 - share

@@ -1,4 +1,4 @@
-"""`PathRows`: everything that limits a path, as rows in the squared speed and the acceleration."""
+"""`PathRows`: all limits of a path, as rows in squared speed and acceleration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.one_sample import EFFICIENCY, FRICTION, JOINT, KIND, VALUE, SampleTorque
 
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-STANDS: Final = 1e-7  # of a joint's largest share in the path: rounding is no way
+STANDS: Final = 1e-7  # of a joint's largest share in the path: smaller ones are rounding
 FASTEST: Final = 1e12
 MOST_OF_ROOM: Final = 0.8
 SMALLEST: Final = 1e-12
@@ -24,18 +24,18 @@ SMALLEST: Final = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class PathDynamics:
-    """A model along a path, and the friction that is added to it.
+    """A model along a path, with its friction separately.
 
     Attributes:
         curve: The path.
-        robot: Whose joints they are.
-        length: Shape (points,). The grid.
-        position, slope, bend: Shape (points, n). The joints there, and their derivatives by the
+        robot: Robot of the joints.
+        length: Shape (points,). Grid of the path length.
+        position, slope, bend: Shape (points, n). Joint positions and their derivatives by the
             length.
-        parts: Shape (points, 2 n + 6, 3). What `along_path` computes.
+        parts: Shape (points, 2 n + 6, 3). Result of `along_path`.
         friction, losses: Shape (terms, 8). Rows of `SampleTorque`'s table.
-        smoothing: Of the sign of friction [rad/s].
-        motor_slope: Shape (points, n). The actuators' speeds at x = 1.
+        smoothing: Smoothing of the sign of friction [rad/s].
+        motor_slope: Shape (points, n). Speeds of the actuators at x = 1.
     """
 
     curve: JointCurve
@@ -54,7 +54,7 @@ class PathDynamics:
     def of(
         cls, curve: JointCurve, robot: RobotDescription, torque: SampleTorque, intervals: int
     ) -> PathDynamics:
-        """Take a model along a path, at the ends of equal intervals."""
+        """Evaluate a model along a path, at the ends of equal intervals."""
         length = np.linspace(*curve.ends, intervals + 1)
         position, slope, bend = curve.at(length)
         table = torque.arrays[4]
@@ -81,19 +81,19 @@ class PathDynamics:
 
 @dataclass(frozen=True, eq=False)
 class PathRows:
-    """Rows and bounds, each divided by its limit, and what is faster than any joint may go.
+    """Rows and bounds, each divided by its limit, and the largest speed by the speed limits.
 
     Attributes:
-        dynamics: Where they come from.
-        labels: What each row is, for a message.
-        rows: Shape (points, rows, 3). By u, by x, at rest.
-        bounds: Shape (points, rows, 3). Least and largest, and how much of the joint's friction is
-            in the row.
-        size: Shape (rows,). What rows and bounds were divided by.
-        joints: Shape (rows,). Whose friction, or -1.
-        both: Shape (points - 1, n). Where an actuator turns back or stands still, so that its
-            friction has either sign.
-        fastest: Shape (points,). The largest x by the speed limits.
+        dynamics: Model along the path.
+        labels: Name of each row, for messages.
+        rows: Shape (points, rows, 3). Coefficients of u, of x, and at rest.
+        bounds: Shape (points, rows, 3). Lower and upper bound, and share of the joint's friction in
+            the row.
+        size: Shape (rows,). Divisor of rows and bounds.
+        joints: Shape (rows,). Joint of the friction in the row, or -1.
+        both: Shape (points - 1, n). True if an actuator reverses or rests, so that its friction has
+            either sign.
+        fastest: Shape (points,). Largest x by the speed limits.
     """
 
     dynamics: PathDynamics
@@ -113,7 +113,7 @@ class PathRows:
 
     @classmethod
     def of(cls, dynamics: PathDynamics, limits: TimingLimits) -> PathRows:
-        """Put the limits to a model along a path."""
+        """Apply limits to a model along a path."""
         names = [joint.name for joint in dynamics.robot.joints]
         n = len(names)
         both = _either_sign(dynamics.motor_slope)
@@ -125,8 +125,8 @@ class PathRows:
             if j not in lossy:
                 build.add(label, load[:, j] + free[:, j], limit, j)
                 continue
-            # Behind a gear that loses torque the larger of two lines counts where the joint goes
-            # forwards and the smaller where it goes back; one line alone is on the safe side.
+            # With gear losses the larger of two lines counts if the joint moves forwards,
+            # and the smaller if it moves backwards; using both lines is on the safe side.
             ahead, behind = _factors(lossy[j])
             turns = np.append(both[:, j], False) | np.append(False, both[:, j])
             forth = dynamics.motor_slope[:, j] > 0.0
@@ -156,14 +156,14 @@ class PathRows:
         )
 
     def tightened(self, free: FloatArray) -> FloatArray:
-        """Return bounds that keep `free` of each row (points, rows) more, as shares of its limit.
+        """Return bounds that keep a further share `free` (points, rows) of each limit free.
 
-        Less where the path could then not even be gone slowly.
+        The share is reduced if the path could otherwise not even be driven slowly.
         """
         least, most = self.at_rest()
         room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])
         room = np.maximum(room, SMALLEST)
-        most_of = MOST_OF_ROOM * room  # from there on ever closer to all of it
+        most_of = MOST_OF_ROOM * room  # then asymptotically closer to the whole limit
         beyond = np.maximum(free - most_of, 0.0) / (room - most_of)
         keep = np.where(free < most_of, free, room - (room - most_of) * np.exp(-beyond))
         bounds = self.bounds.copy()
@@ -172,7 +172,7 @@ class PathRows:
         return bounds
 
     def at_rest(self) -> tuple[FloatArray, FloatArray]:
-        """Return the least and the largest of each row (points, rows) near standstill."""
+        """Return the smallest and largest value of each row (points, rows) near standstill."""
         friction = np.empty((len(self.rows), 2, self.both.shape[1]))
         friction_at_rest(self.friction, friction)
         share = self.bounds[:, :, 2]
@@ -182,14 +182,14 @@ class PathRows:
         return least, most
 
     def refuse_standing(self, free: FloatArray | float = 0.0) -> None:
-        """Refuse a path on which not even standing is within the limits.
+        """Refuse a path on which even standing still exceeds a limit.
 
         Args:
-            free: Shape (points, rows), or float. The share of each limit that is to be kept free.
+            free: Shape (points, rows), or float. Share of each limit to keep free.
 
         Raises:
-            LimitError: Gravity, with the friction of a slow motion, takes more than a limit; the
-                text names the joint and the pose.
+            LimitError: Gravity and the friction of a slow motion exceed a limit; the message names
+                joint and pose.
         """
         least, most = self.at_rest()
         low, high = self.bounds[:, :, 0] + free, self.bounds[:, :, 1] - free
@@ -203,10 +203,10 @@ class PathRows:
         allowed = abs((high if upwards else low)[point, row]) * size
         pose = ", ".join(f"{value:.4g}" for value in own.position[point])
         raise LimitError(
-            f"the path cannot be driven within its limits at any speed: {self.labels[row]} is"
-            f" {takes:.4g} at the pose ({pose}) already by gravity and the friction of a slow"
-            f" motion ({self.rows[point, row, 2] * size:.4g} without friction); allowed"
-            f" is {max(allowed, 0.0):.4g}. Move the path, lighten the payload, or allow more",
+            f"the path exceeds its limits at any speed: {self.labels[row]} is {takes:.4g} at the"
+            f" pose ({pose}) from gravity and slow friction alone"
+            f" ({self.rows[point, row, 2] * size:.4g} without friction); allowed is"
+            f" {max(allowed, 0.0):.4g}. Move the path, reduce the payload, or raise the limit",
             code="RID-TIMING-NOT-FEASIBLE",
         )
 
@@ -239,9 +239,9 @@ class _Builder:
 
 
 def _factors(loss: FloatArray) -> tuple[float, float]:
-    """Return by what a gear multiplies a load that is positive, and one that is negative.
+    """Return the factors of a gear on positive and on negative loads.
 
-    For a joint that goes forwards; the other way round where it goes back.
+    They hold for a joint that moves forwards; backwards they are exchanged.
     """
     value = float(loss[VALUE])
     if loss[KIND] == EFFICIENCY:
@@ -250,7 +250,7 @@ def _factors(loss: FloatArray) -> tuple[float, float]:
 
 
 def _either_sign(speed: FloatArray) -> BoolArray:
-    """Return in which interval each actuator turns back, or stands still."""
+    """Return the intervals in which each actuator reverses or rests."""
     stands = np.abs(speed) <= STANDS * np.abs(speed).max()
     begin, end = speed[:-1], speed[1:]
     return np.ascontiguousarray((begin * end <= 0.0) | stands[:-1] | stands[1:])

@@ -21,13 +21,13 @@ STUCK: Final = 1e-10  # of the largest x on the limit curve
 
 @dataclass(frozen=True, eq=False)
 class SpeedOverPath:
-    """How a path is driven.
+    """Speed along a path.
 
     Attributes:
-        length: Shape (points,). The grid.
+        length: Shape (points,). Grid of the path length.
         x: Shape (points,). Squared speed.
         u: Shape (points - 1,). Acceleration along the path, constant between two points.
-        time_s: Shape (points,). When each point is passed.
+        time_s: Shape (points,). Time of each point.
     """
 
     length: FloatArray
@@ -44,18 +44,18 @@ def fastest(
     closed: bool = False,
     most: FloatArray | None = None,
 ) -> SpeedOverPath:
-    """Return the fastest way along a path.
+    """Return the fastest motion along a path.
 
     Args:
-        rows: What limits it.
+        rows: Limits along the path.
         bounds: Shape (points, rows, 3). `rows.bounds`, or tighter ones.
-        ends: Speed along the path at its begin and its end, path length per second.
-        closed: Whether the path ends where it begins, at the same speed, which is then found.
-        most: Shape (points,). The largest x, where less than the speed limits allow is wanted.
+        ends: Path speed at begin and end, path length per second.
+        closed: True if the path ends at its begin with the same speed, which is then computed.
+        most: Shape (points,). Largest x, if below the speed limits.
 
     Raises:
-        LimitError: The speeds at the ends cannot be had, or the limits leave no motion; the text
-            says where.
+        LimitError: The speeds at the ends are not possible, or the limits allow no motion; the
+            message says where.
     """
     length = rows.dynamics.length
     cap = (rows.fastest if most is None else np.minimum(most, rows.fastest)).copy()
@@ -87,7 +87,7 @@ def fastest(
 
 
 def limit_curve(rows: PathRows, bounds: FloatArray) -> FloatArray:
-    """Return the largest squared speed at each point on its own, (points,)."""
+    """Return the largest squared speed at each point separately, (points,)."""
     found = np.empty(len(rows.dynamics.length))
     largest_alone(rows.rows, bounds, rows.friction, rows.fastest, found)
     return found
@@ -99,7 +99,7 @@ def _refuse_ends(x: FloatArray, ends: tuple[float, float], closed: bool) -> None
     for name, wanted, found in (("begin", ends[0], x[0]), ("end", ends[1], x[-1])):
         if found < (1.0 - 1e-6) * wanted**2:
             raise LimitError(
-                f"the path cannot be at a speed of {wanted:.4g} at its {name}: the limits allow"
+                f"the path cannot have a speed of {wanted:.4g} at its {name}: the limits allow"
                 f" {np.sqrt(found):.4g}",
                 code="RID-TIMING-NOT-FEASIBLE",
             )
@@ -111,8 +111,8 @@ def _no_way(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:
     row = int(room.argmin())
     pose = ", ".join(f"{value:.4g}" for value in rows.dynamics.position[point])
     return LimitError(
-        f"the path comes to a standstill at the pose ({pose}): {rows.labels[row]} leaves"
-        f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit, beside what is uncertain, to"
-        " move with there. Move the path, allow more, or identify the robot better",
+        f"the path cannot continue at the pose ({pose}): {rows.labels[row]} leaves"
+        f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit, after the uncertainty, for"
+        " motion. Move the path, raise the limit, or identify the robot better",
         code="RID-TIMING-NOT-FEASIBLE",
     )

@@ -1,15 +1,15 @@
-"""The scan over path position and squared speed: controllable sets backwards, then forwards.
+"""Scan over path position and squared speed: controllable sets backwards, then a pass forwards.
 
-With x the squared speed along the path and u its acceleration, everything that is limited is a row
-A u + B x + C + f(x) between two bounds, where f is friction at the speed that x makes. u is
-constant between two points of the grid, and the rows of both ends hold. As in TOPP-RA (Pham and
-Pham 2018) the pass backwards finds the largest x at each point from which the end can still be
-reached, and the pass forwards goes as fast as that allows.
+x is the squared speed along the path, u the acceleration. Each limit is a row A u + B x + C + f(x)
+between two bounds, with f the friction at the speed of x. u is constant between two points of the
+grid, and the rows of both ends must hold. As in TOPP-RA (Pham and Pham 2018), the pass backwards
+finds the largest x at each point from which the end is reachable, and the pass forwards is as fast
+as that allows.
 
-For a given x every row bounds u, so what is left of u is an interval. Where it is empty, the two
-rows that empty it are followed, as straight lines with the slope of friction in them, to where they
-meet: Newton's iteration. It ends at an x whose own friction is in the rows, so friction is exact.
-A row without u (a zero-inertia point) bounds x by itself, in the same iteration.
+For a given x each row bounds u, so the allowed u form an interval. If it is empty, Newton's method
+follows the two conflicting rows, as straight lines with the slope of friction, to their
+intersection. The final x is consistent with its own friction, so friction is exact. A row without u
+(a zero-inertia point) bounds x directly, in the same iteration.
 """
 
 from __future__ import annotations
@@ -37,29 +37,29 @@ from dynamics.model.one_sample import (
 FrictionArrays: TypeAlias = tuple[IntArray, FloatArray, float, FloatArray, BoolArray]
 
 STEPS: Final = 60
-TINY: Final = 1e-14  # of a row's size: it does not see u
+TINY: Final = 1e-14  # of a row's size: below it the row does not depend on u
 CLOSE: Final = 1e-9
 LOOSE: Final = 1e-6
 SLOPE_STEP: Final = 1e-6
-FROM_REST: Final = 1e-9  # rad/s: friction has its sign, and nothing of its speed
+FROM_REST: Final = 1e-9  # rad/s: friction has its sign but no speed-dependent part
 
-# Words of an interval of u: its ends, and how they move with x.
+# Words of an interval of u: its ends, and their derivatives by x.
 LEAST: Final = 0
 MOST: Final = 1
 LEAST_SLOPE: Final = 2
 MOST_SLOPE: Final = 3
-ALONE: Final = 4  # where a row that does not see u asks x to go; -1 where none does
+ALONE: Final = 4  # x required by a row without u; -1 without such a row
 
 
 @kernel
 def along_path(
     model: ModelArrays, q: FloatArray, slope: FloatArray, bend: FloatArray, out: FloatArray
 ) -> None:
-    """Split what gears transmit, what acts beside them, and the base wrench by u, x and 1.
+    """Split gear torques, torques beside the gears, and base wrench into parts of u, x and 1.
 
     Args:
         model: `SampleTorque.arrays`, without friction.
-        q, slope, bend: Shape (points, n). The joints, and their derivatives by the path's length.
+        q, slope, bend: Shape (points, n). Joint positions and their derivatives by the path length.
         out: Shape (points, 2 n + 6, 3). Written: load torques, free torques and base wrench, by u,
             by x, and at rest.
     """
@@ -110,10 +110,10 @@ def friction_at(
     x: float,
     found: FloatArray,
 ) -> None:
-    """Fill `found` (4, n): the least and the largest friction of each joint, and their slopes by x.
+    """Fill `found` (4, n): smallest and largest friction of each joint, and their slopes by x.
 
-    `speed` (n,) is that of the actuators at x = 1. They differ where a joint turns back, or stands
-    still, nearby (`both`): then either sign counts.
+    `speed` (n,) is that of the actuators at x = 1. The two differ if a joint reverses or rests
+    nearby (`both`): then either sign is possible.
     """
     root = math.sqrt(max(x, 0.0))
     for j in range(len(speed)):
@@ -150,7 +150,7 @@ def friction_at(
 
 @kernel
 def friction_at_rest(friction: FrictionArrays, out: FloatArray) -> None:
-    """Fill `out` (points, 2, n): the least and the largest friction of a slow motion."""
+    """Fill `out` (points, 2, n): smallest and largest friction of a slow motion."""
     _, table, smoothing, speed, both = friction
     found = np.empty((4, speed.shape[1]))
     turns = np.empty(speed.shape[1], np.bool_)
@@ -165,7 +165,7 @@ def friction_at_rest(friction: FrictionArrays, out: FloatArray) -> None:
 
 @kernel
 def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: float) -> None:
-    """Let by_u u + rest <= bound narrow the interval; rest moves with x by `slope`."""
+    """Narrow the interval by by_u u + rest <= bound; rest changes with x by `slope`."""
     free = bound - rest
     if by_u > TINY:
         most = free / by_u
@@ -176,7 +176,7 @@ def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: flo
         if least > room[LEAST]:
             room[LEAST], room[LEAST_SLOPE] = least, -slope / by_u
     elif free < -CLOSE:
-        # How far x must fall for the row to hold; all the way where that does not help.
+        # Decrease of x for which the row holds; to 0 if no decrease helps.
         fall = -free / slope if slope > 0.0 else math.inf
         room[ALONE] = max(room[ALONE], fall)
 
@@ -192,10 +192,10 @@ def _room(
     there: float,
     room: FloatArray,
 ) -> None:
-    """Narrow the interval of u by one end's rows.
+    """Narrow the interval of u by the rows of one end.
 
-    `twice_step` is 0 at the interval's own begin; at its other end x becomes x + twice_step u, and
-    friction is the straight line through `there`.
+    `twice_step` is 0 at the interval's begin; at its end x becomes x + twice_step u, and friction
+    is the straight line through `there`.
     """
     for r in range(len(rows)):
         by_u, by_x, rest = rows[r, 0], rows[r, 1], rows[r, 2]
@@ -218,7 +218,7 @@ def _room(
 
 @kernel
 def _open(room: FloatArray, x: float, twice_step: float, most_there: float) -> None:
-    """Begin with what brings x to 0 or to the most at the other end."""
+    """Start with the interval that keeps x at the other end between 0 and the largest."""
     room[LEAST], room[LEAST_SLOPE] = -x / twice_step, -1.0 / twice_step
     room[MOST], room[MOST_SLOPE] = (most_there - x) / twice_step, -1.0 / twice_step
     room[ALONE] = -1.0
@@ -226,7 +226,7 @@ def _open(room: FloatArray, x: float, twice_step: float, most_there: float) -> N
 
 @kernel
 def _lower(room: FloatArray, x: float) -> float:
-    """Return the x below at which an interval that is empty opens, by its two rows."""
+    """Return the x below which an empty interval opens, by its two rows."""
     if room[ALONE] > 0.0:
         return float(max(0.0, x - room[ALONE]))
     closing = room[LEAST_SLOPE] - room[MOST_SLOPE]
@@ -249,7 +249,7 @@ def largest_alone(
     most: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Fill `out` (points,) with the limit curve: the largest x at each point on its own."""
+    """Fill `out` (points,) with the limit curve: the largest x at each point separately."""
     joints, table, smoothing, speed, both = friction
     here, room = np.empty((4, speed.shape[1])), np.empty(5)
     for i in range(len(rows)):
@@ -276,18 +276,17 @@ def backwards(
     end: float,
     out: FloatArray,
 ) -> None:
-    """Fill `out` (points,) with the largest x from which the end can be reached.
+    """Fill `out` (points,) with the largest x from which the end is reachable.
 
     Args:
         rows: Shape (points, rows, 3). A, B and C.
-        bounds: Shape (points, rows, 3). The least and the largest that a row may be, and how much
-            of its joint's friction is in it.
-        friction: (rows,) the joint whose friction is in a row, or -1; a table of friction terms as
-            `SampleTorque` has them; the smoothing of their sign; (points, n) the actuators' speeds
-            at x = 1; (points - 1, n) whether an actuator turns back, or stands still, in an
-            interval.
-        length: Shape (points,). The grid.
-        most: Shape (points,). The largest x by the speed limits.
+        bounds: Shape (points, rows, 3). Lower and upper bound of a row, and share of its joint's
+            friction.
+        friction: Tuple of (rows,) the joint of a row's friction, or -1; a table of friction terms
+            as in `SampleTorque`; the smoothing of their sign; (points, n) the actuators' speeds at
+            x = 1; (points - 1, n) true if an actuator reverses or rests in an interval.
+        length: Shape (points,). Grid of the path length.
+        most: Shape (points,). Largest x by the speed limits.
         end: x at the end.
         out: Shape (points,). Written.
     """
@@ -329,10 +328,11 @@ def forwards(
     x: FloatArray,
     u: FloatArray,
 ) -> int:
-    """Fill x (points,) and u (points - 1,) with the fastest way; return where it fails, or -1.
+    """Fill x (points,) and u (points - 1,) with the fastest motion; return where it fails, or -1.
 
-    `largest` is what `backwards` found; the other arguments are its. It can fail where friction
-    makes what is feasible not convex: slower there is a way that this one has missed.
+    `largest` is the result of `backwards`; the other arguments are the same. It can fail if
+    friction makes the feasible set non-convex: a slower motion exists, but this pass does not find
+    it.
     """
     joints, table, smoothing, speed, both = friction
     here, there, room = np.empty((4, speed.shape[1])), np.empty((4, speed.shape[1])), np.empty(5)

@@ -1,8 +1,8 @@
-"""A timed path as rows of a motion, one a cycle.
+"""A timed path as rows of a motion, one per cycle.
 
-The speed over the path jumps in its acceleration. Where the path begins and ends at rest, its
-length over time is averaged over a window, exactly, so that accelerations and torques change
-steadily: the rows stay on the path, and come by half a window later.
+The speed profile has jumps in its acceleration. If the path begins and ends at rest, its length
+over time is averaged over a window, exactly, so that accelerations and torques are continuous: the
+rows stay on the path and are half a window later.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from config.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class RowsInTime:
-    """Rows of a motion, and where on the path each is.
+    """Rows of a motion, with the path length of each.
 
     Attributes:
         path: Positions, velocities, accelerations.
-        length, speed, change: Shape (rows,). Where on the path, and how that changes, per second
-            and per second squared.
-        begin, end: Shape (rows,). The first and last interval of the path's grid that a row's
-            values come from.
+        length, speed, change: Shape (rows,). Path length and its derivatives, per second and per
+            second squared.
+        begin, end: Shape (rows,). First and last interval of the path's grid that contribute to a
+            row.
     """
 
     path: JointTrajectory
@@ -46,13 +46,13 @@ def rows_in_time(
     window_s: float = 0.0,
     slower: float = 1.0,
 ) -> RowsInTime:
-    """Return a timed path, one row a cycle; the time that it takes becomes whole cycles.
+    """Return a timed path, one row per cycle; the total time is rounded up to whole cycles.
 
     Args:
         curve, profile: The path and its speed.
         cycle_s: Time between rows [s].
-        window_s: Over how much time the length is averaged [s]; for a path from rest to rest.
-        slower: How many times as long the path is to take, at least.
+        window_s: Window of the average [s]; for a path from rest to rest.
+        slower: Smallest factor by which the time is extended.
     """
     total_s = float(profile.time_s[-1])
     cycles = max(2, math.ceil((slower * total_s + window_s) / cycle_s - 1e-9))
@@ -90,7 +90,7 @@ class _At:
 
 
 def _at(profile: SpeedOverPath, time_s: FloatArray) -> _At:
-    """Return a profile at times; before and after it the path rests."""
+    """Return a profile at times; before and after it the path is at rest."""
     when, root = profile.time_s, np.sqrt(profile.x)
     begin, speed, u = profile.length[:-1], root[:-1], profile.u
     steps = np.diff(when)

@@ -1,4 +1,4 @@
-"""A motion of any kind timed to the limits of an identified model: `retimed`."""
+"""A motion of any kind, timed to the limits of an identified model: `retimed`."""
 
 from __future__ import annotations
 
@@ -27,16 +27,15 @@ MOST_INTERVALS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class TimedMotion:
-    """A motion, timed.
+    """A timed motion.
 
     Attributes:
-        motion: What its file says.
-        ways: Its ways from rest to rest.
-        moving_s, original_s: How long it moves, and how long the motion moved that it was made of:
-            both without the rests [s].
-        off: How far the original's rows are off the curve, at most [rad or m].
-        was_periodic: Whether the original had periods: they are one way now.
-        places: How far along each way the original is, cycle by cycle.
+        motion: Content of its motion file.
+        ways: Its parts from rest to rest.
+        moving_s, original_s: Times of motion after and before, both without rests [s].
+        off: Largest distance of the original's rows from the curve [rad or m].
+        was_periodic: True if the original had periods; they are one part now.
+        places: Path length of the original along each part, cycle by cycle.
     """
 
     motion: TimedPathMotion
@@ -49,12 +48,12 @@ class TimedMotion:
 
     @property
     def shorter(self) -> float:
-        """By which share of the original's time it is shorter."""
+        """Share of the original's time that is saved."""
         return 1.0 - self.moving_s / self.original_s
 
 
 def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleTorque:
-    """Return an identified model sample by sample, with a payload on its flange.
+    """Return an identified model for single samples, with a payload at its flange.
 
     Raises:
         EstimationError: The model depends on the drives' temperature.
@@ -68,14 +67,14 @@ def torque_model(estimate: Estimate, payload: PayloadEstimate | None) -> SampleT
 
 
 def weighed(estimate: Estimate, mass_kg: float | None) -> Estimate:
-    """Return an estimate with the robot's weight from elsewhere: no plate can tell it.
+    """Return an estimate with the robot's weight added; a force plate cannot measure it.
 
     Args:
-        estimate: Of the external or the combined model.
-        mass_kg: Mass of all that the base carries; by the robot's drawings, else zero, if None.
+        estimate: An estimate of the external or the combined model.
+        mass_kg: Mass of everything on the base (default: by the robot's drawings, else zero).
 
     Raises:
-        EstimationError: It is of the internal model.
+        EstimationError: It is an estimate of the internal model.
     """
     values, covariance, _ = with_known_mass(estimate, mass_kg)
     noise = estimate.covariance_noise
@@ -95,26 +94,26 @@ def retimed(
     confidence: float = 0.0,
     payload: PayloadEstimate | None = None,
 ) -> TimedMotion:
-    """Return a motion's path, as fast as the limits allow, from rest to rest.
+    """Return a motion's path, from rest to rest, as fast as the limits allow.
 
     Args:
         samples: The motion as planned.
-        estimate: Its model.
-        limits: What is kept to.
-        confidence: With which probability torques and base wrench of the robot itself keep to their
-            limits at any one instant; 0 for no margin.
-        payload: What the robot carries.
+        estimate: Model of the robot.
+        limits: Limits to keep.
+        confidence: Probability that torques and base wrench of the robot are within their limits at
+            any one instant; 0 for no margin.
+        payload: Payload of the robot.
 
     Raises:
-        ConfigError: The motion goes nowhere, or the model knows no base wrench and the limits ask
-            for it.
+        ConfigError: The motion does not move, or the limits include a base wrench that the model
+            does not predict.
         EstimationError: The model depends on the drives' temperature.
-        LimitError: A limit cannot be kept to; the text names it, and where.
+        LimitError: A limit cannot be kept; the message names it and the place.
     """
     if limits.base is not None and estimate.options.kind == "internal":
         raise ConfigError(
-            "the internal model does not know the reaction on the base: identify the combined"
-            " model, from a run with a force plate",
+            "the internal model does not predict the base wrench: identify the combined model,"
+            " from a run with a force plate",
             code="RID-MODEL-NOT-COMBINED",
         )
     speeds = [joint.limits.velocity for joint in robot.joints]

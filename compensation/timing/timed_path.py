@@ -1,9 +1,9 @@
-"""The fastest rows along a path: scanned, resampled at the cycle, and every row verified.
+"""Fastest rows along a path: scanned, resampled at the cycle, and each row verified.
 
-What the scan finds holds at the points of its grid; rows lie between them, and are averaged. So
-every row is held against the whole model again. Where one exceeds a limit, that limit is tightened
-on the part of the path that the row comes from, and the scan is repeated. Nothing is given back
-that exceeds a limit.
+The result of the scan holds at the points of its grid. Rows lie between them and are averaged, so
+each row is checked against the whole model again. If one exceeds a limit, this limit is tightened
+on the part of the path that the row comes from, and the scan is repeated. The result never exceeds
+a limit.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from dynamics.model.one_sample import FRICTION, KIND, SampleTorque
 INTERVALS: Final = 1000
 WINDOW_CYCLES: Final = 2
 HEADROOM: Final = 1.5e-3  # fewer scans for a thousandth of the time
-MORE: Final = 1.2  # what is tightened, by what was exceeded
+MORE: Final = 1.2  # amount of tightening, relative to the excess
 LEAST_MORE: Final = 2e-4
 ATTEMPTS: Final = 60
 WIDER: Final = 1.02
 LONGEST_WINDOW: Final = 0.5  # of the path's time
 SLOWEST: Final = 10.0
-ROUNDING: Final = 0.009  # a stream of points lets differences be off by a little more
+ROUNDING: Final = 0.009  # a stream of points tolerates slightly larger differences
 
 
 class Margins(NamedTuple):
-    """How much of the torques, and of the base wrench, is uncertain along rows of a motion.
+    """Uncertainty of torques and base wrench along rows of a motion.
 
     Attributes:
         torque: Shape (rows, n). N m or N.
@@ -56,18 +56,18 @@ MarginOf = Callable[[JointTrajectory], Margins]
 
 @dataclass(frozen=True, eq=False)
 class TimedPath:
-    """A path, how fast it is driven, and what that takes.
+    """A path, its speed, and the resulting torques.
 
     Attributes:
-        rows: What limits it.
-        bounds: Shape (points, rows, 3). What was kept to in the end.
-        profile: Its speed, before it was averaged.
+        rows: Limits along the path.
+        bounds: Shape (points, rows, 3). Final bounds.
+        profile: Its speed, before the average.
         in_time: Its rows.
-        torque: Shape (samples, n). By the model [N m or N].
-        wrench: Shape (samples, 6). What the base exerts, by the model [N, N m].
-        margins: What of both is uncertain.
-        window_s: Over how much time it was averaged [s].
-        scans: How often it was scanned.
+        torque: Shape (samples, n). Torque by the model [N m or N].
+        wrench: Shape (samples, 6). Force and moment of the base by the model [N, N m].
+        margins: Uncertainty of both.
+        window_s: Window of the average [s].
+        scans: Number of scans.
     """
 
     rows: PathRows
@@ -82,22 +82,22 @@ class TimedPath:
 
     @property
     def path(self) -> JointTrajectory:
-        """Positions, velocities, accelerations, one row a cycle."""
+        """Positions, velocities, accelerations, one row per cycle."""
         return self.in_time.path
 
 
 @dataclass(frozen=True, eq=False)
 class PathTimer:
-    """Times paths of one robot.
+    """Retiming of paths of one robot.
 
     Attributes:
-        torque: Its model.
-        limits: What is kept to.
+        torque: Model of the robot.
+        limits: Limits to keep.
         cycle_s: Time between rows [s].
-        margin: What of the torques is uncertain.
-        intervals: Of the grid over the path.
-        positions_alone: Whether all holds as well for who takes positions alone and differences
-            them, as a stream of points is judged. The path is then from rest to rest.
+        margin: Uncertainty of the torques.
+        intervals: Intervals of the path's grid.
+        positions_alone: True if the limits must also hold for differences of the positions, as a
+            stream of points is checked. The path is then from rest to rest.
     """
 
     robot: RobotDescription
@@ -115,12 +115,12 @@ class PathTimer:
 
         Args:
             curve: The path.
-            ends: Speed along it at its begin and its end, path length per second; less by as much
-                as whole cycles take longer.
-            closed: Whether it ends where it begins, at the same speed, which is then found.
+            ends: Path speed at begin and end, path length per second; reduced if rounding up
+                to whole cycles requires.
+            closed: True if it ends at its begin with the same speed, which is then computed.
 
         Raises:
-            LimitError: The limits cannot be kept to; the text names what, and where.
+            LimitError: The limits cannot be kept; the message names limit and place.
         """
         search = _Search(self, curve, ends, closed)
         for _ in range(ATTEMPTS):
@@ -135,7 +135,7 @@ class PathTimer:
 
 
 class _Search:
-    """Scans, verifies and tightens, one attempt after the other."""
+    """Repeated scan, verification and tightening."""
 
     def __init__(
         self, timer: PathTimer, curve: JointCurve, ends: tuple[float, float], closed: bool
@@ -159,7 +159,7 @@ class _Search:
         )
 
     def attempt(self) -> TimedPath | None:
-        """Scan where anything has changed, and verify; return what was found if it holds."""
+        """Scan if anything has changed, and verify; return the result if it holds."""
         timer = self._timer
         if self._profile is None:
             self._bounds = self._rows.tightened(self._free)
@@ -190,7 +190,7 @@ class _Search:
         return [r for r, other in enumerate(self._rows.labels) if other == label]
 
     def _margin_free(self, path: JointTrajectory) -> FloatArray:
-        """Return the margins on points of the grid as shares of each row's limit."""
+        """Return the margins at the grid points as shares of each row's limit."""
         free = np.zeros(self._rows.rows.shape[:2])
         if self._timer.margin is None:
             return free
@@ -215,7 +215,7 @@ class _Search:
     def _tighten(
         self, found: RowsInTime, torque: FloatArray, wrench: FloatArray, margins: Margins | None
     ) -> bool:
-        """Tighten what rows exceed; return whether any does."""
+        """Tighten the limits that rows exceed; return True if there are any."""
         limits, exceeded = self._timer.limits, False
         size, base = np.abs(torque), np.abs(wrench)
         if margins is not None:
@@ -250,13 +250,13 @@ class _Search:
         return exceeded
 
     def _keep(self, label: str, more: FloatArray) -> None:
-        """Keep more of a limit free, `more` (points,) of it."""
+        """Keep more of a limit free, `more` (points,)."""
         self.worst = f"the {label}"
         for r in self._columns.get(label, ()):
             self._free[:, r] += more
         if label not in self._columns:  # a speed
             self._most = (1.0 - more) ** 2 * self._most
-        elif self._scans > ATTEMPTS // 4:  # rows without u, or what only speed decides
+        elif self._scans > ATTEMPTS // 4:  # rows without u, or that depend on speed only
             slower = np.minimum((1.0 - more) * self._most, 0.98 * self._last.x)
             self._most = np.where(more > 0.0, slower, self._most)
 
@@ -266,7 +266,7 @@ class _Search:
         return self._profile
 
     def _widen(self, path: JointTrajectory) -> bool:
-        """Average over more time where torques or accelerations change too fast."""
+        """Average over a longer window if torques or accelerations change too fast."""
         limits, cycle_s = self._timer.limits, self._timer.cycle_s
         worst, what = 1.0, ""
         for name, limit, values in (
@@ -288,8 +288,8 @@ class _Search:
         )
         if self._window_s > LONGEST_WINDOW * self._last.time_s[-1] or any(self._ends):
             raise LimitError(
-                f"{what} cannot be kept to by averaging the motion over half of its time: allow"
-                " more, or drive it more slowly",
+                f"{what} cannot be kept by averaging over half of the motion's time: raise the"
+                " limit, or drive more slowly",
                 code="RID-TIMING-NOT-FEASIBLE",
             )
         return True
@@ -302,7 +302,7 @@ class _Search:
         return torque
 
     def _slow(self, torque: FloatArray) -> bool:
-        """Drive more slowly where a motor's torque is too large in the mean."""
+        """Slow down if a motor's RMS torque is too large."""
         limit = self._timer.limits.torque_rms
         if limit is None:
             return False
@@ -314,15 +314,15 @@ class _Search:
         self._slower *= float(np.clip(np.sqrt(ratio.max()), 1.002, 1.5))
         if self._slower > SLOWEST:
             raise LimitError(
-                f"{self.worst} is {ratio.max():.3g} of its limit at any speed: gravity and friction"
-                " alone take it. Rest between motions, or allow more",
+                f"{self.worst} is {ratio.max():.3g} of its limit at any speed, from gravity and"
+                " friction alone. Add rests between motions, or raise the limit",
                 code="RID-TIMING-NOT-FEASIBLE",
             )
         return True
 
 
 def _around(over: FloatArray, found: RowsInTime, points: int) -> FloatArray:
-    """Return what is to be kept free at each point of the grid for rows that exceed a limit."""
+    """Return the share to keep free at each grid point for rows that exceed a limit."""
     rows = np.flatnonzero(over > 0.0)
     more = np.zeros(points)
     begin, end = found.begin[rows], found.end[rows] + 1
@@ -341,7 +341,7 @@ def differenced(position: FloatArray, step_s: float) -> JointTrajectory:
 
 
 def _folded(sizes: FloatArray) -> FloatArray:
-    """Count what the two rows of a rest show to the path's own first and last row."""
+    """Add the values of the two rest rows to the path's own first and last row."""
     own = sizes[2:-2].copy()
     own[0] = sizes[:3].max(axis=0)
     own[-1] = sizes[-3:].max(axis=0)

@@ -1,4 +1,4 @@
-"""How far a robot's torques may be from its model's, along a motion: margins for its limits."""
+"""Uncertainty of a robot's torques along a motion: margins for its limits."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ BLOCK_ROWS = 2048
 
 @dataclass(frozen=True, eq=False)
 class ModelMargin:
-    """What of torques and base wrench an estimate leaves open.
+    """Uncertainty of torques and base wrench of an estimate.
 
-    The variance of a torque is that of its estimated parameters, and of what the model left
-    unexplained of the data that it was made of, beyond their noise (theory: section 13.7).
+    The variance of a torque is that of the estimated parameters, plus the part of the
+    identification residual that noise does not explain (theory: section 13.7).
 
     Attributes:
         estimate: The model.
-        confidence: With which probability a torque is within its margin, at any one instant.
-        payload: What the robot carries.
-        base: Whether the base wrench is asked for.
+        confidence: Probability that a torque is within its margin, at any one instant.
+        payload: Payload of the robot.
+        base: True to include the base wrench.
     """
 
     estimate: Estimate
@@ -44,13 +44,13 @@ class ModelMargin:
     def __post_init__(self) -> None:
         if not 0.0 < self.confidence < 1.0:
             raise ConfigError(
-                f"a confidence of {self.confidence:g}: give more than 0 and less than 1",
+                f"invalid confidence {self.confidence:g}: give more than 0 and less than 1",
                 code="RID-OPTION-RANGE",
             )
 
     @property
     def deviations(self) -> float:
-        """How many standard deviations a margin is."""
+        """Number of standard deviations of a margin."""
         return NormalDist().inv_cdf(0.5 + 0.5 * self.confidence)
 
     def __call__(self, path: JointTrajectory) -> Margins:

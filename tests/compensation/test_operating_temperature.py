@@ -49,7 +49,7 @@ def test_measured_temperatures_are_given_in_degrees(
         predict(found.estimate, *WAY), predict(measured, *WAY, there), rtol=1e-9, atol=1e-7
     )
     assert found.notes == [
-        f"Friction as at {', '.join(f'{c:g} °C' for c in map(float, asked.split(',')))}."
+        f"Friction at {', '.join(f'{c:g} °C' for c in map(float, asked.split(',')))}."
     ]
 
 
@@ -60,7 +60,7 @@ def test_cold_is_the_friction_without_what_warmth_takes_off(
     np.testing.assert_allclose(
         predict(found.estimate, *WAY), predict(known(cell, {}), *WAY), rtol=1e-9, atol=1e-7
     )
-    assert found.sentence == "Friction of axis1, axis2 as after a long rest."
+    assert found.sentence == "Friction of axis1, axis2 after a long rest."
 
 
 def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> None:
@@ -77,7 +77,7 @@ def test_warm_is_where_the_motion_leads_that_is_repeated(followed: Estimate) -> 
     rise = warming.settled(followed.robot, WAY[1])[0] - 298.15
     assert rise > 5.0
     assert found.estimate.values[axis1] == pytest.approx(cold * (1.0 - FALL * rise))
-    assert f"it leaves {rise:.3g} W in axis1, " in found.sentence
+    assert f": {rise:.3g} W in axis1, " in found.sentence
     assert "axis3" not in found.sentence
 
 

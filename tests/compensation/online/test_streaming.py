@@ -266,10 +266,10 @@ class TestSocket:
     @pytest.mark.parametrize(
         ("data", "hang_up", "text"),
         [
-            (HELLO, True, "hung up before the end"),
+            (HELLO, True, "disconnected before the end"),
             (HELLO, False, r"sent nothing for 1 s"),
             (b"", False, r"sent nothing for 1 s"),
-            (b"hello\n", False, "does not speak this protocol"),
+            (b"hello\n", False, "does not use this protocol"),
             (HELLO + struct.pack("<I", 5000), False, "a frame of 5000 points"),
         ],
     )

@@ -134,7 +134,7 @@ def test_a_model_that_warms_up_is_told_how_warm_joints_are(
     for field, file in chosen.items():
         page.locator(f"#{field}").select_option(file)
     page.locator("#make").click()
-    expect(page.locator("#job")).to_contain_text("depends on warmth that nobody measured")
+    expect(page.locator("#job")).to_contain_text("depends on warming without thermometers")
     page.get_by_label("Temperature of the joints").fill(" warm ")
     page.locator("#make").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
