@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import re
 from pathlib import Path
@@ -12,7 +13,12 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ("docs/architecture.md", "docs/extending.md", "docs/theory.md", "CONTRIBUTING.md")
 STATION = re.compile(r"^\d+\. (?:\*(process|file)\* )?`([\w/]+\.py)`", re.MULTILINE)
-WALKS = 3
+WALKS = 2
+FUNCTION = re.compile(
+    r"^\d+\. (↳ )?(?:\*(HTTP|standard input|process)\* )?`([\w/.]+)` `([\w.]+)`", re.MULTILINE
+)
+JAVASCRIPT = r"(?:function {0}|\n  (?:async )?{0})\(.*?\n(?:  )?\}}\n"
+"""A function of a module, or a method of a class."""
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +34,38 @@ def house() -> ModuleType:
 def walks() -> list[tuple[str, list[tuple[str, str]]]]:
     """Return each walk's title, and its stations: how they are entered, and the file."""
     page = (ROOT / "docs/architecture.md").read_text()
-    parts = re.split(r"^### ", page[page.index("## Three walks") :], flags=re.MULTILINE)[1:]
+    walks = page[page.index("## Two walks") : page.index("## Two paths")]
+    parts = re.split(r"^### ", walks, flags=re.MULTILINE)[1:]
     return [(part.splitlines()[0], STATION.findall(part)) for part in parts]
+
+
+def paths() -> list[tuple[str, list[tuple[str, str, str, str]]]]:
+    """Return each path's title, and its stations: branch, crossing, file, function."""
+    page = (ROOT / "docs/architecture.md").read_text()
+    parts = re.split(r"^### ", page[page.index("## Two paths") :], flags=re.MULTILINE)[1:]
+    return [(part.splitlines()[0], FUNCTION.findall(part)) for part in parts]
+
+
+def source_of(path: str, function: str) -> str:
+    """Return the text of a function or method.
+
+    Raises:
+        AssertionError: There is none.
+    """
+    text = (ROOT / path).read_text()
+    if path.endswith(".js"):
+        found = re.search(JAVASCRIPT.format(function), text, re.DOTALL)
+        assert found is not None, f"{path} has no {function}"
+        return found[0]
+    body = ast.parse(text).body
+    node: ast.AST | None = None
+    for name in function.split("."):
+        definitions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+        named = [each for each in body if isinstance(each, definitions) and each.name == name]
+        assert named, f"{path} has no {function}"
+        node, body = named[0], named[0].body
+    assert node is not None
+    return str(ast.get_source_segment(text, node))
 
 
 def test_the_picture_is_what_the_imports_say(house: ModuleType) -> None:
@@ -46,7 +82,7 @@ def test_every_file_that_a_page_names_is_there(page: str) -> None:
     assert gone == [], f"{page} names files that have moved: write down where they are now"
 
 
-def test_there_are_three_walks() -> None:
+def test_there_are_two_walks() -> None:
     assert len(walks()) == WALKS
 
 
@@ -73,3 +109,40 @@ def test_each_station_is_joined_to_one_before_it(
     counted = re.search(r"(\d+) files", title)
     assert counted is not None
     assert int(counted[1]) == len(modules), "say in the walk's title how many files it has"
+
+
+@pytest.mark.parametrize("path", paths(), ids=lambda path: path[0])
+def test_each_function_of_a_path_is_called_by_the_one_before(
+    path: tuple[str, list[tuple[str, str, str, str]]],
+) -> None:
+    title, stations = path
+    assert f": {len(stations)} stations" in title
+    caller = ""
+    for branch, crossing, file, function in stations:
+        text = source_of(file, function)
+        name = function.split(".")[-1]
+        if caller and crossing not in ("HTTP", "standard input"):
+            called = rf"\b{'action' if caller.startswith('function press') else name}\b"
+            assert re.search(called, caller), f"{title}: nothing calls {function} ({file}) there"
+        caller = caller if branch else text
+
+
+def test_the_button_of_a_recording_begins_one() -> None:
+    page = (ROOT / "rid_daq/workbench/static/experiment.js").read_text()
+    assert 'press("record", panel, "record", () => panel.begin("record", recordRequest(' in page
+
+
+def test_a_click_is_checked_by_the_service_and_by_the_worker() -> None:
+    """The fields in the browser are the third time."""
+    stations = [(file, function) for _, _, file, function in paths()[0][1] if file.endswith("py")]
+    check = re.compile(r"\b(?:check_request|request_of|of_json)\b")
+    found = [function for file, function in stations if check.search(source_of(file, function))]
+    assert found == ["CellService.begin", "work"]
+
+
+def test_limits_are_verified_before_the_motion_and_by_the_guard() -> None:
+    """`record_motion_file` refuses a feedforward beyond the limits before it asks a person."""
+    verify = re.compile(r"\bverify_limits\b")
+    stations = [(file, function) for _, _, file, function in paths()[1][1]]
+    found = [function for file, function in stations if verify.search(source_of(file, function))]
+    assert found == ["record_motion_file", "Motion.plan", "_check_motion"]
