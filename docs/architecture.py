@@ -1,4 +1,4 @@
-"""Draw the house from its imports into docs/architecture.md: `python docs/architecture.py`.
+"""Draw the packages from their imports into docs/architecture.md: `python docs/architecture.py`.
 
 `tests/test_architecture.py` fails when the picture differs from what the code imports.
 """
@@ -41,7 +41,7 @@ def files() -> Iterator[tuple[Path, list[str]]]:
 
 
 def drawing() -> str:
-    """Return the picture: packages, their rooms, and who stands on whom."""
+    """Return the drawing: packages, their rooms, and the imports between them."""
     rooms: Graph = {}
     packages: Graph = {package: set() for package in PACKAGES}
     for path, parts in files():
@@ -66,7 +66,7 @@ def drawing() -> str:
 
 
 def _room(parts: list[str]) -> str:
-    """Return the room of a module; operations on the service stand above it, others below."""
+    """Return the room of a module; operations on the service are above it, others below."""
     return ".".join(parts[: 3 if parts[:3] == ["rid_daq", "operations", "service"] else 2])
 
 
@@ -79,7 +79,7 @@ def _is_room(parts: list[str]) -> bool:
 
 
 def _reduced(graph: Graph) -> list[tuple[str, str]]:
-    """Return the edges that no longer way replaces."""
+    """Return the edges without those that follow from longer paths."""
 
     def below(node: str, seen: set[str]) -> set[str]:
         for other in graph.get(node, set()) - seen:
@@ -96,7 +96,7 @@ def _reduced(graph: Graph) -> list[tuple[str, str]]:
 
 
 def with_drawing(page: str) -> str:
-    """Return the page with the picture as it is now."""
+    """Return the page with the present drawing."""
     return re.sub(
         f"{re.escape(BEGIN)}.*?{re.escape(END)}",
         lambda _: BEGIN + drawing() + END,

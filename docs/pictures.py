@@ -42,11 +42,11 @@ COMMANDS: Final = (
     ("plate zero ir361 --label zero", 0),
     ("payload kr15 --payload medium --label payload --periods 3 --warm-up 2 --yes", 0),
 )
-"""What is run in the scratch folder, and its exit code."""
+"""Commands in the scratch folder, and their exit codes."""
 
 
 class Shot(NamedTuple):
-    """A part of a report that is taken besides the whole of it.
+    """A part of a report that is taken in addition to the whole report.
 
     Attributes:
         run: The run's label.
@@ -69,7 +69,7 @@ SHOTS: Final = {
 }
 REPORTS: Final = ("demo", "stopped", "steady", "zero", "payload")
 GUIDES: Final = ("fit", "path", "stop", "centre", "friction", "workbench")
-"""What `docs/pictures` holds: README, index and guides show them."""
+"""Pictures in `docs/pictures`, shown by README, index and guides."""
 
 
 def take(folder: Path) -> None:

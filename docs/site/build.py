@@ -18,7 +18,7 @@ PACKAGED = DOCS.parent / "rid_daq" / "site"
 
 
 def build(folder: Path) -> int:
-    """Make the site in a folder, whose earlier content goes; return Sphinx's exit code."""
+    """Make the site in a folder, replacing its content; return Sphinx's exit code."""
     shutil.rmtree(folder, ignore_errors=True)
     with tempfile.TemporaryDirectory() as work:
         options = ["-q", "-W", "--keep-going", "-b", "html", "-c", str(DOCS / "site"), "-d", work]

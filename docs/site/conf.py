@@ -1,4 +1,4 @@
-"""How Sphinx makes the documentation site; `docs/site/build.py` runs it."""
+"""Sphinx configuration of the documentation site; `docs/site/build.py` runs it."""
 
 import json
 import re
@@ -42,7 +42,7 @@ _MERMAID = {
 
 
 def _draw(app: Sphinx, doctree: nodes.document) -> None:
-    """Put a drawing where a page has the text of one, as the repository's own viewer does."""
+    """Replace the text of a drawing by the drawing, as the repository's own viewer does."""
     blocks = [
         each for each in doctree.findall(nodes.literal_block) if each.get("language") == "mermaid"
     ]
@@ -58,5 +58,5 @@ def _draw(app: Sphinx, doctree: nodes.document) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Let Sphinx draw each page once it is read."""
+    """Let Sphinx draw each page after it is read."""
     app.connect("doctree-read", _draw)
