@@ -1,5 +1,5 @@
-"""Journals on disk: rows and headers of cycles, plate and monitor, as MCAP.
+"""Journals on disk: rows and headers of cycles, force plate and drive monitor, as MCAP files.
 
-Bytes and rows; who writes when stands in `acquisition/session`. Begin with `mcap_writer.py`;
-decision 0004 says why.
+This package converts between bytes and rows; `acquisition/session` writes them. Begin with
+`mcap_writer.py`; decision 0004 has the reasons.
 """

@@ -1,4 +1,4 @@
-"""`CycleReader`: a run's journal in pieces, as rows and as recordings."""
+"""`CycleReader`: incremental reader of a run's journal, as rows and as recordings."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from config.errors import RecordingError
 
 
 class CycleReader:
-    """Reads a journal once, from where it stopped; a context manager.
+    """Reader that continues after its last row; a context manager.
 
     Args:
-        path: The `.mcap` file, in whatever state; it is not changed.
+        path: The `.mcap` file, complete or not; it is not changed.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -42,7 +42,7 @@ class CycleReader:
 
     @property
     def header(self) -> JournalHeader:
-        """What the journal says about itself; known once a row was read.
+        """Header of the journal; known once a row was read.
 
         Raises:
             RecordingError: There is no row, or the header is lost.
@@ -56,14 +56,14 @@ class CycleReader:
 
     @property
     def damage(self) -> JournalDamage:
-        """What is missing of a journal that was read to its end, and is written no more."""
+        """Return the damage of a journal that was read to its end and is no longer written."""
         return self._reader.damage()
 
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
-        """Yield the rows that were not read before, as in `MESSAGES`, about a thousand at a time.
+        """Yield the new rows, as in `MESSAGES`, about a thousand at a time.
 
         Args:
-            growing: Whether the file may still be written.
+            growing: True if the file may still be written.
 
         Raises:
             RecordingError: The file cannot be read, or is not a journal of this program.
@@ -73,16 +73,16 @@ class CycleReader:
                 self._header = first_header(JournalHeader, self._reader.headers)
             if self._header is None:
                 raise RecordingError(
-                    f"{self.path}: the names of the joints are lost, rows alone mean nothing",
+                    f"{self.path}: the joint names are lost, so the rows cannot be used",
                     code="RID-RECORDING-DAMAGED",
                 )
             yield self._as_rows(messages.payloads, self._header)
 
     def recordings(self, *, growing: bool = False) -> Iterator[Recording]:
-        """Yield what was not read before as parts of one `Recording`; errors as those of `rows`.
+        """Yield the new rows as parts of one `Recording`; errors as in `rows`.
 
         Raises:
-            RecordingError: The rows do not make a recording (time stamps that do not increase).
+            RecordingError: The rows are not a valid recording (time stamps that do not increase).
         """
         for rows in self.rows(growing=growing):
             part = recording_of(self.header, rows)
@@ -106,7 +106,7 @@ class CycleReader:
                     f"{self.path}: its rows have {len(payload)} bytes, those of {joints} joints"
                     f" have {size}"
                     + (f" (they look like {found} joints)" if found else "")
-                    + ": another program's or version's file",
+                    + ": the file belongs to another program or version",
                     code="RID-RECORDING-FOREIGN",
                 )
         return np.frombuffer(b"".join(payload[4:] for payload in payloads), dtype=dtype)
@@ -116,8 +116,8 @@ def read_tail(path: Path, seconds: float) -> Recording:
     """Return at least the last seconds of a journal, in pieces that need not all be in memory.
 
     Args:
-        path: The `.mcap` file, written no more.
-        seconds: How much is wanted [s].
+        path: The `.mcap` file, no longer written.
+        seconds: Required duration [s].
 
     Raises:
         RecordingError: As those of `CycleReader`.
@@ -139,7 +139,7 @@ def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
     """Return rows of a journal as a `Recording`.
 
     Raises:
-        RecordingError: They do not make one (time stamps that do not increase).
+        RecordingError: They are not a valid recording (time stamps that do not increase).
     """
     answered, imported = rows["valid"] != 0, header.source == "import"
     warmth = rows["temperature_k"] if imported else None

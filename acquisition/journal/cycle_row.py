@@ -1,6 +1,6 @@
-"""Rows of a recording: those that the cyclic task writes, and those of an import.
+"""Rows of a recording: those of the cyclic task, and those of an import.
 
-Layouts are as in `row_layout`.
+The layouts are defined in `row_layout`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MESSAGE_NAME = "rid_daq/msg/Cycle"
 
 FIELDS: Fields = (
     ("time_s", "f8", 1, "SYNC, on the task's clock [s]"),
-    ("lateness_s", "f8", 1, "how late the cycle woke up after its deadline [s]"),
+    ("lateness_s", "f8", 1, "delay of the cycle after its deadline [s]"),
     ("exchange_s", "f8", 1, "from SYNC to the last drive's answer [s]"),
     ("target_position", "f8", None, "set-point of the position loop [rad or m]"),
     ("target_velocity", "f8", None, "its feedforward velocity [rad/s or m/s]"),
@@ -30,7 +30,7 @@ FIELDS: Fields = (
     ("sample_index", "i4", 1, "row of the motion, -1 outside it"),
     ("torque_raw", "i2", None, "6077h as received [0.1 % of rated]"),
     ("statusword", "u2", None, "6041h"),
-    ("valid", "u1", None, "1 where the drive answered plausibly, 0 where old values are held"),
+    ("valid", "u1", None, "1 if the drive answered plausibly, 0 if old values are held"),
     ("phase", "u1", 1, "0 approach, 1 run-in, 2 transient, 3 main, 4 run-out, 5 hold"),
 )
 IMPORTED_FIELDS: Final[Fields] = (
@@ -53,7 +53,7 @@ MAX_JOINTS = 16
 
 
 class CycleRow(NamedTuple):
-    """One row by the names of its fields, whose units stand above; lists are (joints,)."""
+    """One row by the names of its fields, with the units above; lists are (joints,)."""
 
     time_s: float
     lateness_s: float
@@ -97,7 +97,7 @@ def row_struct(joints: int) -> struct.Struct:
 
 
 def joints_of_row(size_bytes: int) -> int | None:
-    """Return how many joints a row of `size_bytes` has, None where no row has that size."""
+    """Return the number of joints of a row of `size_bytes`; None if no row has this size."""
     for joints in range(1, MAX_JOINTS + 1):
         if row_struct(joints).size == size_bytes:
             return joints

@@ -1,4 +1,4 @@
-"""A run's journal, written and read: an MCAP file, finished, unfinished, torn or damaged."""
+"""Journal of a run, written and read: an MCAP file, complete, unfinished, torn or damaged."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ TOPIC = "/cycle"
 
 
 class JournalWriter(JournalFile):
-    """Writes rows to a new MCAP file; a context manager.
+    """Writer of rows to a new MCAP file; a context manager.
 
     Args:
         path: The file; it must not exist.
-        header: What the recording says about itself.
+        header: Header of the recording.
 
     Raises:
         RecordingError: The file cannot be made or written (disk full, no permission, it exists).
@@ -41,7 +41,7 @@ class JournalWriter(JournalFile):
         self._channel = self.add_channel(TOPIC, name, message_text(fields, joints), pairs)
 
     def append(self, rows: bytes) -> None:
-        """Write whole rows, as the ring gives them."""
+        """Write whole rows in the layout of the ring."""
         size = self._row_size
         for start in range(0, len(rows), size):
             time_s: float = struct.unpack_from("<d", rows, start)[0]
@@ -72,12 +72,12 @@ def write_imported(path: Path, recording: Recording) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Journal:
-    """What could be read of a journal.
+    """Readable content of a journal.
 
     Attributes:
         header: Joints, sample period, provenance.
         rows: Shape (rows,). The rows, in the order written.
-        damage: What is missing.
+        damage: Missing data.
     """
 
     header: JournalHeader
@@ -88,22 +88,22 @@ class Journal:
         """Return the rows as a `Recording`.
 
         Raises:
-            RecordingError: The rows do not make one (time stamps that do not increase).
+            RecordingError: They are not a valid recording (time stamps that do not increase).
         """
         return recording_of(self.header, self.rows)
 
 
 def read_journal(path: Path) -> Journal:
-    """Read a journal, whatever state it is in.
+    """Read a journal, complete or damaged.
 
     Args:
         path: The `.mcap` file; it is not changed.
 
     Returns:
-        Every row whose checksum is right, and what is missing.
+        All rows with a correct checksum, and the missing data.
 
     Raises:
-        RecordingError: The file cannot be read, is not a journal of this program, or holds no
+        RecordingError: The file cannot be read, is not a journal of this program, or has no
             readable row.
     """
     with CycleReader(path) as reader:

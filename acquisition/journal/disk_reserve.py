@@ -1,4 +1,4 @@
-"""`DiskReserve`: room on a disk that is kept free for the end of a recording."""
+"""`DiskReserve`: disk space that is kept free for the end of a recording."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from pathlib import Path
 from config.errors import RecordingError, system_errors
 
 RESERVE_BYTES = 16 << 20
-"""More than the ring and a journal's summary together."""
+"More than the ring and the summary of a journal together."
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class DiskReserve:
-    """Blocks of an unlinked temporary file: they are free again when this process ends.
+    """Blocks of an unlinked temporary file, which are free again when this process ends.
 
     Args:
         folder: A folder on the disk.
-        size_bytes: How much; 0 for none.
+        size_bytes: Size; 0 for no reserve.
 
     Raises:
-        RecordingError: There is not so much room.
+        RecordingError: The disk has less space.
     """
 
     def __init__(self, folder: Path, size_bytes: int) -> None:
@@ -37,18 +37,18 @@ class DiskReserve:
         try:
             os.posix_fallocate(descriptor, 0, size_bytes)
         except OSError as error:
-            os.close(descriptor)  # where no room can be kept, a full disk ends the file as it is
+            os.close(descriptor)  # without a reserve, a full disk ends the file as it is
             if error.errno in FULL:
                 raise RecordingError(
-                    f"{folder}: no room for {size_bytes >> 20} MB that a recording keeps free for"
-                    " its end: make room or choose another folder",
+                    f"{folder}: no space for the {size_bytes >> 20} MB that a recording reserves"
+                    " for its end: free some or choose another folder",
                     code="RID-SYSTEM-DISK-FULL",
                 ) from error
             return
         self._descriptor = descriptor
 
     def release(self) -> bool:
-        """Give the room back; return whether there was any."""
+        """Free the space; return False if nothing was reserved."""
         if self._descriptor is None:
             return False
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""`JournalHeader`: what a recording says about itself, beside its rows; and what headers share."""
+"""`JournalHeader`: header of a recording; `HeaderModel`: common part of all headers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from config.robot.robot import MOST_JOINTS, Positive
 
 
 class HeaderModel(ConfigModel):
-    """A header with a checksum; it stands twice in its file, so that no single damage takes it."""
+    """A header with a checksum; the file has two copies, so that no single damage destroys it."""
 
     def to_metadata(self) -> dict[str, str]:
         """Return the header as the text pairs of an MCAP metadata record or channel."""
@@ -43,7 +43,7 @@ class HeaderModel(ConfigModel):
 class JournalHeader(HeaderModel):
     """Everything needed to read the rows as a `Recording`, even without the run folder.
 
-    `sample_period_s` is None if the stamps are not uniform, as those of imported recordings.
+    `sample_period_s` is None if the time stamps are not uniform, as in imported recordings.
     """
 
     joint_names: tuple[str, ...] = Field(min_length=1, max_length=MOST_JOINTS)
@@ -60,7 +60,7 @@ H = TypeVar("H", bound=HeaderModel)
 
 
 def first_header(model: type[H], candidates: Iterable[Mapping[str, str]]) -> H | None:
-    """Return the first of a file's header copies that is undamaged; None where none is."""
+    """Return the first undamaged header copy of a file; None if there is no such copy."""
     for pairs in candidates:
         try:
             return model.from_metadata(pairs)

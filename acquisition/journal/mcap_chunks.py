@@ -1,8 +1,8 @@
-"""`keep_as_bytes`: bounds the memory of the MCAP writer's index, which has no option for it.
+"""`keep_as_bytes`: limits the memory of the MCAP writer's index, as the library cannot.
 
-The only place of this project that depends on names inside the library mcap. Its writer keeps one
-object a chunk for the summary at the end, ten times the memory of the bytes that it writes of it.
-`tests/acquisition/journal/test_mcap_chunks.py` fails if the library changes what is used here.
+This is the only place that depends on internal names of the library mcap. Its writer keeps one
+object per chunk for the final summary, which takes ten times the memory of the written bytes.
+`tests/acquisition/journal/test_mcap_chunks.py` fails if the library changes these names.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ ATTRIBUTE: Final = "_Writer__chunk_indices"
 
 
 class ChunkIndices:
-    """The writer's list of chunks, as the bytes that it writes in the end."""
+    """List of chunks in the form of the bytes that the writer finally writes."""
 
     def __init__(self) -> None:
         self._records = RecordBuilder()
 
     def append(self, index: ChunkIndex) -> None:
-        """Take the index of a chunk that was written."""
+        """Add the index of a written chunk."""
         index.write(self._records)
 
     def __iter__(self) -> Iterator[ChunkIndices]:
@@ -39,15 +39,15 @@ class ChunkIndices:
 
 
 def keep_as_bytes(writer: Writer) -> None:
-    """Let a new writer keep its index of chunks as bytes.
+    """Make a new writer keep its chunk index as bytes.
 
     Raises:
         RecordingError: The library's writer has no such list.
     """
     if vars(writer).get(ATTRIBUTE) != []:
         raise RecordingError(
-            "this version of the Python package mcap is not supported: install the one that"
-            " uv.lock names",
+            "this version of the Python package mcap is not supported: install the version in"
+            " uv.lock",
             code="RID-INSTALL-MCAP",
         )
     vars(writer)[ATTRIBUTE] = ChunkIndices()

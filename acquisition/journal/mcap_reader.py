@@ -1,9 +1,9 @@
-"""`JournalReader`: the messages of an MCAP file, finished, unfinished, torn or damaged.
+"""`JournalReader`: messages of an MCAP file, complete, unfinished, torn or damaged.
 
-A chunk is taken only where its frame is consistent and its CRC right, wherever it stands; the
-bytes in it are then those that were written. What is missing is found by the messages' own sequence
-numbers and, in a finished file, by the count in its summary. Record framing is not trusted, so a
-single damaged length cannot hide what follows it.
+A chunk is accepted at any position if its frame is consistent and its CRC correct; its bytes are
+then those that were written. Missing messages are found by their sequence numbers and, in a
+finished file, by the count in its summary. Record framing is not trusted, so a single damaged
+length cannot hide the rest of the file.
 """
 
 from __future__ import annotations
@@ -43,13 +43,14 @@ _MAYBE_CHUNK = re.compile(rb"\x06(?=.{4}\0{4}.{16}.{4}\0{4}.{4}\0{4}.{4}\0{4})",
 
 @dataclass(frozen=True)
 class JournalDamage:
-    """What a journal has lost.
+    """Missing data of a journal.
 
     Attributes:
-        finished: The recorder closed the file. Otherwise rows after the last one may be missing.
-        gaps: First row missing and how many, counted from row 0.
-        bad_chunks: Chunks that were there and failed their CRC.
-        torn_bytes: Bytes after the last readable chunk of a file that was not closed.
+        finished: True if the recorder closed the file. Otherwise rows after the last one may be
+            missing.
+        gaps: First missing row and number of missing rows, counted from row 0.
+        bad_chunks: Number of chunks with a wrong CRC.
+        torn_bytes: Bytes after the last readable chunk of an unclosed file.
     """
 
     finished: bool
@@ -59,12 +60,12 @@ class JournalDamage:
 
     @property
     def rows_lost(self) -> int:
-        """Rows known to be missing."""
+        """Number of rows known to be missing."""
         return sum(count for _, count in self.gaps)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is wrong, one sentence each; empty where nothing is."""
+        """The damage, one sentence each; empty for a sound file."""
         notes = [
             f"rows {first} to {first + count - 1} are lost ({count} rows)"
             for first, count in self.gaps
@@ -80,12 +81,12 @@ class JournalDamage:
 
 @dataclass(frozen=True, eq=False)
 class Messages:
-    """Messages of a file whose checksums are right, in the order written.
+    """Messages of a file with correct checksums, in the order written.
 
     Attributes:
         channels: Channel id of each message.
         payloads: Body of each message.
-        sequences: Number of each message among all that were written; a gap is a loss.
+        sequences: Sequence number of each message; a gap is a loss.
         times_ns: Time of each message [ns].
     """
 
@@ -100,8 +101,8 @@ class RawJournal(Messages):
     """All messages of a file.
 
     Attributes:
-        headers: What may be the file's header, the better kept copy first.
-        damage: What is missing.
+        headers: Candidates for the header, the better protected copy first.
+        damage: Missing data.
     """
 
     headers: tuple[dict[str, str], ...] = ()
@@ -109,10 +110,10 @@ class RawJournal(Messages):
 
 
 class JournalReader:
-    """Reads a file in pieces, and what is written to it meanwhile; a context manager.
+    """Incremental reader of a file, which may still be written; a context manager.
 
     Args:
-        path: The `.mcap` file, in whatever state; it is not changed.
+        path: The `.mcap` file, complete or not; it is not changed.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -122,8 +123,8 @@ class JournalReader:
         self._path = path
         self._stack = contextlib.ExitStack()
         self._head = b""
-        self._data = b""  # read, and not yet known to be chunks or none
-        self._origin = 0  # where in the file they begin
+        self._data = b""  # data read but not yet recognised
+        self._origin = 0  # their position in the file
         self._spent = 0
         self._channel_pairs: dict[str, str] | None = None
         self._gaps: list[tuple[int, int]] = []
@@ -140,23 +141,23 @@ class JournalReader:
 
     @property
     def headers(self) -> tuple[dict[str, str], ...]:
-        """What may be the file's header, of what was read, the better kept copy first."""
+        """Candidates for the header in the data read so far, the better protected copy first."""
         candidates = (metadata_pairs(self._head), self._channel_pairs)
         return tuple(pairs for pairs in candidates if pairs is not None)
 
     def pieces(self, *, growing: bool = False) -> Iterator[Messages]:
-        """Yield what was not read before, up to the file's present end, a quarter MB at a time.
+        """Yield the new data up to the file's present end, a quarter MB at a time.
 
         Args:
-            growing: Whether what is cut off at the end may still be written.
+            growing: True if an incomplete end may still be completed.
 
         Raises:
-            RecordingError: The file cannot be read, or its messages are in no order.
+            RecordingError: The file cannot be read, or its messages are not in order.
         """
         with self._named():
             at_end = False
             while not at_end:
-                # A mapped file on a failing disk would end the program by SIGBUS.
+                # A mapped file on a failing disk would end the program with SIGBUS.
                 more = self._file.read(PIECE_BYTES)
                 if not (more or self._origin or self._data or growing):
                     raise RecordingError("the file is empty", code="RID-RECORDING-DAMAGED")
@@ -169,7 +170,7 @@ class JournalReader:
                     yield messages
 
     def damage(self) -> JournalDamage:
-        """Return what is missing of a file that was read to its end, and is written no more.
+        """Return the missing data of a file that was read to its end and is no longer written.
 
         Raises:
             RecordingError: The file cannot be read.
@@ -192,7 +193,7 @@ class JournalReader:
 
     @contextlib.contextmanager
     def _named(self) -> Iterator[None]:
-        """Say of which file an error is."""
+        """Add the name of the file to an error."""
         try:
             yield
         except OSError as error:
@@ -205,7 +206,7 @@ class JournalReader:
             raise RecordingError(named, code=error.refusal) from error
 
     def _messages(self, last: bool) -> Messages:
-        """Return the messages of all chunks that are there as a whole."""
+        """Return the messages of all complete chunks."""
         messages = Messages()
         for records in self._chunks(last):
             if records is None:
@@ -231,9 +232,10 @@ class JournalReader:
         return messages
 
     def _chunks(self, last: bool) -> Iterator[bytes | None]:
-        """Yield the records of every intact chunk; None for one that fails its CRC.
+        """Yield the records of every intact chunk; None for a chunk with a wrong CRC.
 
-        What may be a chunk that reaches beyond what was read is kept until the `last` of it came.
+        A possible chunk that extends beyond the data read is kept until the `last` data has
+        arrived.
         """
         data, size = self._data, self._size
         position = 0
@@ -272,7 +274,7 @@ class JournalReader:
         self._origin += position
 
     def _end_of_index(self) -> int:
-        """Return where the index records end that follow the last chunk."""
+        """Return the end of the index records after the last chunk."""
         descriptor, position, size = self._file.fileno(), self._end_of_chunks, self._size
         while position + RECORD.size <= size:
             opcode, length = RECORD.unpack(os.pread(descriptor, RECORD.size, position))
@@ -283,13 +285,13 @@ class JournalReader:
 
 
 def read_raw_journal(path: Path) -> RawJournal:
-    """Read the messages of a file, whatever state it is in.
+    """Read the messages of a file, complete or damaged.
 
     Args:
         path: The `.mcap` file; it is not changed.
 
     Raises:
-        RecordingError: The file cannot be read, or its messages are in no order.
+        RecordingError: The file cannot be read, or its messages are not in order.
     """
     whole = Messages()
     with JournalReader(path) as reader:
@@ -309,7 +311,7 @@ def read_raw_journal(path: Path) -> RawJournal:
 
 
 def messages_written(path: Path) -> int | None:
-    """Return how many messages a closed file says that it holds; None where it does not say.
+    """Return the number of messages in the summary of a closed file; None without a summary.
 
     Raises:
         RecordingError: The file cannot be read.

@@ -1,6 +1,6 @@
 """`JournalFile`: an MCAP file written in small pieces, so that a killed program loses little.
 
-Messages are CDR (little endian) of one fixed size a channel; see docs/decisions/0004.
+Messages are CDR (little endian) of one fixed size per channel; see decision 0004.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
 from config.errors import RecordingError, system_errors
 from config.process.file_locks import lock_holder
 
-CHUNK_BYTES = 8 * 1024  # what a single damage costs at most
+CHUNK_BYTES = 8 * 1024  # largest loss by a single damage
 FLUSH_PERIOD_S = 0.08
 LATEST_S = 1e10
-MOST_LOST_S = 0.1  # by a recorder that is killed: a flush, and its way there
+MOST_LOST_S = 0.1  # by a killed recorder: the interval of flushes and a delay
 SYNC_PERIOD_S = 1.0
 
 
 def open_new(path: Path) -> FileIO:
-    """Open a file that must not exist, without a buffer.
+    """Open a new file without a buffer.
 
-    Every write goes to its end: a file that somebody cuts stays shorter than what was written.
+    Every write goes to the file's end: a file that another program cuts stays shorter than the data
+    written.
     """
     return FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
 
 
 def being_written(path: Path) -> bool:
-    """Return whether a recorder of this computer still has the journal open.
+    """Return True if a recorder of this computer still has the journal open.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -51,9 +52,9 @@ def being_written(path: Path) -> bool:
 
 
 class _Unbuffered:
-    """What the MCAP writer needs of a file, without a buffer that a full disk would keep back.
+    """File interface of the MCAP writer, without a buffer that a full disk would hold back.
 
-    On a full disk it goes on in the room that was kept free, once, and says that it is `full`.
+    On a full disk it continues once, in the reserved space, and sets `full`.
     """
 
     def __init__(self, file: FileIO, reserve: DiskReserve) -> None:
@@ -76,7 +77,7 @@ class _Unbuffered:
                 self.full = True
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: there is no buffer."""
 
 
 class JournalFile:
@@ -84,13 +85,12 @@ class JournalFile:
 
     Args:
         path: The file; it must not exist.
-        metadata: What the file says about itself.
-        reserve_bytes: Room kept free on the disk, so that a file can be finished when the disk is
-            full.
+        metadata: Header of the file.
+        reserve_bytes: Disk space to reserve, so that the file can be finished on a full disk.
 
     Attributes:
         path: The file.
-        rows: Messages written so far, of all channels; each carries its number.
+        rows: Number of messages written so far, of all channels; each message has its number.
 
     Raises:
         RecordingError: The file cannot be made or written (disk full, no permission, it exists).
@@ -103,14 +103,14 @@ class JournalFile:
             self._file = open_new(path)
         except FileExistsError as error:
             raise RecordingError(
-                f"{path}: exists already; a recording is never replaced",
+                f"{path}: exists already; recordings are never overwritten",
                 code="RID-OUTPUT-EXISTS",
             ) from error
         except OSError as error:
             raise RecordingError(
-                f"{path}: cannot be made: {error.strerror}", code="RID-FILE-WRITE"
+                f"{path}: cannot create: {error.strerror}", code="RID-FILE-WRITE"
             ) from error
-        with contextlib.suppress(OSError):  # a file system without locks
+        with contextlib.suppress(OSError):  # file system without locks
             fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
             self._reserve = DiskReserve(path.parent, reserve_bytes)
@@ -131,14 +131,14 @@ class JournalFile:
 
     @property
     def disk_full(self) -> bool:
-        """Whether the disk is full, and the file goes on in the room kept free for its end."""
+        """True if the disk is full and the file uses the reserved space."""
         return self._output.full
 
     @property
     def trouble(self) -> str:
-        """What became of the file while it is written, as a clause; empty as long as it is whole.
+        """Problem of the open file, as a clause; empty for a sound file.
 
-        Asked for every flush, a deleted file is noticed within `MOST_LOST_S` of the time of day.
+        If it is read at every flush, a deleted file is noticed within `MOST_LOST_S`.
         """
         try:
             own, size = os.fstat(self._file.fileno()), self._output.written
@@ -150,7 +150,7 @@ class JournalFile:
         except FileNotFoundError:
             return "was moved away while it was being written"
         except OSError as error:
-            return f"cannot be looked at: {error.strerror}"
+            return f"cannot be examined: {error.strerror}"
         if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
             return "was replaced by another file while it was being written"
         return ""
@@ -158,19 +158,19 @@ class JournalFile:
     def add_channel(
         self, topic: str, message_name: str, definition: str, metadata: dict[str, str]
     ) -> int:
-        """Announce messages of a new kind, by their ROS 2 definition; return their channel."""
+        """Add a channel for messages of a ROS 2 definition; return it."""
         schema = self._writer.register_schema(message_name, "ros2msg", definition.encode())
         return self._writer.register_channel(topic, "cdr", schema, metadata)
 
     def add_message(self, channel: int, time_s: float, body: bytes) -> None:
-        """Write one message, its CDR body given; a time that cannot be counts as 0."""
+        """Write one message with a given CDR body; an invalid time becomes 0."""
         time_ns = round(time_s * 1e9) if 0.0 <= time_s < LATEST_S else 0
         self._add(channel, time_ns, CDR_LITTLE_ENDIAN + body)
 
     def copy_message(self, channel: int, time_ns: int, payload: bytes, sequence: int) -> None:
-        """Write a message of another journal as it was there, its number too.
+        """Copy a message of another journal with its sequence number.
 
-        Numbers grow; those left out stay visible to every reader as lost.
+        Numbers increase; every reader sees omitted ones as lost.
         """
         self.rows = sequence
         self._add(channel, time_ns, payload)
@@ -183,7 +183,7 @@ class JournalFile:
         self.rows += 1
 
     def flush(self, *, to_disk: bool = False) -> None:
-        """Hand everything to the operating system; with `to_disk` wait until it is on the disk."""
+        """Pass all data to the operating system; with `to_disk`, wait until it is on the disk."""
         try:
             self._writer.flush()  # type: ignore[no-untyped-call]
             if to_disk:
@@ -205,7 +205,7 @@ class JournalFile:
             self._reserve.release()
 
     def abandon(self) -> None:
-        """Leave the file as far as it got: unfinished, but readable."""
+        """Leave the file unfinished but readable."""
         self._reserve.release()
         self._file.close()
 

@@ -1,4 +1,4 @@
-"""`MonitorStream`: what the drives told of themselves in a run, and its way into `Recording`."""
+"""`MonitorStream`: temperatures and operating times of the drives in a run, for `Recording`."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ MESSAGE_NAME = "rid_daq/msg/DriveMonitor"
 
 FIELDS: Fields = (
     ("time_s", "f8", 1, "on the clock of the cycles [s]"),
-    ("temperature_k", "f8", None, "of the motors; NaN where a drive did not answer [K]"),
+    ("temperature_k", "f8", None, "of the motors; NaN without an answer [K]"),
     ("operating_time_s", "f8", None, "since the drives were switched on, by their own clocks [s]"),
-    ("valid", "u1", None, "1 where the drive answered"),
+    ("valid", "u1", None, "1 if the drive answered"),
 )
 
 
 class MonitorHeader(HeaderModel):
-    """What a monitor's file says about itself."""
+    """Header of a monitor file."""
 
     joint_names: tuple[str, ...]
     period_s: float
@@ -50,7 +50,7 @@ def monitor_body(time_s: float, reading: MonitorReading) -> bytes:
 
 
 class MonitorWriter(JournalFile):
-    """Writes rounds to a new MCAP file; a context manager."""
+    """Writer of query rounds to a new MCAP file; a context manager."""
 
     def __init__(self, path: Path, header: MonitorHeader) -> None:
         pairs = header.to_metadata()
@@ -59,23 +59,23 @@ class MonitorWriter(JournalFile):
         self._channel = self.add_channel(TOPIC, MESSAGE_NAME, definition, pairs)
 
     def append(self, time_s: float, reading: MonitorReading) -> None:
-        """Write one round, and hand it to the operating system."""
+        """Write one round and pass it to the operating system."""
         self.add_message(self._channel, time_s, monitor_body(time_s, reading))
         self.flush()
 
 
 @dataclass(frozen=True, eq=False)
 class MonitorStream:
-    """Rounds of questions to the drives, on the clock of the cycles.
+    """Query rounds to the drives, on the clock of the cycles.
 
     Attributes:
         joint_names: Base to flange.
-        time_s: Shape (rounds,). When they were asked [s].
-        temperature_k, operating_time_s: Shape (rounds, joints). Of the motors [K], and since their
-            drives were switched on [s].
-        valid: Shape (rounds, joints). Which drives answered; the other values mean nothing.
-        notes: What the file has lost, one sentence each.
-        run_id: The run that it was recorded in; empty where the file does not say.
+        time_s: Shape (rounds,). Times of the queries [s].
+        temperature_k, operating_time_s: Shape (rounds, joints). Motor temperatures [K], and times
+            since the drives were switched on [s].
+        valid: Shape (rounds, joints). True for drives that answered; other values are undefined.
+        notes: Damage of the file, one sentence each.
+        run_id: Run of the recording; empty if the file does not name it.
     """
 
     joint_names: tuple[str, ...]
@@ -98,11 +98,11 @@ class MonitorStream:
 
     @property
     def known_until_s(self) -> float:
-        """When the last of the drives was asked that had told its temperature before [s]."""
+        """Earliest of the drives' last answers [s]: all temperatures are known until then."""
         return float(min(self.time_s[good][-1] for good in self.valid.T))
 
     def temperatures_at(self, time_s: FloatArray) -> FloatArray:
-        """Return temperatures [K], (samples, joints), linear between rounds, held outside them."""
+        """Return temperatures [K], (samples, joints), linear between rounds, constant outside."""
         columns = [
             np.interp(time_s, self.time_s[good], column[good])
             for column, good in zip(self.temperature_k.T, self.valid.T, strict=True)
@@ -111,10 +111,10 @@ class MonitorStream:
 
 
 def read_monitor(path: Path) -> MonitorStream:
-    """Read a monitor's file, whatever state it is in.
+    """Read a monitor file, complete or damaged.
 
     Raises:
-        RecordingError: It cannot be read, or is no such file.
+        RecordingError: The file cannot be read, or is not a monitor file.
     """
     raw = read_raw_journal(path)
     header = first_header(MonitorHeader, raw.headers)
@@ -143,18 +143,18 @@ def read_monitor(path: Path) -> MonitorStream:
 
 
 def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None, tuple[str, ...]]:
-    """Return what the drives of a run told of themselves.
+    """Return the temperatures that the drives of a run reported.
 
     Args:
-        recording: What was recorded, or what of it there is until now.
+        recording: The recording, or its part so far.
         folder: The run's folder.
 
     Returns:
-        `stream`. Every drive's temperatures; None where there are none.
-        `notes`. Why there are no temperatures, or what of them is lost; empty where all is well.
+        `stream`. Temperatures of every drive; None without a monitor.
+        `notes`. Reason for missing temperatures, or their damage; empty otherwise.
 
     Raises:
-        RecordingError: The monitor was of another robot or run.
+        RecordingError: The monitor belongs to another robot or run.
     """
     path = folder / MONITOR
     if not path.exists():
@@ -183,11 +183,11 @@ def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None,
 def with_temperature_compensation(
     recording: Recording, monitor: MonitorStream | None, robot: RobotDescription
 ) -> Recording:
-    """Return a recording as estimators take it: with temperatures, and torques by them.
+    """Return a recording with temperatures, and with torques corrected for them.
 
-    Drives multiply current by the constant at the reference temperature; what a warm motor really
-    gives is `torque_constant_per_k` per kelvin of that more, or less. Without a monitor, the
-    recording is returned as it is.
+    Drives multiply current by the constant at the reference temperature. The torque of a warm motor
+    differs by `torque_constant_per_k` per kelvin. Without a monitor, the recording is returned
+    unchanged.
     """
     if monitor is None:
         return recording

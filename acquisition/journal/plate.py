@@ -1,4 +1,4 @@
-"""A force plate's journal: its rows and events, written and read, finished, torn or damaged."""
+"""Journal of a force plate: rows and events, written and read, complete or damaged."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EVENT_TOPIC: Final = "/plate_event"
 EVENT_NAME: Final = "rid_daq/msg/PlateEvent"
 
 SATURATION: Final = 0.95
-"""Share of its range from which a channel counts as overloaded (faults: row 28)."""
+"Share of the range from which a channel counts as overloaded (faults: row 28)."
 
 LINE_LOST: Final = 0x100
 LINE_RESTORED: Final = 0x101
@@ -36,7 +36,7 @@ _ROW: Fields = (
     ("device_s", "f8", 1, "when it was measured, on the amplifier's clock [s]"),
     ("sequence", "i8", 1, "number of the row; a gap is a loss"),
     ("force_n", "f4", CHANNELS, "fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4 [N]"),
-    ("stream", "u4", 1, "grows where the amplifier's clock began anew"),
+    ("stream", "u4", 1, "incremented when the amplifier's clock restarts"),
     ("status", "u2", 1, "bits 0 to 7 overload of a channel, others as the profile says"),
     ("counts", "i2", CHANNELS, "as received"),
 )
@@ -47,15 +47,15 @@ _EVENT: Fields = (
     ("sequence", "i8", 1, "the row before which it came"),
     ("stream", "u4", 1, "as in the rows"),
     ("kind", "u2", 1, "number in the profile; 256 the line was lost, 257 it is back"),
-    ("detail", "u2", 1, "what the profile says of it"),
+    ("detail", "u2", 1, "name in the profile"),
 )
 
 
 class PlateHeader(HeaderModel):
     """Everything needed to read the rows, even without the run folder.
 
-    `identity` is what the amplifier said about itself, escaped. `simulated_time` is true where
-    arrivals are a simulated cell's time and not the computer's.
+    `identity` is the amplifier's own description, escaped. `simulated_time` is true if arrival
+    times are those of a simulated cell instead of the computer's.
     """
 
     plate: PlateConfig
@@ -67,11 +67,11 @@ class PlateHeader(HeaderModel):
 
 
 def overloaded(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
-    """Return which channels are not to be believed, (rows, 8).
+    """Return the overloaded channels, (rows, 8), whose values are invalid.
 
     Args:
         rows: Shape (rows,). As received, or as written.
-        full_scale_counts: Counts that stand for the range.
+        full_scale_counts: Counts of the full range.
     """
     flagged = (rows["status"][:, np.newaxis] >> np.arange(CHANNELS)) & 1 == 1
     high = np.abs(rows["counts"].astype(np.int64)) >= SATURATION * full_scale_counts
@@ -88,10 +88,10 @@ ROW_CHANNEL, EVENT_CHANNEL = 1, 2
 
 
 class PlateJournalWriter(JournalFile):
-    """Writes rows and events of a plate to a new file.
+    """Writer of a plate's rows and events to a new file.
 
     Attributes:
-        simulated_time: Whether the arrivals are a simulated cell's time.
+        simulated_time: True if arrival times are those of a simulated cell.
 
     Raises:
         RecordingError: The file cannot be made or written.
@@ -109,15 +109,15 @@ class PlateJournalWriter(JournalFile):
         self._asked: dict[int, float] = {}
 
     def asked(self, number: int, time_s: float) -> None:
-        """Note when a mark was asked for; its answer carries the number of the question."""
+        """Record the time of a mark request; the answer has the same number."""
         self._asked[number & 0xFFFF] = time_s
 
     def append(self, read: PlateRead, first_stream: int) -> NDArray[Any]:
-        """Write what one read brought.
+        """Write the data of one read.
 
         Args:
             read: Rows and events of a stream.
-            first_stream: What is added to their stream numbers.
+            first_stream: Offset of their stream numbers.
 
         Returns:
             Shape (rows,). The rows as written.
@@ -150,7 +150,7 @@ class PlateJournalWriter(JournalFile):
         return rows
 
     def _asked_s(self, event: Any) -> float:
-        """Return when a mark was asked for; NaN for other events, and in simulated time."""
+        """Return the time of a mark request; NaN for other events, and in simulated time."""
         if int(event["kind"]) != self._mark or self.simulated_time:
             return np.nan
         return self._asked.pop(int(event["detail"]), np.nan)
@@ -172,19 +172,19 @@ class PlateJournalWriter(JournalFile):
         self.add_message(self._events, arrival_s, event.tobytes())
 
     def begin_stream(self) -> None:
-        """Forget the questions of an earlier stream: the amplifier counts anew."""
+        """Forget the requests of an earlier stream: the amplifier's numbers restart."""
         self._asked.clear()
 
 
 @dataclass(frozen=True, eq=False)
 class PlateRows:
-    """What could be read of a plate's journal.
+    """Readable content of a plate's journal.
 
     Attributes:
         header: Plate, amplifier, profile, provenance.
         rows: Shape (rows,). In the order received.
         events: Shape (events,). In the order received.
-        damage: What the file has lost; its rows and events are numbered together.
+        damage: Missing data; rows and events are numbered together.
     """
 
     header: PlateHeader
@@ -194,12 +194,12 @@ class PlateRows:
 
     @property
     def arrival_s(self) -> FloatArray:
-        """When each row was here, on the clock of SYNC [s], shape (rows,)."""
+        """Arrival time of each row, on the clock of SYNC [s], shape (rows,)."""
         return np.asarray(self.rows["arrival_s"])
 
     @property
     def device_s(self) -> FloatArray:
-        """When each row was measured, on the amplifier's clock [s], shape (rows,)."""
+        """Measurement time of each row, on the amplifier's clock [s], shape (rows,)."""
         return np.asarray(self.rows["device_s"])
 
     @property
@@ -209,35 +209,35 @@ class PlateRows:
 
     @property
     def stream(self) -> IntArray:
-        """Stream of each row, shape (rows,): the device's clock began anew between two."""
+        """Stream of each row, shape (rows,); the amplifier's clock restarts with each stream."""
         return np.asarray(self.rows["stream"], dtype=np.int64)
 
     @property
     def channels_n(self) -> FloatArray:
-        """What the channels measured [N], shape (rows, 8)."""
+        """Channel values [N], shape (rows, 8)."""
         per_count = np.array(self.header.plate.amplifier.newtons_per_count)
         return np.asarray(self.rows["counts"] * per_count)
 
     @property
     def overload(self) -> BoolArray:
-        """Which channels were overloaded, or within 5 % of their range's end, shape (rows, 8)."""
+        """True for channels overloaded or within 5 % of the end of their range, shape (rows, 8)."""
         return overloaded(self.rows, self.header.plate.amplifier.full_scale_counts)
 
     @property
     def operating(self) -> BoolArray:
-        """Whether the amplifier measured, shape (rows,); otherwise it was in reset."""
+        """True while the amplifier measured, shape (rows,); false in reset."""
         bit = self.header.profile.status_bits.operate
         return np.asarray((self.rows["status"] >> bit) & 1 == 1)
 
     @property
     def rows_lost(self) -> int:
-        """Rows that the amplifier sent and that are not here."""
+        """Number of rows that the amplifier sent and that are missing."""
         step = np.diff(self.sequence)
         same = np.diff(self.stream) == 0
         return int(np.sum(step[same & (step > 1)] - 1))
 
     def until(self, time_s: float) -> PlateRows:
-        """Return what had arrived by a time on the clock of SYNC [s]."""
+        """Return the data that had arrived by a time on the clock of SYNC [s]."""
         return replace(
             self,
             rows=self.rows[self.rows["arrival_s"] <= time_s],
@@ -253,19 +253,19 @@ class PlateRows:
 
 
 def read_plate_journal(path: Path) -> PlateRows:
-    """Read a plate's journal, whatever state it is in.
+    """Read a plate's journal, complete or damaged.
 
     Args:
         path: The `.mcap` file; it is not changed.
 
     Raises:
-        RecordingError: The file cannot be read, or is not a plate's journal of this program.
+        RecordingError: The file cannot be read, or is not a plate journal of this program.
     """
     raw = read_raw_journal(path)
     header = first_header(PlateHeader, raw.headers)
     if header is None:
         raise RecordingError(
-            f"{path}: no header of a force plate's recording in it", code="RID-RECORDING-EMPTY"
+            f"{path}: no header of a force-plate recording", code="RID-RECORDING-EMPTY"
         )
     bodies: dict[int, list[bytes]] = {ROW_CHANNEL: [], EVENT_CHANNEL: []}
     sizes = {ROW_CHANNEL: ROW_DTYPE.itemsize, EVENT_CHANNEL: EVENT_DTYPE.itemsize}
@@ -273,8 +273,8 @@ def read_plate_journal(path: Path) -> PlateRows:
         body = payload[len(CDR_LITTLE_ENDIAN) :]
         if len(body) != sizes.get(channel) or not payload.startswith(CDR_LITTLE_ENDIAN):
             raise RecordingError(
-                f"{path}: channel {channel} has a message of {len(payload)} bytes: another"
-                " program's or version's file",
+                f"{path}: channel {channel} has a message of {len(payload)} bytes: the file"
+                " belongs to another program or version",
                 code="RID-RECORDING-FOREIGN",
             )
         bodies[channel].append(body)

@@ -1,8 +1,8 @@
 """Rows of fixed size: one layout for memory, file, numpy, and a ROS 2 message.
 
-Where the widest fields come first, a row's bytes are at once a packed numpy record and, after four
-bytes of encapsulation header, the CDR (little endian) encoding of the message that `message_text`
-describes: PlotJuggler and Foxglove read it as it is.
+If the widest fields come first, the bytes of a row are a packed numpy record and also, after four
+bytes of encapsulation header, the CDR (little endian) encoding of the message in `message_text`:
+PlotJuggler and Foxglove can read it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _MESSAGE_TYPE = {
 }  # fmt: skip
 
 Fields = tuple[tuple[str, str, int | None, str], ...]
-"""Name, numpy's kind, how many (None: one a joint), and a comment with the unit."""
+"""Name, numpy kind, number (None: one per joint), and a comment with the unit."""
 
 
 def packed_dtype(fields: Fields, joints: int = 1) -> np.dtype[Any]:

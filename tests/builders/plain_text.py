@@ -47,7 +47,7 @@ PHRASES: Final = {
     r"\bstands? (?:in|at|on|for|there|beside|behind|before)\b|\bstood\b": "'is in', 'is at'",
     r"\b(?:of it|of them|thereof)\b": "'its', 'their', or the noun",
     r"\b(?:nobody|somebody|everybody|whoever|whom)\b": "'no one' or the role: user, client",
-    r"\b(?:is|are|was|were) none\b": "'does not exist', 'no …'",
+    r"\b(?:is|are|was|were) (?-i:none)\b": "'does not exist', 'no …'",
     r"\b(?:became|becomes|come|comes|came) of\b": "'outcome', 'result'",
     r"\bin place of\b": "'instead of'",
     r"\bas far as\b|\bby how (?:much|far)\b": "'if', 'the amount by which'",
