@@ -18,6 +18,7 @@ from identification.model.base_parameters import base_parameters
 from tests.builders.raised_codes import raises_code
 
 ROOT: Final = Path(__file__).parents[1]
+LONGEST_CHANGELOG: Final = 120
 
 
 def read(path: str) -> str:
@@ -43,6 +44,14 @@ def test_heads_of_base_parameters_are_chosen_in_a_fixed_order_not_by_the_samples
     assert len({each.names for each in found}) == 1
     np.testing.assert_allclose(found[0].combination, found[1].combination, atol=1e-6)
     assert "in a fixed order" in read("theory.md")
+
+
+def test_the_changelog_of_the_unreleased_version_fits_a_page() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased = re.split(r"^## ", text, flags=re.MULTILINE)[1]
+    assert len(unreleased.splitlines()) <= LONGEST_CHANGELOG, (
+        "a union merge brought deleted lines back: keep the summary and your own lines"
+    )
 
 
 def test_the_decision_on_dependencies_lists_each_of_them() -> None:

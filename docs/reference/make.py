@@ -105,8 +105,8 @@ def drive_objects() -> str:
         *(Requirement(item.index, item.subindex, item.bits // 8, "in a PDO") for item in mapped),
     )
     without = {
-        "shown": "goes without it",
-        "trial": "is tried, powered and at rest, before every motion",
+        "shown": "works without it",
+        "trial": "its reaction is tested, powered and at rest, before every motion",
         "red": "cannot be used",
     }
     rows = ["| object | what it is | a drive without it |", "|---|---|---|"]
