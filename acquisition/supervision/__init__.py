@@ -1,5 +1,5 @@
-"""What decides, every cycle, whether the motion may go on, and why it stopped.
+"""Decision in every cycle whether the motion may continue, and the reason of a stop.
 
-Nothing here reads a clock or touches a device. Begin with `supervisor.py`; what is done about a
-stop stands in `acquisition/task`.
+Nothing here reads a clock or accesses a device. Begin with `supervisor.py`; `acquisition/task`
+carries out a stop.
 """

@@ -1,8 +1,8 @@
-"""The motion that drives are commanded: a planned motion and its feedforward together.
+"""Commanded motion of the drives: a planned motion together with its feedforward.
 
-The position loop sends K_v (q_d - q) + v_ff. With a feedforward that is not the planned velocity, a
-drive that follows its commands leaves the planned path. What it is then commanded is computed here
-in advance, and held against the robot's limits before anything moves.
+The position loop sends K_v (q_d - q) + v_ff. If the feedforward differs from the planned velocity,
+a drive that follows its commands leaves the planned path. This commanded motion is computed here in
+advance and checked against the robot's limits before anything moves.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ CODE = "RID-MOTION-COMMAND"
 
 
 def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples:
-    """Return the motion of drives that follow every command; the planned one without feedforward.
+    """Return the motion of drives that follow every command; without feedforward, the planned one.
 
     The deviation d from the plan obeys d[k+1] = (1 - K_v T) d[k] + T (v_ff[k] - v[k]).
 
     Args:
-        samples: The planned motion, with the feedforward that is added to it.
+        samples: The planned motion with its feedforward.
         gain_per_s: K_v of the position loop [1/s].
 
     Returns:
-        Every row, without a feedforward. Velocities are the commands; accelerations are how they
-        change from row to row, the last one back to rest.
+        Every row, without a feedforward. Velocities are the commands; accelerations are their
+        changes from row to row, the last one back to rest.
     """
     if samples.feedforward is None:
         return samples
@@ -58,19 +58,19 @@ def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples
 def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescription) -> None:
     """Check the sum of a motion and its feedforward, row by row, before anything moves.
 
-    Positions are held against the robot's limits, velocities with the margin of the cell's
-    supervision. Accelerations of the command may be 1.5 times the joint's limit, as in the
-    supervisor: a velocity loop lags, and to follow a motion at the limit it is told more. The
-    feedforward itself must not change faster either, wherever the motion may go over from one row
-    to another: at its start, at its end, and where periods are left out.
+    Positions must be within the robot's limits, velocities within those and the margin of the
+    cell's supervision. Accelerations of the command may be 1.5 times the joint's limit, as in the
+    supervisor: a velocity loop lags, so a motion at the limit needs larger commands. The
+    feedforward itself must not change faster either, at every possible transition between rows: at
+    the start, at the end, and if periods are left out.
 
     Args:
-        samples: The planned motion; nothing is checked without a feedforward.
+        samples: The planned motion; without a feedforward nothing is checked.
         cell: Gain of the position loop, margins.
-        robot: The limits.
+        robot: Robot with the limits.
 
     Raises:
-        LimitError: A limit is exceeded; the text names joint, time, value and limit.
+        LimitError: A limit is exceeded; the message names joint, time, value and limit.
     """
     if samples.feedforward is None:
         return
@@ -97,15 +97,15 @@ def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescrip
         found.look("change of the feedforward", "/s^2", steps / step_s, -change, change, at=rows)
     if found.words:
         raise LimitError(
-            f"the motion with its feedforward exceeds the robot's limits: {'; '.join(found.words)}."
-            " Make the feedforward again for this motion (`rid-daq compensate`), or drive the"
-            " motion more slowly",
+            "the motion with its feedforward exceeds the robot's limits:"
+            f" {'; '.join(found.words)}. Compute the feedforward again for this motion (`rid-daq"
+            " compensate`), or drive the motion more slowly",
             code=CODE,
         )
 
 
 def _transitions(samples: MotionSamples) -> Sequence[tuple[IntArray, FloatArray]]:
-    """Return rows, and how the feedforward changes when it comes to them, per transition."""
+    """Return the rows that end a transition, and the change of the feedforward in each."""
     ahead = np.asarray(samples.feedforward)
     rest = np.zeros((1, ahead.shape[1]))
     steps = np.diff(ahead, axis=0, prepend=rest, append=rest)
@@ -120,7 +120,7 @@ def _transitions(samples: MotionSamples) -> Sequence[tuple[IntArray, FloatArray]
 
 
 class _Excesses:
-    """The worst excess of each quantity and joint, in words."""
+    """Worst excess of each quantity and joint, in words."""
 
     def __init__(self, robot: RobotDescription, step_s: float) -> None:
         self._robot = robot
@@ -136,13 +136,13 @@ class _Excesses:
         high: FloatArray,
         at: IntArray | None = None,
     ) -> None:
-        """Note the worst value of each joint that is not between two limits.
+        """Record the worst value of each joint outside two limits.
 
         Args:
-            quantity, per: What it is, and per what time.
+            quantity, per: Name of the quantity, and the time unit of its rate.
             values: Shape (rows, n). The values.
             low, high: Shape (n,). The limits.
-            at: Shape (rows,). The motion's rows; counted from 0 if not given.
+            at: Shape (rows,). Rows of the motion (default: counted from 0).
         """
         beyond = np.maximum(values - high, low - values)
         for column, joint in enumerate(self._robot.joints):

@@ -1,4 +1,4 @@
-"""`Cycle`: one cycle of the cyclic task, from what it is aimed at to what is commanded."""
+"""`Cycle`: one cycle of the cyclic task, from its set-point to its command."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drivers.interfaces.servo_axes import DriveEvent
 
 
 class SetPoint(NamedTuple):
-    """The set-point of one cycle and where it comes from.
+    """Set-point of one cycle, with its row.
 
     Attributes:
         position, velocity: Length joints. The motion [rad or m, and per second].
-        feedforward: Length joints. Speed that the position loop adds to its own [rad/s or m/s].
+        feedforward: Length joints. Speed that the position loop adds [rad/s or m/s].
         sample_index: Row of the motion, -1 outside it.
         phase: `Phase` of the row.
     """
@@ -28,25 +28,27 @@ class SetPoint(NamedTuple):
 
 @dataclass(slots=True)
 class Cycle:
-    """What one cycle is aimed at, what was measured in it and what is commanded.
+    """Set-point, measurement and command of one cycle.
 
-    It is filled on its way: by the exchange with the drives, by `HeldPositions.take` and by the
-    position loop; then it is judged, sent and recorded. Lists have one element a joint.
+    The exchange with the drives, `HeldPositions.take` and the position loop fill it; then it is
+    judged, sent and recorded. Lists have one element per joint.
 
     Attributes:
         number: Cycle times since the first cycle.
-        periods: Cycle times since the cycle before, more than 1 after skipped ones.
-        lateness_s: How late it began [s].
-        target: What it is aimed at.
-        time_s, exchange_s: When it began on the bus, on the bus's clock, and how long the answers
-            took [s].
-        received, enabled, fault: Whose answer came, who follows velocities, and who is in fault.
+        periods: Cycle times since the previous cycle; more than 1 after skipped cycles.
+        lateness_s: Delay of its begin [s].
+        target: Its set-point.
+        time_s, exchange_s: Begin on the bus, on the bus's clock, and duration until the last answer
+            [s].
+        received, enabled, fault: True for drives that answered, that follow velocities, and that
+            are in fault.
         position, torque_nm: As measured, link side [rad or m; N m or N].
         position_counts, torque_raw, statusword: As received.
-        events: What was made known besides.
-        late_frames: Answers that have come too late, so far.
-        second_answers: In how many cycles each drive's identifier answered more than once, so far.
-        valid: 1 for the joints whose position is plausible, 0 for held values.
+        events: Other reports of the drives.
+        late_frames: Number of late answers so far.
+        second_answers: Number of cycles so far in which each drive's identifier answered more than
+            once.
+        valid: 1 for joints with a plausible position, 0 for held values.
         command: Velocity to send [rad/s or m/s].
     """
 

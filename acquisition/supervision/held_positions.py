@@ -1,4 +1,4 @@
-"""`HeldPositions`: the positions that the position loop uses, held over lost or odd answers."""
+"""`HeldPositions`: positions for the position loop, held if an answer is lost or implausible."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 
 PLAUSIBLE_FACTOR = 1.5
-"""How many times its largest velocity a joint may seem to have."""
+"""Factor on the largest velocity for a plausible change of position."""
 
 
 class HeldPositions:
-    """Tells plausible positions from others, and holds what is missing.
+    """Plausibility check of positions; replaces missing ones.
 
-    With a coupled wrist a joint counts only where all motors that move it have answered.
+    With a coupled wrist a joint has a position only if all motors that move it have answered.
 
     Args:
         cell, robot: Cycle time, largest velocities, coupling of the wrist.
 
     Attributes:
-        position: Length joints. What the position loop is to use [rad or m]: the plausible
-            positions; without one, the last of them moved on as the set-point has moved since, so
-            that a lost answer corrects nothing and the correction before it stays.
+        position: Length joints. Positions for the position loop [rad or m]: the plausible ones. For
+            a missing one, the last plausible position plus the motion of the set-point since then,
+            so that a lost answer causes no correction and the previous correction remains.
         velocity: Length joints. Between the last two plausible positions [rad/s or m/s].
-        missed, implausible: Length joints. For how many cycles in a row no answer came, and no
-            plausible one.
-        unknown: Length joints. In how many cycles since the last plausible position a motor that
-            moves the joint was silent; motors may be so in turn.
-        jump, jump_limit: Length joints. How far the last answer is from the last plausible one, and
-            how far it may be [rad or m].
+        missed, implausible: Length joints. Number of consecutive cycles without an answer, and
+            without a plausible one.
+        unknown: Length joints. Number of cycles since the last plausible position in which a motor
+            that moves the joint was silent; the motors may take turns.
+        jump, jump_limit: Length joints. Distance of the last answer from the last plausible one,
+            and its limit [rad or m].
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
@@ -44,7 +44,7 @@ class HeldPositions:
         self.begin([0.0] * len(velocities))
 
     def begin(self, position: Sequence[float]) -> None:
-        """Start afresh with all joints at rest at `position` [rad or m]."""
+        """Restart with all joints at rest at `position` [rad or m]."""
         n = len(position)
         self.position = list(position)
         self.velocity = [0.0] * n
@@ -53,12 +53,12 @@ class HeldPositions:
         self.unknown = [0] * n
         self.jump = [0.0] * n
         self.jump_limit = [0.0] * n
-        self._plausible = list(position)  # the last ones
-        self._since = [0] * n  # periods since them
+        self._plausible = list(position)  # the last plausible ones
+        self._since = [0] * n  # periods since then
         self._target = list(position)
 
     def take(self, cycle: Cycle) -> None:
-        """Take a cycle's answers; write into its `valid` whose position is plausible."""
+        """Take a cycle's answers; set its `valid` for plausible positions."""
         received, measured, target = cycle.received, cycle.position, cycle.target.position
         valid = [0] * len(measured)
         for i, actual in enumerate(measured):

@@ -1,4 +1,4 @@
-"""`Lateness`: whether cycles begin in time; asked before anything is sent in a cycle."""
+"""`Lateness`: check that cycles begin in time, before anything is sent in a cycle."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from acquisition.supervision.stop_reason import StopCode, StopReason
 from config.cell.cell import CellConfig
 
 LATE_FRACTION = 0.5
-"""From which part of a period on a cycle counts as late."""
+"""Part of a period from which a cycle counts as late."""
 
 
 class Lateness:
-    """Judges how late cycles begin (faults: row 27).
+    """Check of the delays of cycles (faults: row 27).
 
     Args:
         cell: Cycle time and limits.
@@ -22,10 +22,10 @@ class Lateness:
         self._late = 0  # cycles in a row
 
     def judge(self, lateness_s: float) -> StopReason | None:
-        """Return why the motion must stop; None where it may go on.
+        """Return why the motion must stop; None if it may continue.
 
         Args:
-            lateness_s: How late this cycle begins [s].
+            lateness_s: Delay of this cycle's begin [s].
         """
         rules = self._rules
         late_by = lateness_s / self._period_s

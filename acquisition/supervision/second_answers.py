@@ -1,4 +1,4 @@
-"""`SecondAnswers`: whether somebody else keeps answering with a drive's identifier."""
+"""`SecondAnswers`: detection of another device that answers with a drive's identifier."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ WINDOW = 100
 
 
 class SecondAnswers:
-    """Counts the cycles in which a drive's identifier answered more than once.
+    """Counter of cycles in which a drive's identifier answered more than once.
 
-    One now and then is harmless: a controller that saw an error at a frame's very end sends it
-    again. As many as `supervision.second_answers_limit` in `WINDOW` cycles are another sender.
+    A rare second answer is harmless: a controller that saw an error at a frame's very end sends it
+    again. `supervision.second_answers_limit` of them in `WINDOW` cycles mean another sender.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
@@ -28,7 +28,7 @@ class SecondAnswers:
         self.begin([0] * len(self._names))
 
     def begin(self, counts: Sequence[int]) -> None:
-        """Start afresh, with counts as of now; see `check`."""
+        """Restart with the present counts; see `check`."""
         self._cycle = 0
         self._counts = counts  # as of the last cycle
         self._seen: list[deque[int]] = [deque(maxlen=self._limit) for _ in self._names]
@@ -37,8 +37,8 @@ class SecondAnswers:
         """Check a cycle.
 
         Args:
-            counts: Length joints. In how many cycles each drive's identifier has answered more than
-                once, so far.
+            counts: Length joints. Number of cycles so far in which each drive's identifier answered
+                more than once.
         """
         before, self._counts = self._counts, counts
         self._cycle += 1
@@ -51,7 +51,7 @@ class SecondAnswers:
         return None
 
     def explain(self, i: int) -> StopReason | None:
-        """Return why an answer of this cycle cannot be used: a second one; None where none came."""
+        """Return why an answer of this cycle is unusable; None without a second answer."""
         seen = self._seen[i]
         if not seen or seen[-1] != self._cycle:
             return None
@@ -59,9 +59,9 @@ class SecondAnswers:
 
     @property
     def _in_a_bunch(self) -> bool:
-        """Whether every drive has answered more than once now, and none did in the cycle before.
+        """Return True if every drive has answered more than once now, and none in the last cycle.
 
-        Then SYNCs that this computer had sent in cycles without answers have gone out together.
+        Then SYNCs that this computer had sent in cycles without answers were transmitted together.
         """
         return all(
             len(seen) > 0 and seen[-1] == self._cycle and self._cycle - 1 not in seen
@@ -71,9 +71,9 @@ class SecondAnswers:
     def _held_up(self) -> StopReason:
         return StopReason(
             StopCode.MISSED_FRAMES,
-            "no drive answered for some cycles, then every drive answered more than once in one:"
-            " this computer's frames were held back and went out in a bunch. Check the adapter, its"
-            " cable and the termination (frames without acknowledge are sent again)",
+            "no drive answered for some cycles, then every drive answered more than once in one"
+            " cycle: frames of this computer were delayed and sent together. Check the adapter,"
+            " its cable and the termination (frames without acknowledge are sent again)",
         )
 
     def _reason(self, i: int) -> StopReason:

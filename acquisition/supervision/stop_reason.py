@@ -1,4 +1,4 @@
-"""`StopReason`: why a motion was stopped, in a form for people and for programs."""
+"""`StopReason`: reason of a stop, for people and for programs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class StopCode(IntEnum):
-    """What kind of thing stopped the motion (faults: rows of section 5.4)."""
+    """Kind of stop (faults: rows of section 5.4)."""
 
     INTERRUPTED = 1
     MISSED_FRAMES = 2
@@ -42,13 +42,13 @@ class StopCode(IntEnum):
 
 @dataclass(frozen=True)
 class StopReason:
-    """Why the motion was stopped.
+    """Reason of a stop.
 
     Attributes:
-        code: The kind.
-        text: One sentence for people, with joint, value, limit and what to look at.
-        joint: The joint it is about.
-        value, limit: What was measured and what was allowed, in the unit that `text` gives.
+        code: Its kind.
+        text: One sentence for people, with joint, value, limit and what to check.
+        joint: The joint concerned.
+        value, limit: Measured value and limit, in the unit of `text`.
     """
 
     code: StopCode

@@ -1,4 +1,4 @@
-"""`StuckEncoders`: tells an encoder that stands still from a joint in stiction."""
+"""`StuckEncoders`: distinguishes a stuck encoder from a joint in stiction."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ STUCK_FRACTION = 0.02
 
 
 class StuckEncoders:
-    """Counts for each motor how long its encoder stands while it is told to move (row 14).
+    """Counter of cycles in which a motor's encoder does not move although it is commanded (row 14).
 
-    A slow command may leave a joint in stiction. What tells a stuck encoder from it is the torque:
-    the velocity loop goes on raising it. The torque that braked a fast joint is measured some
-    cycles late, behind the drive's filter: so long it is no strain. Limits and cycles are those of
-    `Supervision`.
+    A slow command may leave a joint in stiction. With a stuck encoder the torque keeps rising,
+    because the velocity loop increases it. The torque that braked a fast joint is measured some
+    cycles late, behind the drive's filter; it is ignored for that long. Limits and cycles are those
+    of `Supervision`.
 
     Args:
-        rules: The cell's.
+        rules: Supervision of the cell.
         robot: Joint names and torque limits.
     """
 
@@ -31,10 +31,10 @@ class StuckEncoders:
         self.begin()
 
     def begin(self) -> None:
-        """Start afresh."""
-        self._periods = [0] * len(self._names)  # for which they have stood
-        self._torque_from = [0.0] * len(self._names)  # at which they began to stand
-        self._braking = [0] * len(self._names)  # cycles in which it may still come down
+        """Restart."""
+        self._periods = [0] * len(self._names)  # of standstill
+        self._torque_from = [0.0] * len(self._names)  # at the begin of standstill
+        self._braking = [0] * len(self._names)  # cycles in which it may still decrease
 
     def check(
         self, i: int, command: float, velocity: float, torque_nm: float, periods: int
@@ -43,7 +43,7 @@ class StuckEncoders:
 
         Args:
             i: Index of its joint.
-            command, velocity: What it was told and what its encoder shows [rad/s or m/s].
+            command, velocity: Command and encoder velocity [rad/s or m/s].
             torque_nm: Its torque, link side [N m or N].
             periods: Cycle times since the last check.
         """
@@ -68,8 +68,8 @@ class StuckEncoders:
             return None
         return StopReason(
             StopCode.STUCK_ENCODER,
-            f"joint {self._names[i]}: its position stands still for {self._periods[i]} cycles while"
-            f" {command:.4g} rad/s are commanded or its torque rises. Check encoder,"
+            f"joint {self._names[i]}: its position has not changed for {self._periods[i]} cycles"
+            f" while {command:.4g} rad/s are commanded or its torque rises. Check encoder,"
             " coupling and brake",
             joint=self._names[i],
             value=float(self._periods[i]),

@@ -1,7 +1,7 @@
-"""`Supervisor`: decides, every cycle, whether the motion may go on.
+"""`Supervisor`: decides in every cycle whether the motion may continue.
 
-It reads no clock and touches no device: it is given a `Cycle` and answers with None or the reason
-to stop. It is not a safety function: the cell's own emergency stop is required.
+It reads no clock and accesses no device: its input is a `Cycle`, its output None or the reason to
+stop. It is not a safety function: the cell's own emergency stop is required.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ _CODE_OF_EVENT = {
 
 
 class Supervisor:
-    """Watches frames, drives, measured values and set-points.
+    """Supervision of frames, drives, measured values and set-points.
 
-    Limits on measured values are the robot's with the cell's margins; see `Supervision`. With a
-    coupled wrist, position, its plausibility and following error are judged joint by joint, torque
-    and standstill motor by motor, velocity on both sides; a joint may be unknown for as many cycles
-    as a drive may be silent. Call `begin` once the drives are enabled, then `judge` in every cycle.
+    Limits of measured values are those of the robot with the margins of the cell; see
+    `Supervision`. With a coupled wrist, position, plausibility and following error are checked per
+    joint, torque and standstill per motor, and velocity for both. A joint's position may be unknown
+    for as many cycles as a drive may be silent. Call `begin` once the drives are enabled, then
+    `judge` in every cycle.
 
     Args:
         cell, robot: Limits, margins, coupling of the wrist.
-        positions: Has taken each cycle's answers before the cycle is judged.
+        positions: Has processed the answers of each cycle before `judge`.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, positions: HeldPositions) -> None:
@@ -65,27 +66,27 @@ class Supervisor:
         self.begin(Answers.before_any(len(limits)))
 
     def begin(self, answers: Answers) -> None:
-        """Start afresh with all joints at rest where `answers` say."""
+        """Restart with all joints at rest at the positions in `answers`."""
         position = answers.position.tolist()
         self._positions.begin(position)
         self._late_frames = answers.late_frames
         self._late_answers.clear()
         self._second_answers.begin(answers.second_answers.tolist())
         self._encoders.begin()
-        self._wanted = [0.0] * len(position)  # speeds of the cycle before
+        self._wanted = [0.0] * len(position)  # speeds of the previous cycle
         self._target = position
         self._target_velocity = [0.0] * len(position)
         self._ahead = [0.0] * len(position)
 
     def judge(self, cycle: Cycle) -> StopReason | None:
-        """Return why the motion must stop, None where it may go on.
+        """Return why the motion must stop; None if it may continue.
 
-        The first finding counts, in this order: what the drives made known by themselves (faults:
-        rows 8, 9, 11), late answers (row 5), second answers (row 49), the set-point (row 17), what
-        was measured, joint by joint (rows 1, 2, 6, 13, 14, 15), the command (row 17).
+        The first finding counts, in this order: reports of the drives (faults: rows 8, 9, 11), late
+        answers (row 5), second answers (row 49), the set-point (row 17), measured values joint by
+        joint (rows 1, 2, 6, 13, 14, 15), the command (row 17).
 
         Args:
-            cycle: With everything in it, its command too; nothing of it has been sent yet.
+            cycle: The complete cycle with its command, before anything is sent.
         """
         reason = (
             self._check_events(cycle.events)
@@ -113,7 +114,7 @@ class Supervisor:
         return None
 
     def _check_late_answers(self, count: int) -> StopReason | None:
-        """Check how many answers have come late so far; those of one cycle count once."""
+        """Check the total of late answers so far; those of one cycle count once."""
         window = self._late_answers
         late, self._late_frames = count > self._late_frames, count
         window.append(late)
@@ -130,7 +131,7 @@ class Supervisor:
         )
 
     def _check_target(self, cycle: Cycle) -> StopReason | None:
-        """Check the set-point before anything is measured against it."""
+        """Check the set-point before measured values are compared with it."""
         target_position, target_velocity = cycle.target.position, cycle.target.velocity
         feedforward = cycle.target.feedforward
         for i in self._joints:
@@ -187,7 +188,7 @@ class Supervisor:
         return self._check_motors(self._coupling, cycle)
 
     def _check_motors(self, coupling: WristCoupling, cycle: Cycle) -> StopReason | None:
-        """Check the motors' speeds and that they turn at all, where every joint's is known."""
+        """Check the motors' speeds and standstill if every joint's speed is known."""
         if not all(cycle.valid):
             for i in self._joints:
                 if self._positions.unknown[i] >= self._rules.missed_frames_limit:
@@ -322,7 +323,7 @@ class Supervisor:
 
 
 def _wanted_speeds(cycle: Cycle) -> list[float]:
-    """Return what is commanded, but for what pre-compensation adds to hold a torque."""
+    """Return the commanded speeds without the part that compensation adds to hold a torque."""
     target = cycle.target
     return [
         command if feedforward == velocity else command - feedforward + velocity
