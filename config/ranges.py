@@ -21,7 +21,7 @@ from pydantic.fields import FieldInfo
 from config.errors import ConfigError
 from config.plausible import Path, Plausible, key_name
 
-CODE: Final = "RID-REQ-RANGE"
+CODE: Final = "RID-OPTION-RANGE"
 
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
 """Seed of random numbers."""

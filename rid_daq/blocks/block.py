@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Annotated, Generic, Literal, TypeVar
 
 from pydantic import Field, Strict, model_validator
 
 from config.model import ConfigModel
 from rid_daq.blocks.formats import measured, number
 from rid_daq.blocks.plot import Plot
+
+T = TypeVar("T")
+Shown = TypeVar("Shown", contravariant=True)
 
 
 class Heading(ConfigModel):
@@ -46,7 +50,8 @@ class Interval(ConfigModel):
 class Column(ConfigModel):
     """A column of a table: its title, the unit of its numbers, and their significant digits.
 
-    A column of texts is aligned to the left. A narrow terminal leaves an optional column out.
+    A column of texts is aligned to the left. A narrow terminal leaves an optional column out. The
+    workbench makes ids of runs links.
     """
 
     title: str
@@ -54,6 +59,7 @@ class Column(ConfigModel):
     digits: int = 4
     is_text: bool = False
     is_optional: bool = False
+    is_run: bool = False
 
     @property
     def head(self) -> str:
@@ -102,6 +108,56 @@ class Table(ConfigModel):
         """Yield the rows with all digits of their numbers; empty for texts and integers."""
         for row in self.rows:
             yield tuple(map(_full, row))
+
+
+@dataclass(frozen=True)
+class Cells(Generic[Shown]):
+    """Cells of a column, and its head as `Column` has it.
+
+    Attributes:
+        of: Returns the cell of an item.
+    """
+
+    title: str
+    of: Callable[[Shown], Cell]
+    unit: str = ""
+    digits: int = 4
+    is_optional: bool = False
+    is_run: bool = False
+
+
+def table(
+    items: Iterable[T],
+    *columns: Cells[T],
+    failed: Callable[[T], bool] | None = None,
+    key: int = 1,
+) -> Table:
+    """Return a table with one row for each item; a column is of texts if all of its cells are.
+
+    Args:
+        items: What the rows show.
+        columns: Each with its cells.
+        failed: Returns True for an item whose row is shown in red.
+        key: Number of first columns that name a row.
+    """
+    items = tuple(items)
+    rows = tuple(tuple(column.of(item) for column in columns) for item in items)
+    return Table(
+        columns=tuple(
+            Column(
+                title=column.title,
+                unit=column.unit,
+                digits=column.digits,
+                is_text=all(isinstance(row[i], str) for row in rows),
+                is_optional=column.is_optional,
+                is_run=column.is_run,
+            )
+            for i, column in enumerate(columns)
+        ),
+        rows=rows,
+        failed=None if failed is None else tuple(map(failed, items)),
+        key=key,
+    )
 
 
 class Next(ConfigModel):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Table
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Text, table
 from rid_daq.preflight.bus_check import CheckLine
 from rid_daq.terminal.context import Context
 
 _WORDS = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
-_COLUMNS = ("", "what", "found", "required")
 
 
 def say_devices(context: Context, lines: Sequence[CheckLine]) -> None:
@@ -46,16 +45,20 @@ def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
     whats = {line.what for line in shared}
     own = [line for line in lines if not (line.of_drive and line.what in whats)]
     groups = {"every drive": shared, **_by(own)} if shared else _by(own)
-    for where, found in groups.items():
+    for where, found in sorted(groups.items(), key=lambda group: _worst(group[1]) != "red"):
         found = sorted(found, key=lambda line: line.verdict != "red")
         yield Heading(text=f"\n{where}", level=3)
-        yield Table(
-            columns=tuple(Column(title=title, is_text=True) for title in _COLUMNS),
-            rows=tuple(
-                (_WORDS[line.verdict], line.what, line.found, line.required) for line in found
-            ),
-            failed=tuple(line.verdict == "red" for line in found),
+        yield table(
+            found,
+            Cells("", lambda line: _WORDS[line.verdict]),
+            Cells("what", lambda line: line.what),
+            Cells("found", lambda line: line.found),
+            Cells("required", lambda line: line.required),
+            failed=lambda line: line.verdict == "red",
         )
+        for line in found:
+            if line.verdict == "red" and line.next_action:
+                yield Text(text=f"{line.what}: {line.next_action}")
 
 
 def _by(lines: Sequence[CheckLine]) -> dict[str, list[CheckLine]]:

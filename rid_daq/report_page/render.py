@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import jinja2
 from markupsafe import Markup
 
 from config.errors import RecordingError
+from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.formats import duration, moment, number
 from rid_daq.blocks.plot import Plot
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
-from rid_daq.report.sections.section import Section
 from rid_daq.report.shown.certificate import certificate_blocks
 from rid_daq.report.shown.sections import SHOWN
+from rid_daq.report.shown.verdict import check_tables
 from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
 from rid_daq.terminal.console import printable
@@ -33,18 +34,19 @@ def render_report(result: Result, before: Result | None = None) -> str:
     Raises:
         RecordingError: A section holds numbers that cannot be shown.
     """
-    parts = []
     figures = LiveFigures()
+    parts = []
     for name, section in result.sections():
         with _shown(name, read=getattr(before, name, None) == section):
-            parts.append(_part(name, section, figures))
+            parts.append(_part(name, SHOWN[name](section), figures))
             parts.append(_origin(result, name))
     with _shown("the document", read=before is not None):
         page = _environment().get_template("page.html")
         simulated = result.cell is not None and result.cell.simulated
+        checks = _part("verdict", check_tables(result.verdict), figures)
         return page.render(
             result=result,
-            parts=parts,
+            parts=[checks, *parts],
             figures=figures,
             simulated=simulated,
             name="Name",
@@ -62,18 +64,16 @@ def render_certificate(certificate: Certificate) -> str:
     result = Result.new("rid-daq payload certificate", robot).updated(
         verdict=certificate.verdict, software=dict(certificate.software), cell=certificate.cell
     )
-    blocks = list(certificate_blocks(certificate))
-    part = (
-        _environment()
-        .get_template("blocks.html")
-        .render(blocks=blocks, name="certificate", live=lambda *_of, **_named: "")
-    )
+    parts = [
+        _part("verdict", check_tables(certificate.verdict), None),
+        _part("certificate", certificate_blocks(certificate), None),
+    ]
     return (
         _environment()
         .get_template("page.html")
         .render(
             result=result,
-            parts=[Markup(part)],
+            parts=parts,
             figures=LiveFigures(),
             simulated=certificate.simulated,
             name=certificate.by or "Name",
@@ -82,11 +82,11 @@ def render_certificate(certificate: Certificate) -> str:
     )
 
 
-def _part(name: str, section: Section, figures: LiveFigures) -> Markup:
-    """Return a section's part of the page."""
+def _part(name: str, blocks: Iterable[AnyBlock], figures: LiveFigures | None) -> Markup:
+    """Return a part of the page; without figures to zoom if there is no place for them."""
     template = _environment().get_template("blocks.html")
-    blocks = list(SHOWN[name](section))
-    return Markup(template.render(blocks=blocks, name=name, live=figures.keep))
+    live = (lambda *_of: "") if figures is None else figures.keep
+    return Markup(template.render(blocks=list(blocks), name=name, live=live))
 
 
 def _origin(result: Result, name: str) -> Markup:

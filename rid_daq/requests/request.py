@@ -49,7 +49,7 @@ class Request(BaseModel):
 
         Raises:
             ConfigError: A value is missing, unknown, of the wrong type (RID-REQUEST-INVALID), or
-                out of range (RID-REQ-RANGE).
+                out of range (RID-OPTION-RANGE).
         """
         try:
             return cls.model_validate(values)

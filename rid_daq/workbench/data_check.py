@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pydantic import BaseModel, ConfigDict
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
@@ -17,7 +18,6 @@ from identification.design.two_harmonic import condition_number
 from identification.model.base_parameters import base_parameters
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.runs.run_data import MOTION, ROBOT, require_own
-from rid_daq.workbench.motion_facts import excitation_of
 
 LARGEST_CONDITION = 200.0
 """Above it, small errors of the model become large ones of the parameters."""
@@ -108,7 +108,7 @@ def _of_motion(folder: RunFolder, robot: RobotDescription) -> list[Finding]:
         return []
     name = f"Run {folder.manifest().label or folder.run_id}"
     try:
-        excitation = excitation_of(load_motion(folder.file(MOTION)))
+        excitation = FourierMotion.of(load_motion(folder.file(MOTION)))
         if excitation is None:
             text = f"{name}: the motion is no excitation, so it has no condition number to judge."
             return [Finding(passed=None, text=text)]

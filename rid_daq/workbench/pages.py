@@ -7,9 +7,9 @@ from typing import Final
 from fastapi import APIRouter
 
 from rid_daq.workbench import (
+    block_routes,
     cell_page,
     door_pages,
-    figure_routes,
     job_pages,
     operation_pages,
     runs_pages,
@@ -20,7 +20,7 @@ from rid_daq.workbench import (
 PAGES: Final[tuple[APIRouter, ...]] = (
     door_pages.router,
     static_files.router,
-    figure_routes.router,
+    block_routes.router,
     cell_page.router,
     job_pages.router,
     operation_pages.router,

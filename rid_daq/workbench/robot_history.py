@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,7 +14,12 @@ from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, RecordingError
 from config.formats.json_file import parse_json
+from rid_daq.blocks.block import AnyBlock, Cells, Interval, Verdict, table
+from rid_daq.blocks.formats import moment
+from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.service.api.runs import RESULT
+
+DAY_S: Final = 86400.0
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,11 @@ class HistoryEntry:
     value: float
     std: float
 
+    @property
+    def interval(self) -> Interval | float:
+        """The estimate with its 95 % interval, where that is known."""
+        return Interval(value=self.value, reach=2.0 * self.std) if self.std else self.value
+
 
 @dataclass(frozen=True)
 class QuantityHistory:
@@ -44,6 +55,38 @@ class QuantityHistory:
     title: str
     unit: str
     entries: Sequence[HistoryEntry]
+
+    def blocks(self) -> Iterator[AnyBlock]:
+        """Yield how it has changed, its plot and its table."""
+        yield Verdict(passed=None, text=self.sentence)
+        yield self.plot
+        yield table(
+            self.entries,
+            Cells("run", lambda each: each.run_id, is_run=True),
+            Cells("label", lambda each: each.label),
+            Cells("when", lambda each: moment(each.created_utc)),
+            Cells("estimate ± 2σ", lambda each: each.interval, self.unit),
+        )
+
+    @property
+    def plot(self) -> Plot:
+        """The estimates with their intervals over time."""
+        begun = [datetime.fromisoformat(each.created_utc) for each in self.entries]
+        line = Line(
+            label="estimate ± 2σ",
+            x=tuple((each - begun[0]).total_seconds() / DAY_S for each in begun),
+            y=tuple(each.value for each in self.entries),
+            reach=tuple(2.0 * each.std for each in self.entries),
+            stroke="ink",
+            points=True,
+        )
+        panel = Panel(
+            x=Axis(label="since the first run", unit="d"),
+            y=Axis(label=self.title, unit=self.unit or "1"),
+            lines=(line,),
+            height_px=280,
+        )
+        return Plot(name="history", panels=(panel,))
 
     @property
     def sentence(self) -> str:

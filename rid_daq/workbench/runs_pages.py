@@ -31,9 +31,7 @@ async def history_page(
     robot = visit.cell.loaded.robot.name
     histories = await run_in_threadpool(history_of, visit.service.runs, robot)
     names = [each.title for each in histories]
-    chosen = next((each for each in histories if each.title == quantity), None)
-    if chosen is None and histories:
-        chosen = histories[0]
+    chosen = quantity if quantity in names else next(iter(names), None)
     return visit.page("history.html", robot=robot, names=names, chosen=chosen)
 
 

@@ -16,11 +16,7 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import Known
-from rid_daq.figures.history_figure import PastValue, history_figure
-from rid_daq.figures.motion_figure import motion_figure
-from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.result import Result
 from rid_daq.report.shown.bode import bode_plot
 from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
@@ -31,6 +27,9 @@ from rid_daq.report.shown.retiming import way_plot
 from rid_daq.report.shown.runs import stop_plot
 from rid_daq.report.shown.tracking import path_plots
 from rid_daq.report.shown.truth import truth_plot
+from rid_daq.workbench.motion_blocks import limits_plot, tool_plot
+from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory
+from rid_daq.workbench.warm_up_plot import warm_up_plot
 from tests.builders.invented import whole_result
 
 WRITTEN = Path(__file__).parents[1] / "rid_daq" / "report" / "results"
@@ -89,7 +88,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
 def all_figures() -> dict[str, UIElement]:
     """Return every figure by its name."""
-    long, demo, cell = invented(), written("demo"), load_cell("kr15")
+    long, cell = invented(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
     loops = written("velocity_loops").velocity_loops
     assert curves is not None
@@ -98,7 +97,6 @@ def all_figures() -> dict[str, UIElement]:
     assert tracking is not None
     assert friction is not None
     assert loops is not None
-    assert demo.estimate is not None
     stopped = long.runs[0].stop_curve if long.runs else None
     late = long.timing.loops if long.timing is not None else None
     timed = written("retiming").retiming
@@ -106,27 +104,29 @@ def all_figures() -> dict[str, UIElement]:
     assert late is not None
     assert long.truth is not None
     assert timed is not None
-    samples = six_axes()
-    torque = 20.0 * samples.whole(1).acceleration
+    samples = six_axes().whole(1)
+    torque = 20.0 * samples.acceleration
     power = np.array([8.0, 20.0, 4.0]) * (0.7 + 0.3 * np.exp(-np.arange(12.0)[:, np.newaxis] / 4))
     begun = datetime(2026, 1, 5, tzinfo=UTC)
     past = [
-        PastValue(f"RUN{i}", "weekly", begun + timedelta(days=7 * i), 20.0 + 0.1 * i, 0.5)
+        HistoryEntry(
+            f"RUN{i}", "weekly", (begun + timedelta(days=7 * i)).isoformat(), 20.0 + 0.1 * i, 0.5
+        )
         for i in range(8)
     ]
     return {
-        "motion": motion_figure(samples, cell.robot, cell.config.workspace, torque, 12.34),
+        "motion": plot_figure(limits_plot(samples, cell.robot, torque)),
+        "tool": plot_figure(tool_plot(samples, cell.robot, cell.config.workspace)),
         "fit": plot_figure(torque_plot(curves.torque)),
         "spectrum": plot_figure(spectrum_plot(curves.spectrum)),
-        "parameters": parameters_figure(demo.estimate),
         "bode": plot_figure(bode_plot(loops.axes[0])),
         **{
             plot.name: plot_figure(plot)
             for plot in path_plots(tracking.motions[0], tracking.joints)
         },
         "friction": plot_figure(friction_plot(friction)),
-        "warm-up": warm_up_figure(JOINTS, power, 1.0),
-        "history": history_figure("Coulomb friction of axis2", "N m", past),
+        "warm-up": plot_figure(warm_up_plot(JOINTS, power.tolist(), 1.0)),
+        "history": plot_figure(QuantityHistory("Coulomb friction of axis2", "N m", past).plot),
         "payload": plot_figure(centre_plot(CentreOfGravity.of(payload()))),
         "stop": plot_figure(stop_plot(stopped)),
         "lateness": plot_figure(lateness_plot(late[0])),

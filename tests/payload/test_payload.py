@@ -260,7 +260,7 @@ def test_what_contradicts_itself_is_not_a_payload(
         Known("mass", 1.0, 0.1)
     with raises_code(EstimationError, "RID-OPTION-RANGE", "m"):
         Known("m", -1.0, 0.1)
-    with raises_code(ConfigError, "RID-REQ-RANGE", "sigma: -0.1"):
+    with raises_code(ConfigError, "RID-OPTION-RANGE", "sigma: -0.1"):
         Known("m", 1.0, -0.1)
 
 

@@ -215,16 +215,13 @@ class IdentifyResult:
 
     def _ending(self) -> Iterator[AnyBlock]:
         from rid_daq.operations.identify.wiring_diagnosis import OTHER_ROBOT
+        from rid_daq.report.shown.estimate import fit_verdict
 
         found, bad = self.identified, self.identified.bad_joints
         yield Verdict(passed=not bad, text=f"Model: {found.model}")
         yield Text(text=f"Report: {found.report}")
         if bad:
-            yield Verdict(
-                passed=False,
-                text=f"The model does not explain the torque of {', '.join(bad)}: it is not"
-                " exported without --despite-misfit. Correct the files, then identify again.",
-            )
+            yield fit_verdict(found.section)
             if found.section.mistakes == ():
                 yield Text(text=OTHER_ROBOT)
         else:

@@ -9,7 +9,7 @@ from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Interval, Tabl
 from rid_daq.blocks.formats import measured, number, unit
 from rid_daq.report.mistake_entry import MistakeEntry
 from rid_daq.report.sections.estimate import EstimateSection, ParameterEntry
-from rid_daq.report.shown.fit_grades import doubt_texts
+from rid_daq.report.shown.verdict import doubt_texts
 
 
 def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
@@ -25,6 +25,22 @@ def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
         yield from fit_blocks(section)
     yield parameter_table(section)
     yield from finding_texts(section)
+
+
+def fit_verdict(section: EstimateSection) -> Verdict:
+    """Return whether the model explains the torque of every axis.
+
+    Args:
+        section: The estimate.
+    """
+    bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
+    if not bad:
+        return Verdict(passed=True, text="The model explains the torque of every axis.")
+    return Verdict(
+        passed=False,
+        text=f"The model does not explain the torque of {', '.join(bad)}: it is not exported"
+        " without --despite-misfit. Correct the files, then identify again.",
+    )
 
 
 def mistake_blocks(section: EstimateSection) -> Iterator[AnyBlock]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Table, Text
 from rid_daq.report.sections.validation import AxisError, ValidationSection
-from rid_daq.report.shown.fit_grades import doubt_texts
+from rid_daq.report.shown.verdict import doubt_texts
 
 
 def validation_blocks(section: ValidationSection) -> Iterator[AnyBlock]:

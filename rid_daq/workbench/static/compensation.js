@@ -1,9 +1,8 @@
 // Compensation: velocity loops, feedforward, paths before and after, refinement, streaming.
-import { element, find, table } from "./dom.js";
-import { ask, on } from "./service.js";
-import { WorkPanel, completeRuns, figuresOf, findingList, gradeOf, nameOf, number, numberOf, offer, options, press, runWords, wanted } from "./work.js";
+import { element, find } from "./dom.js";
+import { on } from "./service.js";
+import { WorkPanel, completeRuns, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
-const told = (text) => ({ passed: null, text });
 const panel = new WorkPanel(find("job"), { ended });
 
 // ---- runs to choose from
@@ -34,28 +33,6 @@ const byModel = () => ({
 // ---- 1: loops
 press("measure", panel, "loop", () => panel.begin("loop", { run: value("loop-run", "A run of a multisine") }));
 
-async function showLoops(run) {
-  const place = find("loops-result");
-  const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
-  const loops = result.velocity_loops;
-  if (!loops) return;
-  const rows = loops.axes.map((axis) => [
-    axis.joint, gradeOf(axis.grade), `${number(axis.gain, 4)} ${axis.unit}`, `${number(1e3 * axis.integral_time_s, 3)} ms`,
-    margins(axis.velocity_margins), margins(axis.position_margins),
-    axis.largest_position_gain_per_s === null ? "–" : `${number(axis.largest_position_gain_per_s, 3)} 1/s`,
-  ]);
-  const columns = ["axis", "fit", "gain", "integral time", "margins, velocity loop", "margins, position loop", "largest position gain"];
-  const notes = loops.axes.flatMap((axis) => axis.findings.map((text) => told(`${axis.joint}: ${text}`)));
-  const cards = await figuresOf(run, (name) => name.startsWith("bode-"), (name) => name === `bode-${loops.axes[0].joint}`);
-  place.replaceChildren(...[table(columns, rows, null, "velocity loops"), notes.length ? findingList(notes) : null, ...cards].filter(Boolean));
-}
-
-function margins(each) {
-  const phase = each.phase_deg === null || each.phase_deg === undefined ? "–" : `${number(each.phase_deg, 3)}°`;
-  const gain = each.gain_db === null || each.gain_db === undefined ? "–" : `${number(each.gain_db, 3)} dB`;
-  return `${phase}, ${gain}`;
-}
-
 // ---- 2: timing, feedforward
 press("retime", panel, "retime", () => panel.begin("retime", {
   motion: motionOf(), ...model(),
@@ -82,26 +59,6 @@ press("compare", panel, "tracking", () => {
   return panel.begin("tracking", { run: [after], against: [before] });
 });
 
-function reduced(ratio) {
-  if (!ratio) return "–";
-  return ratio < 1 ? `error grew ${number(1 / ratio, 3)} times` : `error reduced ${number(ratio, 3)} times`;
-}
-
-async function showPaths(run) {
-  const place = find("path-result");
-  const { tracking, notes } = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
-  const mm = (metres) => `${number(1e3 * metres, 3)} mm`;
-  const rows = tracking.motions.map((each) => [
-    each.sentence, each.before ? mm(each.before.mean_m) : "–", mm(each.after.mean_m),
-    reduced(each.mean_ratio),
-    each.before ? mm(each.before.max_m) : "–", mm(each.after.max_m),
-  ]);
-  const columns = ["motion", "mean before", "mean after", "", "largest before", "largest after"];
-  const cards = await figuresOf(run, (name) => name.startsWith("path-"), (name) => name === "path-1");
-  const list = [...new Set([tracking.unseen, ...(notes ?? []), ...tracking.motions.map((each) => each.use)])].filter(Boolean);
-  place.replaceChildren(table(columns, rows, null, "distance from the path, at the motor encoders"), findingList(list.map(told)), ...cards);
-}
-
 // ---- 4: refine
 press("refine", panel, "refine", () => {
   const run = [value("refine-run", "A run with the feedforward")];
@@ -116,7 +73,7 @@ press("stream", panel, "stream", () => {
 
 async function ended(job, document) {
   if (job.kind === "loop" && document) {
-    await showLoops(document.run);
+    await showRun(find("loops-result"), document.run, "velocity_loops");
     offer(find("loop"), `runs/${document.run}/loops.json`);
   }
   if (job.kind === "retime" && document) offer(find("motion"), document.motion);
@@ -127,7 +84,7 @@ async function ended(job, document) {
     const words = document.finished ? "Refined enough: what is left is noise, or does not repeat." : "Next: record with the new file, then refine again.";
     panel.after.append(element("p", {}, words));
   }
-  if (job.kind === "tracking" && document) await showPaths(job.request.run[0]);
+  if (job.kind === "tracking" && document) await showRun(find("path-result"), job.request.run[0], "tracking");
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);
 }
 
@@ -136,5 +93,5 @@ await showRuns();
 const first = wanted.get("run");
 if (first) {
   find("loop-run").value = first;
-  await showLoops(first);
+  await showRun(find("loops-result"), first, "velocity_loops");
 }

@@ -1,12 +1,11 @@
 // Experiment: choose or design a motion, see it, rehearse and record it.
-import { duration, element, find } from "./dom.js";
+import { find } from "./dom.js";
 import { newest } from "./requests.js";
 import { CELL, on, page } from "./service.js";
-import { WorkPanel, endFigure, factsUrl, figureIn, link, look, motionUrl, nameOf, number, numberOf, offer, press, wanted } from "./work.js";
+import { WorkPanel, blocksUrl, link, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
 const motion = find("motion");
 const kind = find("kind");
-const picture = find("picture");
 
 // What a run of a kind of motion is for, where it is not for a model.
 const NEXT = {
@@ -20,7 +19,7 @@ const panel = new WorkPanel(find("job"), {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const [path, words] = NEXT[chosenKind] ?? ["identify", "Identify this run"];
+    const [path, words] = NEXT[motion.selectedOptions[0]?.dataset.kind.replaceAll("-", "_")] ?? ["identify", "Identify this run"];
     return [link(`${CELL}/${path}?run=${run}`, words, { class: "button main" })];
   },
   ended: (job, document) => {
@@ -34,30 +33,20 @@ const panel = new WorkPanel(find("job"), {
 
 // ---- the motion and its picture
 const replacing = newest();
-let chosenKind = "";
 
 async function showMotion() {
   const signal = replacing();
-  const problem = find("motion-problem");
-  const facts = find("facts");
+  const [place, problem] = [find("picture"), find("motion-problem")];
   find("no-motion").hidden = motion.options.length > 0;
   problem.textContent = "";
   if (!motion.value) return;
   find("label").placeholder = motion.value.replace(/\.yaml$/, "");
+  const model = find("model").value;
   try {
-    const told = await look(factsUrl(motion.value), { signal });
-    if (signal.aborted) return;
-    chosenKind = told.kind;
-    const lines = [["Motion", told.sentence], ["Takes", duration(told.duration_s)]];
-    if (told.periods !== null) lines.push(["Periods", String(told.periods)]);
-    if (told.condition_number !== null) lines.push(["Condition number", number(told.condition_number, 3)]);
-    facts.replaceChildren(...lines.map(([word, value]) => element("div", {}, element("dt", {}, word), element("dd", {}, value))));
-    figureIn(picture, motionUrl(motion.value, find("model").value));
+    await showBlocks(place, blocksUrl(`${CELL}/motion`, { file: motion.value, ...(model ? { model } : {}) }), { signal });
   } catch (error) {
     if (signal.aborted) return;
-    facts.replaceChildren();
-    endFigure(picture);
-    picture.replaceChildren();
+    place.replaceChildren();
     problem.textContent = error.message;
   }
 }

@@ -1,9 +1,8 @@
 // Identify: Data, Model, Check, Solve, Result.
 import { element, find } from "./dom.js";
-import { estimateParts, validationParts } from "./identify_result.js";
 import { newest } from "./requests.js";
-import { CELL, ask, mayMove, on } from "./service.js";
-import { WorkPanel, completeRuns, figuresOf, fileLink, findings, look, nameOf, numberOf, options, press, runWords, wanted } from "./work.js";
+import { CELL, mayMove, on } from "./service.js";
+import { WorkPanel, completeRuns, fileLink, findings, look, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
 
 const solve = find("solve");
 let runs = [];
@@ -161,25 +160,16 @@ const runOf = (path) => path.split("/").at(-2);
 
 async function showResult(run) {
   const place = find("result");
-  try {
-    const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
-    if (!result.estimate) return;
-    model = { run, path: `runs/${run}/model.json` };
-    const wantedFigures = new Set(["fit", "spectrum", "parameters"]);
-    const cards = await figuresOf(run, (name) => wantedFigures.has(name), (name) => name === "fit");
-    place.replaceChildren(...estimateParts(result), ...cards);
-    place.dataset.run = run;
-    find("no-result").hidden = true;
-    find("after").hidden = false;
-    const bad = result.estimate.axes.some((axis) => axis.grade === "bad") || result.estimate.mistakes?.length;
-    stage("result", bad ? "bad" : "done");
-    const used = new Set(chosenRuns());
-    used.add(run);
-    options(find("other"), runs.filter((each) => !used.has(each.id)).map((each) => ({ value: each.id, words: runWords(each) })));
-    find("result-title").scrollIntoView({ block: "start" });
-  } catch (error) {
-    place.replaceChildren(element("p", { class: "problem" }, error.message));
-  }
+  const blocks = await showRun(place, run, "estimate", "comparison", "curves");
+  if (blocks === null) return;
+  model = { run, path: `runs/${run}/model.json` };
+  find("no-result").hidden = true;
+  find("after").hidden = false;
+  stage("result", blocks.some((block) => block.kind === "verdict" && block.passed === false) ? "bad" : "done");
+  const used = new Set(chosenRuns());
+  used.add(run);
+  options(find("other"), runs.filter((each) => !used.has(each.id)).map((each) => ({ value: each.id, words: runWords(each) })));
+  find("result-title").scrollIntoView({ block: "start" });
 }
 
 press("validate", panel, "validate", async () => {
@@ -188,15 +178,8 @@ press("validate", panel, "validate", async () => {
 });
 
 async function showValidation(run) {
-  const place = find("validation");
-  try {
-    const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
-    const cards = await figuresOf(run, (name) => name === "fit", () => true);
-    place.replaceChildren(...validationParts(result), ...cards);
-    place.scrollIntoView({ block: "start" });
-  } catch (error) {
-    place.replaceChildren(element("p", { class: "problem" }, error.message));
-  }
+  await showRun(find("validation"), run, "verdict", "validation", "curves");
+  find("validation").scrollIntoView({ block: "start" });
 }
 
 const ENDINGS = { urdf: ".urdf", sdf: ".sdf", pinocchio: ".py", c: ".c", python: ".py", csv: ".csv", json: ".json" };

@@ -1,6 +1,7 @@
 // A job as it goes: progress, sentences, tables, questions, verdict, what next.
+import { blockParts, verdictOf } from "./blocks.js";
 import { confirmClear } from "./dialog.js";
-import { duration, element, table } from "./dom.js";
+import { duration, element } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
 import { CELL, ask, lease, now, on, page } from "./service.js";
 
@@ -165,39 +166,26 @@ export class JobPanel {
     switch (event.kind) {
       case "said": return event.text && this.say("p", event.text);
       case "key_refused": return this.say("p", event.text, "problem");
-      case "judged": return this.judge(event);
+      case "judged": return this.verdict.append(verdictOf(event));
       case "result": return this.showResult(event);
       case "motion": return this.say("h3", event.title);
       case "progress": return this.showProgress(event);
       case "asked": return this.askPerson(event);
       case "answered": return this.drop();
-      case "ended": return event.message && this.judge({ passed: false, text: event.message });
+      case "ended": return event.message && this.verdict.append(verdictOf({ passed: false, text: event.message }));
     }
   }
 
   showResult({ document, blocks }) {
-    this.document = document;
-    for (const block of blocks) {
-      switch (block.kind) {
-        case "verdict": this.judge(block); break;
-        case "heading": this.say("h3", block.text); break;
-        case "text": if (block.text) this.say("p", block.text, block.is_note ? "soft" : null); break;
-        case "table": this.said.append(table(block.columns.map(({ title, unit }) => (unit ? `${title} [${unit}]` : title)), block.rows, block.failed)); break;
-        case "next": this.say("p", `Next: rid-daq ${block.words.join(" ")}`);
-      }
-    }
+    [this.document, this.blocks] = [document, blocks];
+    this.verdict.append(...blocks.filter(({ kind }) => kind === "verdict").map(verdictOf));
+    this.said.append(...blockParts(blocks.filter(({ kind }) => kind !== "verdict")));
   }
 
   say(tag, text, kind = null) {
     const near = this.said.scrollHeight - this.said.scrollTop - this.said.clientHeight < 40;
     this.said.append(element(tag, { class: kind }, text));
     if (near) this.said.scrollTop = this.said.scrollHeight;
-  }
-
-  judge({ passed, text }) {
-    const kind = passed === true ? "good" : passed === false ? "bad" : "";
-    const mark = passed === true ? "✓ " : passed === false ? "✗ " : "";
-    this.verdict.append(element("p", { class: `verdict ${kind}` }, mark + text));
   }
 
   showProgress({ title, done, total, unit, line }) {

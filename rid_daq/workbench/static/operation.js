@@ -1,6 +1,6 @@
 // The form of an operation: what it holds becomes a request; the service checks it.
 import { element, find, parseNumber } from "./dom.js";
-import { WorkPanel, completeRuns, figuresOf, press, runWords, wanted } from "./work.js";
+import { WorkPanel, completeRuns, ofRun, press, runWords, showBlocks, wanted } from "./work.js";
 
 const form = find("operation");
 if (form) show();
@@ -9,7 +9,8 @@ function show() {
   const kind = form.dataset.kind;
   const moves = "moves" in form.dataset;
   const figures = element("div", {});
-  const panel = new WorkPanel(find("job"), { ended: async (job) => job.run && figures.replaceChildren(...await figuresOf(job.run)) });
+  const keep = ({ kind }) => kind === "plot"; // the panel shows the rest
+  const panel = new WorkPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
   find("job").after(figures);
   for (const input of form.elements) {
     if (input.name && wanted.has(input.name)) input.value = wanted.getAll(input.name).join("\n");

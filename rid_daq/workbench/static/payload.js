@@ -1,7 +1,7 @@
 // Payload: the guided session, its warm-up, its result, load data for the controller.
-import { element, find, table } from "./dom.js";
-import { ask } from "./service.js";
-import { WorkPanel, checksOf, figureIn, figuresOf, findingList, gradeOf, measured, number, numberOf, offer, press, verdictOf, wanted, fileLink, link } from "./work.js";
+import { blockParts } from "./blocks.js";
+import { element, find } from "./dom.js";
+import { WorkPanel, blocksUrl, figureIn, numberOf, offer, press, showRun, wanted, fileLink, link } from "./work.js";
 
 const STEPS = ["prepare", "rehearsal", "warm-up", "unloaded", "attach", "loaded", "result"];
 const WORDS = { done: "done", now: "now", bad: "look here", wait: "not yet", skipped: "skipped" };
@@ -56,7 +56,7 @@ function drawWarmUp(job) {
   }
   drawnAt = performance.now();
   find("warm-up").hidden = false;
-  figureIn(find("warm-figure"), `/figures/jobs/${encodeURIComponent(job)}/warm-up`);
+  figureIn(find("warm-figure"), blocksUrl(`/jobs/${encodeURIComponent(job)}/warm-up`, { plot: 0 }));
 }
 
 async function ended(job, document) {
@@ -72,7 +72,7 @@ async function ended(job, document) {
     find("certificate").replaceChildren(fileLink(document.file, "Save the certificate"));
   }
   if (job.kind === "payload_read_back" && document) {
-    find("compared").replaceChildren(verdictOf(document.verdict), checksOf(document.verdict));
+    find("compared").replaceChildren(...blockParts(panel.blocks));
   }
 }
 
@@ -146,69 +146,19 @@ function saidAnew() {
 for (const button of document.querySelectorAll(".resume")) button.addEventListener("click", () => goOn(button.dataset));
 
 // ---- the result
-const NAMES = { m: "mass", cx: "centre of gravity, x", cy: "centre of gravity, y", cz: "centre of gravity, z" };
-
 async function showResult(run) {
-  const place = find("result");
   find("result-card").hidden = false;
-  try {
-    const result = await ask("GET", `/runs/${encodeURIComponent(run)}/result`);
-    if (!result.payload) throw new Error(`Run ${run} has no payload.`);
-    session = { run, payload: `runs/${run}/payload.json` };
-    const { payload, verdict } = result;
-    const cards = await figuresOf(run, (name) => name === "payload" || name === "warm-up", (name) => name === "payload");
-    const notes = [...payload.findings, ...(result.notes ?? []), ...(payload.existence ? [payload.existence] : [])];
-    place.replaceChildren(...[
-      verdictOf(verdict),
-      checksOf(verdict),
-      notes.length ? findingList(notes.map((text) => ({ passed: null, text }))) : null,
-      parameters(payload),
-      element("p", {}, "Centre of gravity from the flange; inertia about the centre of gravity, in the flange's axes."),
-      ...cards,
-      axes(payload),
-      repeats(payload),
-      element("p", { class: "soft" }, payload.sentence),
-      papers(run),
-    ].filter(Boolean));
-    find("after").hidden = verdict.passed !== true;
-    find("load-data").replaceChildren();
-    find("compared").replaceChildren();
-    reach("result", verdict.passed ? "done" : "bad");
-    find("result-card").scrollIntoView({ block: "start" });
-  } catch (error) {
-    place.replaceChildren(element("p", { class: "problem" }, error.message));
-  }
-}
-
-function parameters(payload) {
-  const rows = payload.parameters.map((each) => {
-    const [value, reach] = measured(each.value, each.std === null ? null : 2 * each.std);
-    return [
-      NAMES[each.name] ?? `inertia ${each.name}`, each.value === null ? "not seen by this motion" : value,
-      each.std === null ? "–" : `± ${reach}`, each.unit, each.known ? "known" : "",
-    ];
-  });
-  return table(["parameter", "value", "2σ", "unit", ""], rows, null, "payload");
-}
-
-function axes(payload) {
-  const rows = payload.axes.map((axis) => [
-    axis.joint, gradeOf(axis.grade), axis.reason, `${number(axis.payload, 3)} ${axis.unit}`,
-    `${number(axis.residual, 3)} ${axis.unit}`,
-    `${number(axis.residual_percent, 3)} %`,
-    axis.over_noise == null ? "–" : `${number(axis.over_noise, 2)} times`,
-    axis.mass_per_percent == null ? "–" : `${number(axis.mass_per_percent, 2)} kg`,
-  ]);
-  const columns = [
-    "axis", "fit", "why", "payload (RMS)", "residual (RMS)", "of torque", "over noise", "mass per 1 % of torque",
-  ];
-  return element("details", {}, element("summary", {}, "What each axis sees"), table(columns, rows, null, "axes"));
-}
-
-function repeats({ repeats: found }) {
-  if (!found) return null;
-  const text = `${found.runs} runs, each for itself: the mass scatters by ${number(found.scatter[0], 3)} kg (1σ).`;
-  return element("p", {}, text);
+  const place = find("result");
+  const blocks = await showRun(place, run, "verdict", "payload");
+  if (blocks === null) return;
+  session = { run, payload: `runs/${run}/payload.json` };
+  place.append(papers(run));
+  const passed = blocks.find((block) => block.kind === "verdict")?.passed === true;
+  find("after").hidden = !passed;
+  find("load-data").replaceChildren();
+  find("compared").replaceChildren();
+  reach("result", passed ? "done" : "bad");
+  find("result-card").scrollIntoView({ block: "start" });
 }
 
 function papers(run) {

@@ -1,9 +1,10 @@
-// What the pages of the work share: a panel with a running estimate, figures, findings, choices.
-import { element, find, parseNumber, table } from "./dom.js";
+// What the pages of the work share: a panel with a running estimate, blocks, findings, choices.
+import { blockParts } from "./blocks.js";
+import { element, find, parseNumber } from "./dom.js";
 import { showFigure } from "./figure.js";
 import { JobPanel } from "./job_panel.js";
 import { request } from "./requests.js";
-import { CELL, ask } from "./service.js";
+import { ask } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
 
@@ -41,19 +42,16 @@ export class WorkPanel extends JobPanel {
 // Ask a page's own address, which is no part of the API.
 export const look = (path, { signal = null, patienceMs = 30000 } = {}) => request(path, {}, { patienceMs, signal });
 
-const address = (path, values) => {
-  const query = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
-  return `${path}?${query}`;
-};
-export const motionUrl = (file, model) => address(`/figures${CELL}/motion`, { file, model });
-export const factsUrl = (file) => address(`/figures${CELL}/motion/facts`, { file });
+// The address of blocks that the service shows, each value under its name.
+export const blocksUrl = (path, values = []) => `/blocks${path}?${new URLSearchParams(values)}`;
+export const ofRun = (run, ...sections) => blocksUrl(`/runs/${encodeURIComponent(run)}`, sections.map((name) => ["section", name]));
 
 // The plot library is large: it is loaded with the first figure, so that buttons work before it.
 let library = null;
 function plots() {
   library ??= new Promise((resolve, reject) => {
     const version = new URL(import.meta.url).pathname.split("/").at(-2);
-    const script = element("script", { src: `/figures/script/${version}/bokeh.js`, fetchpriority: "low", onload: resolve });
+    const script = element("script", { src: `/blocks/script/${version}/bokeh.js`, fetchpriority: "low", onload: resolve });
     script.addEventListener("error", () => {
       library = null;
       script.remove();
@@ -119,7 +117,7 @@ export async function figureIn(place, url) {
     return;
   }
   if (signal.aborted) return;
-  const of = (values) => `${url}${url.includes("?") ? "&" : "?"}${new URLSearchParams(values)}`;
+  const of = (values) => `${url}&${new URLSearchParams(values)}`;
   const takeOut = showFigure(drawn, {
     csv: of({ as: "csv" }),
     item: (dark) => look(of({ dark }), { signal, patienceMs: FIGURE_MS }),
@@ -145,21 +143,32 @@ export async function figureIn(place, url) {
   });
 }
 
-// A figure of a run behind its title; it is fetched when it is opened.
-export function figureCard(run, { name, title }, open = false) {
-  const place = element("div", { class: "figure" });
-  const card = element("details", { "data-figure": name }, element("summary", {}, title), place);
-  card.addEventListener("toggle", () => {
-    if (card.open && !place.dataset.url)
-      figureIn(place, `/figures/runs/${encodeURIComponent(run)}/${encodeURIComponent(name)}`);
-  });
-  card.open = open;
-  return card;
+// Show the blocks of an address; plots are fetched as they are seen. Resolves with the blocks.
+export async function showBlocks(place, url, { keep = () => true, signal = null } = {}) {
+  const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
+  const figure = ({ name, number }) => {
+    const made = element("div", { class: "figure", "data-figure": name });
+    figureIn(made, `${url}&plot=${number}`);
+    return made;
+  };
+  for (const old of place.querySelectorAll(".figure")) {
+    endFigure(old);
+    old.lastElementChild?.takeOut?.();
+  }
+  place.replaceChildren(...blockParts(blocks, figure));
+  return blocks;
 }
 
-export async function figuresOf(run, chosen = () => true, open = () => false) {
-  const names = await look(`/figures/runs/${encodeURIComponent(run)}`);
-  return names.filter((each) => chosen(each.name)).map((each) => figureCard(run, each, open(each.name)));
+// Show sections of a run's result, or what hinders it; resolves with the blocks, null without them.
+export async function showRun(place, run, ...sections) {
+  try {
+    const blocks = await showBlocks(place, ofRun(run, ...sections));
+    place.dataset.run = run;
+    return blocks;
+  } catch (error) {
+    place.replaceChildren(element("p", { class: "problem" }, error.message));
+    return null;
+  }
 }
 
 // ---- words
@@ -169,41 +178,6 @@ export function findings(list) {
     const [kind, word] = words[passed];
     return element("li", { class: kind }, element("b", {}, word), text);
   });
-}
-
-export const findingList = (list) => element("ul", { class: "findings" }, ...findings(list));
-
-export function verdictOf({ passed, headline, sentence }) {
-  const kind = passed === true ? "good" : passed === false ? "bad" : "";
-  const mark = passed === true ? "✓ " : passed === false ? "✗ " : "";
-  return element("div", { class: "verdicts" },
-    element("p", { class: `verdict end ${kind}` }, mark + headline),
-    element("p", {}, sentence));
-}
-
-export function checksOf({ checks }) {
-  if (!checks.length) return null;
-  const number = (value) => Number(value.toPrecision(4)).toString();
-  const rows = checks.map((each) => [
-    each.text, `${number(each.value)} ${each.unit}`, `${each.relation} ${number(each.limit)} ${each.unit}`,
-    each.passed ? "holds" : "does not hold",
-  ]);
-  return table(["held to", "reached", "required", ""], rows, checks.map((each) => !each.passed), "what was held to limits");
-}
-
-const MARKS = { good: "●", doubtful: "◐", bad: "○" };
-export const gradeOf = (grade) => grade ? element("span", { class: `grade ${grade}` }, `${MARKS[grade]} ${grade}`) : "–";
-
-export function number(value, digits = 4) {
-  return value === null || value === undefined ? "–" : Number(value.toPrecision(digits)).toString();
-}
-
-// A value and its interval: the interval to two significant digits, the value to the same decimals.
-export function measured(value, reach) {
-  const places = reach > 0 && Number.isFinite(reach) ? 1 - Math.floor(Math.log10(Number(reach.toPrecision(2)))) : null;
-  if (value === null || value === undefined || places === null || places > 9) return [number(value, 6), number(reach, 2)];
-  const round = (each) => (places >= 0 ? each.toFixed(places) : (Math.round(each * 10 ** places) / 10 ** places).toFixed(0));
-  return [round(value), round(reach)];
 }
 
 // ---- choices

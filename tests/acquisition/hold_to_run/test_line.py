@@ -66,4 +66,4 @@ def test_the_tool_point_keeps_the_reduced_speed() -> None:
 def test_no_line_is_driven_by_hand_beyond_a_tenth_of_the_speed_limit(share: float) -> None:
     with pytest.raises(ConfigError) as caught:
         check(speed_share=share)
-    assert caught.value.refusal == "RID-REQ-RANGE"
+    assert caught.value.refusal == "RID-OPTION-RANGE"

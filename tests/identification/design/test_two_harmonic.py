@@ -111,5 +111,5 @@ def test_a_period_that_is_no_whole_number_of_cycles_is_refused(robot: RobotDescr
 def test_arguments_that_cannot_be_meant_are_refused(
     robot: RobotDescription, arguments: dict[str, float]
 ) -> None:
-    with raises_code(ConfigError, "RID-REQ-RANGE"):
+    with raises_code(ConfigError, "RID-OPTION-RANGE"):
         design_two_harmonic(robot, TwoHarmonicOptions(10.0, **arguments), 0.008)  # type: ignore[arg-type]

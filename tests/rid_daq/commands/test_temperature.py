@@ -19,8 +19,7 @@ from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.limit_torque import limit_warmth
 from rid_daq.app import run
-from rid_daq.figures.embedding import as_item
-from rid_daq.workbench.motion_facts import motion_picture
+from rid_daq.workbench.motion_blocks import motion_blocks
 from tests.builders.raised_codes import raises_code
 from tests.builders.told import document
 from tests.builders.warm_model import FALL, by_temperature
@@ -131,7 +130,7 @@ def test_torque_limits_are_held_without_it_and_how_warm_is_told(
     multisine = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
     assert run([*multisine, "--model", str(file), "-o", str(folder / "sines.yaml")]) == 0
     assert told in " ".join(capsys.readouterr().out.split())
-    drawn = str(as_item(motion_picture(cell, path, file), dark=False)["doc"])
+    drawn = " ".join(map(repr, motion_blocks(cell, path, file)))
     assert {"followed": "cold or as warm", "measured": "reference temperature"}[model] in drawn
 
 

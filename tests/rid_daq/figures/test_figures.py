@@ -5,28 +5,24 @@ from __future__ import annotations
 import csv
 import io
 import json
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 import pytest
-from bokeh.models import Axis, ColumnDataSource, HoverTool, Plot, Range1d, Toolbar
+from bokeh.models import Axis, ColumnDataSource, HoverTool, Plot, Toolbar
 from bokeh.models.ui import UIElement
 
-from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
-from rid_daq.figures.history_figure import PastValue
-from rid_daq.figures.motion_figure import motion_figure
 from rid_daq.figures.palette import INK, darkened
 from rid_daq.figures.panel import panel, words
-from rid_daq.figures.parameters_figure import parameters_figure
 from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.figures.warm_up_figure import warm_up_figure
 from rid_daq.report.shown.bode import bode_plot
 from rid_daq.report.shown.centre_of_gravity import VIEWS, CentreOfGravity, centre_plot
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.tracking import path_plots
+from rid_daq.workbench.motion_blocks import limits_plot
+from rid_daq.workbench.warm_up_plot import warm_up_plot
 from tests.builders.drawn_figures import (
     JOINTS,
     all_figures,
@@ -36,7 +32,6 @@ from tests.builders.drawn_figures import (
     tables,
     written,
 )
-from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +40,7 @@ def figures() -> dict[str, UIElement]:
 
 
 NAMES = (
-    *("motion", "fit", "spectrum", "parameters", "bode"),
+    *("motion", "tool", "fit", "spectrum", "bode"),
     *("path", "distance", "errors", "friction", "warm-up", "history", "payload"),
     *("stop", "lateness", "truth", "retiming"),
 )
@@ -162,22 +157,6 @@ def test_spectrum_is_the_result_s() -> None:
         np.testing.assert_allclose(found, axis.residual_nm, rtol=1e-6)
 
 
-def test_parameters_stand_with_their_intervals_and_units() -> None:
-    section = written("demo").estimate
-    assert section is not None
-    drawn = tables(parameters_figure(section))
-    assert {f"parameters in {each.unit}" for each in section.parameters} == set(drawn)
-    for number, each in enumerate(section.parameters, start=1):
-        table = drawn[f"parameters in {each.unit}"]
-        row = list(table.data["parameter"]).index(f"{number} {each.name}")
-        low = column(table, f"estimate - 2σ [{each.unit}]")[row]
-        high = column(table, f"estimate + 2σ [{each.unit}]")[row]
-        assert 0.5 * (low + high) == pytest.approx(each.value, rel=1e-4, abs=1e-6)
-        assert high - low == pytest.approx(4.0 * each.std, rel=1e-3)
-        true = column(table, f"true value [{each.unit}]")[row]
-        assert true == pytest.approx(each.truth, rel=1e-6)
-
-
 def test_bode_shows_the_margins_of_the_result() -> None:
     loops = written("velocity_loops").velocity_loops
     assert loops is not None
@@ -217,42 +196,38 @@ def test_a_path_without_a_run_before_is_drawn_alone() -> None:
     assert len(path.panels) == 1
 
 
-def test_motion_is_told_in_units_and_in_percent_of_its_limits() -> None:
-    samples, cell = six_axes(), load_cell("kr15")
-    one, robot = samples.whole(1), cell.robot
-    drawn = tables(motion_figure(samples, robot, cell.config.workspace))["motion"]
+def test_motion_is_drawn_in_percent_of_its_limits() -> None:
+    samples, robot = six_axes().whole(1), load_cell("kr15").robot
+    panels = {panel.y.label: panel for panel in limits_plot(samples, robot).panels}
+    assert set(panels) == {"position", "velocity", "acceleration"}
     limit = robot.joints[1].limits
-    speed = column(drawn, "axis2 speed [rad/s]")
-    share = column(drawn, "axis2 speed [% of limit]")
-    np.testing.assert_allclose(share, 100.0 * speed / limit.velocity, rtol=1e-5)
-    assert np.abs(speed).max() == pytest.approx(np.abs(one.velocity[:, 1]).max(), rel=1e-2)
-    place = column(drawn, "axis2 position [% of range]")
+    drawn = {name: np.array(panel.lines[1].y, dtype=float) for name, panel in panels.items()}
+    step = -(-len(samples.position) // len(drawn["velocity"]))
+    speed = samples.velocity[::step, 1]
+    np.testing.assert_allclose(drawn["velocity"], 100.0 * speed / limit.velocity)
     middle = 0.5 * (limit.position_min + limit.position_max)
     half = 0.5 * (limit.position_max - limit.position_min)
-    found = column(drawn, "axis2 position [rad]")
-    np.testing.assert_allclose(found, middle + half * place / 100.0, atol=1e-5)
-    assert not [name for name in drawn.data if "torque" in name]
+    found = middle + half * drawn["position"] / 100.0
+    np.testing.assert_allclose(found, samples.position[::step, 1], atol=1e-9)
 
 
 def test_warm_up_shows_the_change_that_the_session_waits_for() -> None:
-    power = np.array([[10.0, 4.0, 1.0], [9.0, 4.0, 1.0], [8.0, 4.0, 1.0], [7.0, 4.0, 1.0]])
-    drawn = tables(warm_up_figure(JOINTS, power, 1.0))["warm-up"]
-    change = column(drawn, "axis1 change of a period [%]")
-    assert np.isnan(change[:3]).all()
-    assert change[3] == pytest.approx(-100.0 / 8.5)
-    np.testing.assert_allclose(column(drawn, "axis1 friction [W]"), power[:, 0])
-    assert column(drawn, "axis2 change of a period [%]")[3] == pytest.approx(0.0, abs=1e-9)
+    power = [[10.0, 4.0, 1.0], [9.0, 4.0, 1.0], [8.0, 4.0, 1.0], [7.0, 4.0, 1.0]]
+    friction, change = warm_up_plot(JOINTS, power, 1.0).panels
+    assert [line.y for line in friction.lines] == [*zip(*power, strict=True)]
+    assert [line.x for line in change.lines] == [(4.0,)] * 3
+    assert change.lines[0].y == pytest.approx((-100.0 / 8.5,))
+    assert change.lines[1].y == pytest.approx((0.0,), abs=1e-9)
 
 
 def test_warm_up_can_be_drawn_before_its_first_period() -> None:
-    drawn = tables(warm_up_figure(JOINTS, np.zeros((0, 3)), 1.0))["warm-up"]
-    assert len(column(drawn, "period")) == 0
+    friction, _ = warm_up_plot(JOINTS, [], 1.0).panels
+    assert [line.x for line in friction.lines] == [()] * 3
 
 
 def test_warm_up_s_change_has_a_range_before_there_is_a_change() -> None:
-    drawn = warm_up_figure(JOINTS, np.ones((1, 3)), 1.0)
-    ranges = [(m.start, m.end) for m in drawn.references() if isinstance(m, Range1d)]
-    assert (-2.0, 2.0) in ranges
+    _, change = warm_up_plot(JOINTS, [[1.0, 1.0, 1.0]], 1.0).panels
+    assert (change.y.least, change.y.most) == (-2.0, 2.0)
 
 
 def test_payload_s_centre_lies_where_the_estimate_says() -> None:
@@ -299,13 +274,6 @@ def test_what_a_motion_does_not_show_is_said() -> None:
     assert [any(line.points for line in each.lines) for each in plot.panels] == [
         2 not in view for view in VIEWS
     ]
-
-
-def test_a_past_value_knows_its_time_zone() -> None:
-    with raises_code(ConfigError, "RID-INTERNAL-ERROR"):
-        PastValue("R", "x", datetime(2026, 1, 1), 1.0)
-    with raises_code(ConfigError, "RID-INTERNAL-ERROR", "finite"):
-        PastValue("R", "x", datetime(2026, 1, 1, tzinfo=UTC), float("nan"))
 
 
 def test_texts_are_no_formulas_and_show_what_is_invisible() -> None:

@@ -14,11 +14,11 @@ WORDS = ["retime", "ir361", "path.yaml", "--model", "model.json", "-o", "fast.ya
 @pytest.mark.parametrize(
     ("more", "code"),
     [
-        (["--margin", "2"], "RID-REQ-RANGE"),
-        (["--jerk", "1", "--jerk", "-3"], "RID-REQ-RANGE"),
+        (["--margin", "2"], "RID-OPTION-RANGE"),
+        (["--jerk", "1", "--jerk", "-3"], "RID-OPTION-RANGE"),
         (["--jerk", "fast"], "RID-REQUEST-INVALID"),
         (["--mass", "20"], "RID-REQUEST-INVALID"),
-        (["--base-limits", "--mass", "1e7"], "RID-REQ-RANGE"),
+        (["--base-limits", "--mass", "1e7"], "RID-OPTION-RANGE"),
     ],
 )
 def test_a_bad_value_has_a_stable_code(

@@ -113,7 +113,7 @@ def test_a_number_that_is_none_is_refused_with_the_name_of_its_option(name: str)
             value = (odd,) if each.is_repeated else odd
             with pytest.raises(ConfigError) as caught:
                 operation(name).request.of(nested(required(name), each.path, value), flags=True)
-            assert caught.value.refusal in ("RID-REQ-RANGE", "RID-REQUEST-INVALID")
+            assert caught.value.refusal in ("RID-OPTION-RANGE", "RID-REQUEST-INVALID")
             assert str(caught.value).startswith(f"{each.flag}: ")
 
 

@@ -104,7 +104,7 @@ def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> objec
 @pytest.mark.parametrize("name", ["mass_percent", "centre_mm", "residual_percent"])
 def test_a_limit_below_zero_is_refused_at_once(name: str, tmp_path: Path) -> None:
     told = {"loaded": ["b"], "unloaded": ["a"], "limits": {name: -5.0}}
-    with raises_code(ConfigError, "RID-REQ-RANGE", f"payload_identify: limits.{name}: -5.0 "):
+    with raises_code(ConfigError, "RID-OPTION-RANGE", f"payload_identify: limits.{name}: -5.0 "):
         check_request(JobKind("payload_identify"), told, tmp_path)
 
 

@@ -20,8 +20,6 @@ KINDS = (
     '<section class="card"><p class="problem">words</p><p class="soft">words</p></section>',
     '<section class="card wait"><h2>words</h2><button>words</button></section>',
     '<ul class="findings"><li class="bad"><b>words</b></li><li class="good"><b>words</b></li></ul>',
-    '<p><span class="grade good">words</span><span class="grade doubtful">words</span></p>',
-    '<p><span class="grade bad">words</span></p>',
     '<table><tr class="red"><td>words</td></tr><tr><th>words</th></tr></table>',
     '<details><summary class="bad">words</summary></details>',
     '<p class="simulated">words</p>',

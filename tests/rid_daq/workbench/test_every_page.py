@@ -70,7 +70,7 @@ def test_every_page_can_be_read_and_pressed(
         expect(page.locator("#lease-take")).to_be_visible()
         page.wait_for_load_state("networkidle")
         if path == "/runs/history":
-            expect(page.locator('#figure[data-figure-state="shown"]')).to_be_visible()
+            expect(page.locator('#history .figure[data-figure-state="shown"]')).to_be_visible()
         expect(page.get_by_text("…", exact=True)).to_have_count(0)  # nothing is still to come
         name = (path.strip("/") or "cell").replace(a_run, "one").replace("/", "-")
         found = Axe().run(page)

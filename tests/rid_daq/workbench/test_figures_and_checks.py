@@ -1,21 +1,25 @@
-"""Which figures a run has, whether runs fit together, what a motion is: without a browser."""
+"""Which blocks a run has, whether runs fit together, what a motion is: without a browser."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from config.errors import ConfigError, LimitError, RecordingError
+from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell
+from rid_daq.blocks.block import Text
+from rid_daq.blocks.plot import Plot
 from rid_daq.figures.embedding import as_item
+from rid_daq.figures.plot_figure import plot_figure
 from rid_daq.report.result_file import RESULT
 from rid_daq.workbench.data_check import check_data
-from rid_daq.workbench.motion_facts import motion_facts, motion_picture
-from rid_daq.workbench.run_figures import run_drawings
+from rid_daq.workbench.motion_blocks import motion_blocks
+from rid_daq.workbench.run_blocks import run_blocks
 from tests.builders.invented import whole_result
 from tests.builders.raised_codes import raises_code
 
@@ -49,25 +53,14 @@ def recorded(
     return folder
 
 
-def test_a_run_has_the_figures_of_what_was_computed_of_it(tmp_path: Path, cell: LoadedCell) -> None:
+def test_a_run_has_the_blocks_of_what_was_computed_of_it(tmp_path: Path, cell: LoadedCell) -> None:
     folder = recorded(tmp_path, cell, "plain")
-    assert [each.name for each in run_drawings(folder)] == ["motion"]
+    assert not list(run_blocks(folder))
     folder.file(RESULT).write_text(json.dumps(whole_result()))
-    drawings = run_drawings(folder)
-    names = [each.name for each in drawings]
-    assert len(set(names)) == len(names)
-    assert (names[0], names[-1]) == ("stop-1", "motion")
-    assert {"fit", "spectrum", "parameters", "path-1"} <= set(names)
-    item = as_item(drawings[names.index("parameters")].make(), dark=False)
-    assert item["doc"]
-
-
-def test_a_motion_without_its_cell_is_not_drawn(tmp_path: Path) -> None:
-    folder = RunFolder.create(tmp_path, "bare")
-    folder.write("motion.yaml", MOTION.encode())
-    (drawing,) = run_drawings(folder)
-    with raises_code(RecordingError, "RID-RUN-FILE", "robot.yaml"):
-        drawing.make()
+    plots = [each for each in run_blocks(folder) if isinstance(each, Plot)]
+    assert {"fit", "residual_spectrum", "path", "stop"} <= {each.name for each in plots}
+    (fit, _) = [each for each in run_blocks(folder, ["curves"]) if isinstance(each, Plot)]
+    assert as_item(plot_figure(fit), dark=False)["doc"]
 
 
 def test_runs_that_fit_together_are_told_as_good(tmp_path: Path, cell: LoadedCell) -> None:
@@ -96,12 +89,13 @@ def test_a_run_that_does_not_fit_is_told_with_its_reason(tmp_path: Path, cell: L
 def test_a_motions_facts_and_its_picture(tmp_path: Path, cell: LoadedCell) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text(MOTION)
-    facts = motion_facts(cell, path)
-    assert (facts.kind, facts.periods) == ("fourier", 3)
-    assert facts.duration_s == pytest.approx(3 * 2.0 + 2 * 1.0, abs=2.1)
-    assert facts.condition_number is not None
-    assert facts.condition_number > 1.0
-    assert as_item(motion_picture(cell, path, None), dark=True)["doc"]
+    facts, *plots = motion_blocks(cell, path, None)
+    assert isinstance(facts, Text)
+    assert "Condition number" in facts.text
+    assert re.search(r"Duration: (8|9|10)\.\d s", facts.text)
+    for plot in plots:
+        assert isinstance(plot, Plot)
+        assert as_item(plot_figure(plot), dark=True)["doc"]
 
 
 def test_a_motion_of_another_robot_or_beyond_a_limit_has_no_facts(
@@ -110,7 +104,7 @@ def test_a_motion_of_another_robot_or_beyond_a_limit_has_no_facts(
     path = tmp_path / "motion.yaml"
     path.write_text(MOTION.replace("robot: ir361", "robot: kr15"))
     with raises_code(ConfigError, "RID-ROBOT-OTHER", "kr15"):
-        motion_facts(cell, path)
+        list(motion_blocks(cell, path, None))
     path.write_text(MOTION.replace("sine: [0.2, 0.05]", "sine: [9.0, 0.05]"))
     with raises_code(LimitError, "RID-MOTION-LIMIT", "axis1"):
-        motion_facts(cell, path)
+        list(motion_blocks(cell, path, None))

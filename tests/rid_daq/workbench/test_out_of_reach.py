@@ -189,5 +189,5 @@ def test_a_page_that_is_loaded_again_finds_what_it_has_under_way(
     expect(page.locator("#job .verdict.end")).to_have_text("Design: done")
     expect(page.locator("#motion")).to_have_value("excitation.yaml")
     page.reload()
-    expect(page.locator("#facts")).to_contain_text("Condition number")
+    expect(page.locator("#picture")).to_contain_text("Condition number")
     expect(page.locator("#job")).to_be_hidden()  # its end was shown already

@@ -96,13 +96,11 @@ def test_friction_is_measured_alone_and_shown(
     page.locator("#runs").get_by_role("checkbox").check()
     page.locator("#measure").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Friction: done")
-    expect(page.locator("#result .verdict.end")).to_contain_text("friction of every joint")
-    expect(page.locator("#result .findings")).to_contain_text("in the robot file: friction: [")
+    expect(page.locator("#result")).to_contain_text("in the robot file: friction: [")
     page.locator("[data-figure=friction]").scroll_into_view_if_needed()  # it loads once it is seen
     expect(page.locator("[data-figure=friction] [data-figure-state=shown]").first).to_be_visible()
     page.goto(f"{page.url}?run={run}")  # what was measured is shown again
-    expect(page.locator("#result .grade.good")).to_have_count(3)
-    page.locator("#result summary", has_text="axis1").click()
+    expect(page.locator("#result .verdict", has_text="the fit is good")).to_have_count(3)
     pictured(page, screenshots, "friction-measured")
 
 
@@ -175,16 +173,14 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     page.locator("#loop-run").select_option(run)
     page.locator("#measure").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Loop: done")
-    rows = page.locator("#loops-result tbody tr")
+    rows = page.locator("#loops-result table").first.locator("tbody tr")
     expect(rows).to_have_count(3)
     expect(rows.first).to_contain_text("axis1")
-    gain = float(rows.first.locator("td").nth(2).inner_text().split()[0])
+    gain = float(rows.first.locator("td").nth(1).inner_text().split()[0])
     assert gain == pytest.approx(900.0, rel=0.05)
-    page.locator(
-        "[data-figure=bode-axis1]"
-    ).scroll_into_view_if_needed()  # it loads once it is seen
-    figure = "[data-figure=bode-axis1] [data-figure-state=shown]"
-    expect(page.locator(figure).first).to_be_visible()
+    bode = page.locator("[data-figure^=bode]").first
+    bode.scroll_into_view_if_needed()  # it loads once it is seen
+    expect(bode).to_have_attribute("data-figure-state", "shown")
     expect(page.locator("#loop")).to_have_value(f"runs/{run}/loops.json")
     assert (served_pages.folder / "runs" / run / "loops.json").is_file()
     page.locator("#motion").select_option("turns.yaml")
@@ -201,11 +197,8 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     expect(page.locator("#after")).to_have_value(runs[1])
     page.locator("#compare").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Tracking: done")
-    reduced = page.locator("#path-result tbody tr").first.locator("td").nth(3)
-    expect(reduced).to_contain_text("times")
-    found = re.search(r"[\d.]+", reduced.inner_text())
-    assert found is not None
-    assert float(found[0]) > 10.0
+    reduced = page.locator("#path-result tbody tr").first.locator("td").nth(5)
+    assert float(reduced.inner_text()) > 10.0
 
     expect(page.locator("#refine-run")).to_have_value(runs[1])
     page.locator("#refine").click()

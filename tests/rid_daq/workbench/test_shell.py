@@ -57,7 +57,7 @@ def test_a_newcomer_takes_the_cell_and_checks_it(open_page: OpenPage) -> None:
     checked(page)
     expect(page.locator("#now")).to_contain_text("Ready to move. Checked")
     expect(page.locator("#preflight-words")).to_contain_text("Green")
-    expect(page.locator("#preflight details")).not_to_have_count(0)
+    expect(page.locator("#preflight table")).not_to_have_count(0)
     give_back(page)
     expect(page.locator("#lease-words")).to_have_text("Nobody has this cell.")
 

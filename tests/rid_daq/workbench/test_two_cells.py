@@ -84,9 +84,9 @@ def test_a_red_preflight_says_what_to_do_by_device(administrator: Page) -> None:
     expect(page.get_by_role("button", name="Check again")).to_be_visible()
     expect(page.locator("#preflight-words")).to_contain_text("Red: ")
     expect(page.locator("#preflight-words")).to_contain_text("its preflight is red")
-    first = page.locator("#preflight details").first
-    expect(first).to_have_attribute("open", "")
-    expect(first.locator("tr.red").first).to_contain_text("Next: let the motor cool down")
+    preflight = page.locator("#preflight")
+    expect(preflight.locator("table").first.locator("tr.red").first).to_be_visible()
+    expect(preflight).to_contain_text("let the motor cool down")
     warm = page.locator('[data-joint="axis1"] [data-show="temperature"]')
     expect(warm).to_have_text(re.compile(r"^\d\d °C, when checked$"))
     expect(page.locator("#jog")).to_be_disabled()

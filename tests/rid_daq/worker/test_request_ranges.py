@@ -155,7 +155,7 @@ def test_what_is_outside_is_refused_by_the_service_and_by_the_process_that_drive
         ):
             with pytest.raises(ConfigError) as caught:
                 refuse()
-            assert caught.value.refusal == "RID-REQ-RANGE", (value, str(caught.value))
+            assert caught.value.refusal == "RID-OPTION-RANGE", (value, str(caught.value))
 
 
 # ---- random documents
@@ -272,6 +272,6 @@ def test_an_implausible_size_is_refused_by_the_process_that_drives(
     kind: JobKind, place: Place, schema: Schema, tmp_path: Path
 ) -> None:
     told = document_with(kind, place, 1e9)
-    with raises_code(ConfigError, "RID-REQ-RANGE") as caught:
+    with raises_code(ConfigError, "RID-OPTION-RANGE") as caught:
         request_of(kind, told, cell="ir361", runs="runs", cleared=False)
-    assert caught.value.refusal == "RID-REQ-RANGE"
+    assert caught.value.refusal == "RID-OPTION-RANGE"

@@ -1,0 +1,39 @@
+"""`verdict_blocks`: a verdict with its limits; `doubt_texts`: what makes fits doubtful or bad."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from identification.regression.fit_grade import Grade
+from rid_daq.blocks.block import AnyBlock, Cells, Table, Text, table
+from rid_daq.blocks.block import Verdict as VerdictBlock
+from rid_daq.blocks.formats import number
+from rid_daq.report.sections.section import GradedAxis
+from rid_daq.report.sections.verdict import Verdict
+
+
+def verdict_blocks(verdict: Verdict) -> Iterator[AnyBlock]:
+    """Yield a verdict, its sentence, and what was held to limits."""
+    yield VerdictBlock(passed=verdict.passed, text=verdict.headline)
+    yield Text(text=verdict.sentence)
+    yield from check_tables(verdict)
+
+
+def check_tables(verdict: Verdict) -> Iterator[Table]:
+    """Yield the table of what was held to limits, if there is any."""
+    if verdict.checks:
+        yield table(
+            verdict.checks,
+            Cells("Held to", lambda check: check.text),
+            Cells("reached", lambda check: f"{number(check.value)} {check.unit}"),
+            Cells("required", lambda of: f"{of.relation} {number(of.limit)} {of.unit}"),
+            Cells("holds", lambda check: "yes" if check.passed else "NO"),
+            failed=lambda check: not check.passed,
+        )
+
+
+def doubt_texts(axes: Iterable[GradedAxis]) -> Iterator[Text]:
+    """Yield what decides the grade of each axis whose fit is not good."""
+    for axis in axes:
+        if axis.grade not in (None, Grade.GOOD):
+            yield Text(text=f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")

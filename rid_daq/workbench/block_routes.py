@@ -1,0 +1,158 @@
+"""Routes of blocks that pages show: of runs, motions, preflights, warm-ups, and of a history."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Iterable
+from typing import Annotated, Any, Final, Literal
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import JSONResponse, Response
+from pydantic import TypeAdapter
+
+from rid_daq.blocks.block import AnyBlock, Table
+from rid_daq.blocks.plot import Plot
+from rid_daq.service.api.context import OfCell, OfJob, Service, Who
+from rid_daq.service.api.runs import run_folder
+from rid_daq.service.refusals import UnknownError
+from rid_daq.service.request_check import require_inside
+from rid_daq.service.running_job import EventTail
+from rid_daq.terminal.job_events import WarmedUp
+from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.workbench.static_files import require_current
+
+router = APIRouter(prefix="/blocks", include_in_schema=False)
+
+KEPT: Final = {"cache-control": "private, max-age=31536000, immutable"}
+_DRAWING: Final = threading.Lock()
+
+
+class View:
+    """The form in which a page wants blocks.
+
+    Without `plot` the answer is the blocks as JSON: tables as texts, of plots the caption and the
+    number. With the number of a plot it is the plot, to be zoomed or as a table.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        plot: Annotated[int | None, Query(ge=0)] = None,
+        dark: bool = False,
+        form: Annotated[Literal["csv"] | None, Query(alias="as")] = None,
+    ) -> None:
+        self._request, self._plot, self._dark, self._form = request, plot, dark, form
+
+    def answer(self, blocks: Iterable[AnyBlock]) -> Response:
+        """Return the answer of a route.
+
+        Raises:
+            UnknownError: There is no plot of this number.
+        """
+        found = list(blocks)
+        plots = [block for block in found if isinstance(block, Plot)]
+        if self._plot is None:
+            return JSONResponse([_told(block, plots) for block in found])
+        if self._plot >= len(plots):
+            raise UnknownError(f"there is no plot {self._plot} here", code="RID-RUN-FILE")
+        return self._drawn(plots[self._plot])
+
+    def _drawn(self, plot: Plot) -> Response:
+        """Return a plot; one is drawn at a time."""
+        from rid_daq.figures.embedding import as_csv, as_item
+        from rid_daq.figures.plot_figure import plot_figure
+
+        with _DRAWING:
+            figure = plot_figure(plot)
+            if self._form == "csv":
+                saved = {"content-disposition": f'attachment; filename="{plot.name}.csv"'}
+                return Response(as_csv(figure), media_type="text/csv", headers=saved)
+            item = JSONResponse(as_item(figure, self._dark))
+        return CompressedBody.of(bytes(item.body)).answer(self._request, "application/json")
+
+
+AsWanted = Annotated[View, Depends()]
+
+
+@router.get("/script/{version}/bokeh.js")
+def bokeh_library(request: Request, version: str) -> Response:
+    """Return BokehJS as its package has it."""
+    require_current(version, "the plot library")
+    return _bokeh().answer(request, "text/javascript", KEPT)
+
+
+@router.get("/runs/{run}")
+def run_blocks(
+    run: str,
+    service: Service,
+    who: Who,
+    view: AsWanted,
+    section: Annotated[tuple[str, ...], Query()] = (),
+) -> Response:
+    """Return sections of a run's result, all if none is named."""
+    from rid_daq.workbench import run_blocks as shown
+
+    return view.answer(shown.run_blocks(run_folder(service, run), section))
+
+
+@router.get("/cells/{cell}/motion")
+def motion(
+    cell: OfCell, service: Service, view: AsWanted, file: str, model: str | None = None
+) -> Response:
+    """Return what a motion file does on a cell."""
+    from rid_daq.workbench.motion_blocks import motion_blocks
+
+    path = require_inside(file, service.folder)
+    by = require_inside(model, service.folder) if model else None
+    return view.answer(motion_blocks(cell.loaded, path, by))
+
+
+@router.get("/cells/{cell}/preflight")
+def preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
+    """Return the lines of the newest preflight."""
+    from rid_daq.preflight.bus_check import CheckLine
+    from rid_daq.preflight.check_words import all_blocks
+
+    found = service.readiness.preflight(cell)
+    lines = TypeAdapter(tuple[CheckLine, ...]).validate_python(() if found is None else found.lines)
+    return view.answer(all_blocks(lines))
+
+
+@router.get("/jobs/{job}/warm-up")
+def warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
+    """Return the course of a job's warm-up until now."""
+    from rid_daq.workbench.warm_up_plot import warm_up_plot
+
+    events = EventTail(service.workshop.events(job.id)).new()
+    told = [event for event in events if isinstance(event, WarmedUp)]
+    if not told:
+        raise UnknownError(f"job {job.id} has no warm-up yet", code="RID-JOB-UNKNOWN")
+    power = [period for event in told for period in event.power_w]
+    return view.answer([warm_up_plot(told[0].joints, power, told[0].settled_percent)])
+
+
+@router.get("/cells/{cell}/history")
+def history(cell: OfCell, service: Service, view: AsWanted, quantity: str) -> Response:
+    """Return how a quantity of the cell's robot has changed from run to run."""
+    from rid_daq.workbench.robot_history import history_of
+
+    robot = cell.loaded.robot.name
+    for each in history_of(service.runs, robot):
+        if each.title == quantity:
+            return view.answer(each.blocks())
+    raise UnknownError(f"no run of {robot} has an estimate of {quantity!r}", code="RID-RUN-FILE")
+
+
+def _told(block: AnyBlock, plots: list[Plot]) -> dict[str, Any]:
+    if isinstance(block, Plot):
+        number = next(i for i, each in enumerate(plots) if each is block)
+        return {"kind": "plot", "name": block.name, "caption": block.caption, "number": number}
+    return (block.as_texts() if isinstance(block, Table) else block).model_dump(mode="json")
+
+
+@functools.cache
+def _bokeh() -> CompressedBody:
+    from rid_daq.figures.embedding import bokeh_script
+
+    return CompressedBody.of(bokeh_script().read_bytes())

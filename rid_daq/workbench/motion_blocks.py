@@ -1,0 +1,187 @@
+"""`motion_blocks`: what a person should know of a motion before it is driven, and its plots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.samples import MotionSamples, Phase
+from config.arrays import FloatArray
+from config.load import LoadedCell
+from config.robot.bodies import Workspace
+from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain, forward
+from identification.design.two_harmonic import condition_number
+from identification.estimation.at_temperature import by_temperature
+from identification.estimation.limit_torque import limit_torque
+from rid_daq.blocks.block import AnyBlock, Text
+from rid_daq.blocks.formats import duration, number
+from rid_daq.blocks.plot import Axis, Colour, Line, Panel, Plot
+from rid_daq.operations.cell_files import estimate_for, motion_for
+
+AT_REFERENCE: Final = "Friction as at its reference temperature."
+COLD_OR_WARM: Final = "Friction as cold or as warm, whichever takes more."
+AXES: Final = "xyz"
+VIEWS: Final = ((0, 1), (0, 2), (1, 2))
+DRAWN_POINTS: Final = 1000
+
+
+def motion_blocks(cell: LoadedCell, path: Path, model: Path | None) -> Iterator[AnyBlock]:
+    """Yield what a motion file does, and its plots.
+
+    Args:
+        cell: The cell that it is for.
+        path: The file.
+        model: A model; the torque that it expects is drawn, as `record` compares it with the
+            limits (`limit_torque`).
+
+    Raises:
+        ConfigError, LimitError: The file is none, or is of another robot, or the motion breaks a
+            limit; or the model is of another robot.
+    """
+    motion = motion_for(path, cell)
+    samples = motion.plan(cell.robot, cell.config.cycle_time_s)
+    one = samples.whole(1)
+    text = f"{motion.describe()} Duration: {duration(samples.duration_s)}."
+    if (excitation := FourierMotion.of(motion)) is not None:
+        text += f" Condition number: {number(condition_number(cell.robot, excitation), 3)}."
+    yield Text(text=text)
+    torque, caption = None, ""
+    if model is not None:
+        estimate = estimate_for(model, cell.robot)
+        torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
+        if by_temperature(estimate).any():
+            caption = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM
+    yield limits_plot(one, cell.robot, torque, caption)
+    yield tool_plot(one, cell.robot, cell.config.workspace)
+
+
+def limits_plot(
+    samples: MotionSamples,
+    robot: RobotDescription,
+    torque_nm: FloatArray | None = None,
+    caption: str = "",
+) -> Plot:
+    """Return positions, speeds, accelerations and torques in percent of their limits.
+
+    For positions ±100 % are the two ends of the range.
+
+    Args:
+        samples: The motion as planned, a periodic one with one period.
+        robot: The limits.
+        torque_nm: Shape (samples, joints). The torque that a model expects [N m or N].
+        caption: How warm the model's friction was taken to be.
+    """
+    limits = [joint.limits for joint in robot.joints]
+    low, high = (
+        np.array([getattr(each, f"position_{end}") for each in limits]) for end in ("min", "max")
+    )
+    shares = {"position": 2.0 * (samples.position - low) / (high - low) - 1.0}
+    values = {"velocity": samples.velocity, "acceleration": samples.acceleration}
+    if torque_nm is not None:
+        values["torque"] = torque_nm
+    for name, of in values.items():
+        shares[name] = of / np.array([getattr(each, name) for each in limits])
+    step = _step(samples)
+    time_s = (samples.sample_period_s * np.arange(0, len(samples.position), step)).tolist()
+    panels: list[Panel] = []
+    for name, share in shares.items():
+        peak = 100.0 * float(np.abs(share).max())
+        least, most = (-108.0, 108.0) if peak <= 100.0 else (None, None)
+        reference = "range" if name == "position" else "limit"
+        panels.append(
+            Panel(
+                title=f"{name}: {peak:.0f} % of the {reference} at most",
+                x=Axis(label="time", unit="s"),
+                y=Axis(label=name, unit=f"% of {reference}", least=least, most=most),
+                lines=tuple(
+                    Line(
+                        label=joint,
+                        x=time_s,
+                        y=(100.0 * share[::step, j]).tolist(),
+                        stroke=j,
+                        is_named=not panels,
+                    )
+                    for j, joint in enumerate(robot.joint_names)
+                ),
+                limits=(-100.0, 100.0),
+                zooms_with_previous=bool(panels),
+            )
+        )
+    return Plot(name="motion", panels=tuple(panels), caption=caption)
+
+
+def tool_plot(samples: MotionSamples, robot: RobotDescription, workspace: Workspace) -> Plot:
+    """Return the path of the tool along each axis of the base, and the boxes of the workspace.
+
+    Args:
+        samples: The motion as planned.
+        robot: Its kinematics.
+        workspace: The cell's walls and boxes.
+    """
+    step = _step(samples)
+    tool = forward(Chain.from_description(robot), samples.position[::step])
+    is_main = samples.phase[::step] == Phase.MAIN
+    views = tuple(_view(tool, is_main, workspace, pair) for pair in VIEWS)
+    return Plot(name="tool", panels=views, columns=len(views))
+
+
+def _view(
+    tool: FloatArray,
+    is_main: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    workspace: Workspace,
+    pair: tuple[int, int],
+) -> Panel:
+    i, j = pair
+    x, y = tool[:, i].tolist(), tool[:, j].tolist()
+    main = tuple(value if inside else None for value, inside in zip(y, is_main, strict=True))
+    ends = [(min(0.0, values.min()), max(0.0, values.max())) for values in (tool[:, i], tool[:, j])]
+    return Panel(
+        title=f"path of the tool, {AXES[i]} and {AXES[j]}",
+        x=Axis(label=f"{AXES[i]} of the base", unit="m"),
+        y=Axis(label=f"{AXES[j]} of the base", unit="m"),
+        lines=(
+            *_boxes(workspace, i, j),
+            Line(label="whole motion", x=x, y=y, stroke="faint", width=4.0),
+            Line(label="main part", x=x, y=main, stroke="blue", width=2.0),
+            Line(label="base", x=(0.0,), y=(0.0,), stroke="ink", points=True, marker="square"),
+            *_walls(workspace, i, j, ends),
+        ),
+        height_px=320,
+        is_to_scale=True,
+    )
+
+
+def _boxes(workspace: Workspace, i: int, j: int) -> Iterator[Line]:
+    """Yield the boxes as they are seen: red to keep out of, grey to stay in."""
+    for box in workspace.boxes:
+        (left, right), (low, high) = ((box.min_m[i], box.max_m[i]), (box.min_m[j], box.max_m[j]))
+        stroke: Colour = "red" if box.keep == "out" else "soft"
+        label = "keep out" if box.keep == "out" else "stay in"
+        x, y = (left, right, right, left, left), (low, low, high, high, low)
+        yield Line(label=label, x=x, y=y, stroke=stroke, is_area=True)
+
+
+def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]) -> Iterator[Line]:
+    """Yield walls and floors that stand across the view, as long as the path."""
+    for count, wall in enumerate(workspace.planes, start=1):
+        for axis, (x_ends, y_ends) in ((i, (None, ends[1])), (j, (ends[0], None))):
+            if abs(wall.normal[axis]) > 1.0 - 1e-6:
+                at = (wall.offset_m / wall.normal[axis],) * 2
+                yield Line(
+                    label=f"wall {count}",
+                    x=x_ends or at,
+                    y=y_ends or at,
+                    stroke="red",
+                    dash="dashed",
+                    is_named=False,
+                )
+
+
+def _step(samples: MotionSamples) -> int:
+    """Return the distance of the rows that are drawn."""
+    return max(1, -(-len(samples.position) // DRAWN_POINTS))
