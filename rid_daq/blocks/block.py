@@ -46,6 +46,11 @@ class Interval(ConfigModel):
     value: float
     reach: float
 
+    @classmethod
+    def of(cls, value: float, std: float, factor: float = 1.0) -> Interval:
+        """Return a value with two standard deviations, both times a factor, such as 1000 for mm."""
+        return cls(value=factor * value, reach=2.0 * factor * std)
+
 
 class Column(ConfigModel):
     """A column of a table: its title, the unit of its numbers, and their significant digits.

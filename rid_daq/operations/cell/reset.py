@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from config.errors import PreflightError, RidDaqError
-from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Next, Verdict, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import CellName
 from rid_daq.requests.request import Request
@@ -85,14 +85,13 @@ class ResetResult:
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the states before and after, the verdict, and the next command."""
-        heads = ("drive", "was", "its error", "is")
-        yield Table(
-            columns=tuple(Column(title=head, is_text=True) for head in heads),
-            rows=tuple(
-                (f"{d.joint}, node {d.node_id}", d.before.words, d.error, d.after.words)
-                for d in self.drives
-            ),
-            failed=tuple(d.is_faulty or bool(d.refusal) for d in self.drives),
+        yield table(
+            self.drives,
+            Cells("drive", lambda drive: f"{drive.joint}, node {drive.node_id}"),
+            Cells("was", lambda drive: drive.before.words),
+            Cells("its error", lambda drive: drive.error),
+            Cells("is", lambda drive: drive.after.words),
+            failed=lambda drive: drive.is_faulty or bool(drive.refusal),
         )
         if self.failure:
             yield Verdict(passed=False, text=f"Cell {self.cell}: a fault remains.")

@@ -14,7 +14,7 @@ from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.samples import MotionSamples
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
-from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Column, Next, Table, Text, Verdict, table
 from rid_daq.operations.experiment.design import DesignRequest
 from rid_daq.operations.experiment.excitation_search import Search
 from rid_daq.operations.experiment.motion_design import Designed
@@ -140,32 +140,17 @@ def _multisine_axes(designed: Designed, motion: MultisineMotion) -> list[_Multis
 
 
 def _multisine_blocks(axes: list[_MultisineAxis]) -> Iterator[AnyBlock]:
-    yield Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="lines"),
-            Column(title="RMS speed, per s", digits=3),
-            Column(title="crest factor", digits=3),
-            Column(title="slow sine", digits=3),
-            Column(title="speed / limit", unit="%", digits=3),
-            Column(title="acceleration / limit", unit="%", digits=3),
-            Column(title="torque / limit", unit="%", digits=3),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                axis.unit,
-                axis.lines,
-                axis.rms_velocity,
-                axis.crest_factor,
-                axis.slow_amplitude,
-                axis.velocity_percent,
-                axis.acceleration_percent,
-                axis.torque_percent,
-            )
-            for axis in axes
-        ),
+    yield table(
+        axes,
+        Cells("axis", lambda axis: axis.joint),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("lines", lambda axis: axis.lines),
+        Cells("RMS speed, per s", lambda axis: axis.rms_velocity, digits=3),
+        Cells("crest factor", lambda axis: axis.crest_factor, digits=3),
+        Cells("slow sine", lambda axis: axis.slow_amplitude, digits=3),
+        Cells("speed / limit", lambda axis: axis.velocity_percent, "%", 3),
+        Cells("acceleration / limit", lambda axis: axis.acceleration_percent, "%", 3),
+        Cells("torque / limit", lambda axis: axis.torque_percent, "%", 3),
     )
     if any(axis.torque_percent is None for axis in axes):
         yield Text(text="The torque is known if the robot file has `cad`, or with --model.")
@@ -200,30 +185,16 @@ def _excitation_blocks(
         f" {samples.duration_s:.1f} s in all, condition number {designed.condition:.4g}. Verified"
         " between the samples too."
     )
-    yield Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="from"),
-            Column(title="to"),
-            Column(title="largest speed, per s"),
-            Column(title="of its limit", unit="%", digits=3),
-            Column(title="largest acceleration, per s²"),
-            Column(title="of its limit", unit="%", digits=3),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                axis.unit,
-                axis.position_min,
-                axis.position_max,
-                axis.velocity,
-                axis.velocity_percent,
-                axis.acceleration,
-                axis.acceleration_percent,
-            )
-            for axis in _excitation_axes(samples, designed.cell.robot)
-        ),
+    yield table(
+        _excitation_axes(samples, designed.cell.robot),
+        Cells("axis", lambda axis: axis.joint),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("from", lambda axis: axis.position_min),
+        Cells("to", lambda axis: axis.position_max),
+        Cells("largest speed, per s", lambda axis: axis.velocity),
+        Cells("of its limit", lambda axis: axis.velocity_percent, "%", 3),
+        Cells("largest acceleration, per s²", lambda axis: axis.acceleration),
+        Cells("of its limit", lambda axis: axis.acceleration_percent, "%", 3),
     )
     if found is not None:
         for sentence in _search_sentences(found, designed.cell.config):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Column, Interval, Table, Text, note_blocks
+from rid_daq.blocks.block import AnyBlock, Cells, Column, Interval, Table, Text, note_blocks, table
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
@@ -137,33 +137,25 @@ class CompareResult:
 
     def _parameters(self) -> Table:
         difference, (first, second) = self.compared.difference, self.compared.names
-        return Table(
-            columns=(
-                Column(title="parameter", is_text=True),
-                Column(title=f"{first} ± 2σ"),
-                Column(title=f"{second} ± 2σ"),
-                Column(title="unit", is_text=True),
-                Column(title="difference [σ]"),
+        return table(
+            range(len(difference.names)),
+            Cells("parameter", lambda i: difference.names[i]),
+            Cells(
+                f"{first} ± 2σ",
+                lambda i: Interval.of(float(difference.first[i]), float(difference.first_sigma[i])),
             ),
-            rows=tuple(
-                (
-                    name,
-                    Interval(
-                        value=float(difference.first[i]),
-                        reach=2.0 * float(difference.first_sigma[i]),
-                    ),
-                    Interval(
-                        value=float(difference.second[i]),
-                        reach=2.0 * float(difference.second_sigma[i]),
-                    ),
-                    difference.units[i],
-                    f"{round(float(difference.sigmas[i]), 1) + 0.0:+.1f}",
-                )
-                for i, name in enumerate(difference.names)
+            Cells(
+                f"{second} ± 2σ",
+                lambda i: Interval.of(
+                    float(difference.second[i]), float(difference.second_sigma[i])
+                ),
             ),
-            failed=tuple(
-                abs(sigmas) > difference.limit_sigmas for sigmas in difference.sigmas.tolist()
+            Cells("unit", lambda i: difference.units[i]),
+            Cells(
+                "difference [σ]",
+                lambda i: f"{round(float(difference.sigmas[i]), 1) + 0.0:+.1f}",
             ),
+            failed=lambda i: bool(abs(difference.sigmas[i]) > difference.limit_sigmas),
         )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Column, Interval, Next, Table, Text, note_blocks
+from rid_daq.blocks.block import AnyBlock, Cells, Interval, Next, Text, note_blocks, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
 from rid_daq.requests.option import (
@@ -97,39 +97,16 @@ def _tuning_blocks(tuning: TuningEntry, names: tuple[str, ...]) -> Iterator[AnyB
         text="Scale and delay of the feedforward by the reference run. If it does not determine"
         " them, 1 and 0 are applied."
     )
-    yield Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            Column(title="scale ± 2σ"),
-            Column(title="applied scale"),
-            Column(title="delay ± 2σ", unit="ms"),
-            Column(title="applied delay", unit="ms"),
+    yield table(
+        range(len(names)),
+        Cells("joint", lambda j: names[j]),
+        Cells("scale ± 2σ", lambda j: Interval.of(tuning.scale[j], tuning.scale_std[j])),
+        Cells("applied scale", lambda j: tuning.applied_scale[j]),
+        Cells(
+            "delay ± 2σ", lambda j: Interval.of(tuning.delay_s[j], tuning.delay_std_s[j], 1e3), "ms"
         ),
-        rows=tuple(
-            (
-                name,
-                Interval(value=scale, reach=2.0 * scale_std),
-                applied,
-                Interval(value=1e3 * delay_s, reach=2e3 * delay_std_s),
-                1e3 * applied_s,
-            )
-            for name, scale, scale_std, applied, delay_s, delay_std_s, applied_s in zip(
-                names,
-                tuning.scale,
-                tuning.scale_std,
-                tuning.applied_scale,
-                tuning.delay_s,
-                tuning.delay_std_s,
-                tuning.applied_delay_s,
-                strict=True,
-            )
-        ),
+        Cells("applied delay", lambda j: 1e3 * tuning.applied_delay_s[j], "ms"),
     )
-    left = [name for name, used in zip(names, tuning.used, strict=True) if not used]
-    if left:
-        yield Text(
-            text=f"Not tuned, since the reference run moves them too little: {', '.join(left)}."
-        )
 
 
 def run(request: CompensateRequest, _context: Context) -> CompensateResult:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, note_blocks
+from rid_daq.blocks.block import AnyBlock, Cells, Next, Text, note_blocks, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
 from rid_daq.requests.option import DEFAULT_RUNS, Overwrite, RunNames, RunsFolder, Unfinished
@@ -79,17 +79,12 @@ class RefineResult:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, the remaining error, and what comes next."""
         yield from note_blocks(self.refined.notes)
-        yield Table(
-            columns=(
-                Column(title="joint", is_text=True),
-                Column(title="RMS error", unit="mrad or mm"),
-                Column(title="power / noise", digits=3),
-                Column(title="remains at most", unit="%", digits=3),
-            ),
-            rows=tuple(
-                (axis.joint, 1e3 * axis.rms, axis.over_noise, 100.0 * axis.bound)
-                for axis in self._axes()
-            ),
+        yield table(
+            self._axes(),
+            Cells("joint", lambda axis: axis.joint),
+            Cells("RMS error", lambda axis: 1e3 * axis.rms, "mrad or mm"),
+            Cells("power / noise", lambda axis: axis.over_noise, digits=3),
+            Cells("remains at most", lambda axis: 100.0 * axis.bound, "%", 3),
         )
         if self.has_stalled:
             yield Text(text="The error no longer shrinks: the rest does not repeat. Done.")

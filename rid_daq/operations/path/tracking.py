@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Table, Text, Verdict, note_blocks
+from rid_daq.blocks.block import AnyBlock, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, Unfinished
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.path.tracked_runs import Tracked
-    from rid_daq.report.sections.tracking import ErrorSize, FollowedMotion
+    from rid_daq.report.sections.tracking import ErrorSize
 
 
 class TrackingRequest(Request):
@@ -73,34 +73,12 @@ class TrackingResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the errors before and after, the verdict and its limits, the report."""
-        from rid_daq.report.sections.tracking import ENCODERS_AT_MOTORS
+        """Yield notes, the errors before and after, the verdict, the report."""
+        from rid_daq.report.shown.tracking import tracking_blocks
 
-        section = self.tracked.section
         yield from note_blocks(self.tracked.notes)
-        yield Table(
-            columns=(
-                Column(title="motion", is_text=True),
-                Column(title="feedforward", is_text=True),
-                Column(title="mean error", unit="mm"),
-                Column(title="before", unit="mm"),
-                Column(title="reduced, times", digits=3),
-                Column(title="largest error", unit="mm"),
-                Column(title="before", unit="mm"),
-                Column(title="reduced, times", digits=3),
-            ),
-            rows=tuple(
-                (
-                    one.data.folder.manifest().label,
-                    motion.use,
-                    *_errors(motion, "mean_m", motion.mean_ratio),
-                    *_errors(motion, "max_m", motion.max_ratio),
-                )
-                for (one, _), motion in zip(self.tracked.pairs, section.motions, strict=True)
-            ),
-        )
-        yield Verdict(passed=None, text=section.verdict.headline)
-        yield Text(text=section.unseen or ENCODERS_AT_MOTORS)
+        yield from tracking_blocks(self.tracked.section)
+        yield Verdict(passed=None, text=self.tracked.section.verdict.headline)
         yield Text(text=f"Report: {self.tracked.report}")
 
     def _motions(self) -> list[dict[str, object]]:
@@ -129,12 +107,6 @@ def _sizes(size: ErrorSize, joints: tuple[str, ...]) -> dict[str, object]:
         "joint_peak": dict(zip(joints, size.joint_peak, strict=True)),
         "bending": None if size.bending is None else size.bending.model_dump(),
     }
-
-
-def _errors(motion: FollowedMotion, key: str, ratio: float | None) -> tuple[Cell, Cell, Cell]:
-    """Return an error [mm], the one before it, and their ratio."""
-    before = None if motion.before is None else 1e3 * getattr(motion.before, key)
-    return 1e3 * getattr(motion.after, key), before, ratio
 
 
 def run(request: TrackingRequest, _context: Context) -> TrackingResult:

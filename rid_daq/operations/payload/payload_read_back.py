@@ -11,7 +11,7 @@ from pydantic import Field
 
 from config.ranges import TolerancePercent
 from identification.choices import REPORTED, LoadFormat
-from rid_daq.blocks.block import AnyBlock, Column, Table, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.payload.shared import PayloadFile
 from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder
@@ -76,19 +76,18 @@ class PayloadReadBackResult:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield measured and read values, and the verdict."""
         from identification.payload.body import REPORTED_UNITS
+        from rid_daq.report.shown.verdict import verdict_blocks
 
         compared = self.compared
         measured, read = compared.measured.reported.tolist(), compared.found.reported.tolist()
-        yield Table(
-            columns=(
-                Column(title="parameter", is_text=True),
-                Column(title="measured", digits=6),
-                Column(title="read", digits=6),
-                Column(title="unit", is_text=True),
-            ),
-            rows=tuple(zip(REPORTED, measured, read, REPORTED_UNITS, strict=True)),
+        yield table(
+            range(len(REPORTED)),
+            Cells("parameter", lambda i: REPORTED[i]),
+            Cells("measured", lambda i: measured[i], digits=6),
+            Cells("read", lambda i: read[i], digits=6),
+            Cells("unit", lambda i: REPORTED_UNITS[i]),
         )
-        yield Verdict(passed=compared.verdict.passed, text=compared.verdict.headline)
+        yield from verdict_blocks(compared.verdict)
 
 
 def run(request: PayloadReadBackRequest, _context: Context) -> PayloadReadBackResult:

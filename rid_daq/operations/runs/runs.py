@@ -9,7 +9,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from config.errors import ConfigError, RecordingError
-from rid_daq.blocks.block import AnyBlock, Column, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Table, Text, Verdict, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, RunsFolder
 from rid_daq.requests.request import Request
@@ -110,22 +110,19 @@ class RunsResult:
             yield Verdict(passed=False, text=f"damaged: {problem}")
 
     def _table(self) -> Table:
-        titles = ("run", "created (UTC)", "kind", "status", "label")
-        columns = [Column(title=title, is_text=True) for title in titles]
-        return Table(
-            columns=(*columns, Column(title="more", is_text=True, is_optional=True)),
-            rows=tuple(
-                (
-                    each.run,
-                    each.created_utc[:16].replace("T", " "),
-                    each.kind,
-                    each.status,
-                    each.label,
-                    ", ".join(f"{name} {value}" for name, value in each.facts.items()),
-                )
-                for each in self.listed
+        return table(
+            self.listed,
+            Cells("run", lambda run: run.run),
+            Cells("created (UTC)", lambda run: run.created_utc[:16].replace("T", " ")),
+            Cells("kind", lambda run: run.kind),
+            Cells("status", lambda run: run.status),
+            Cells("label", lambda run: run.label),
+            Cells(
+                "more",
+                lambda run: ", ".join(f"{name} {value}" for name, value in run.facts.items()),
+                is_optional=True,
             ),
-            failed=tuple(each.status != "complete" or bool(each.problems) for each in self.listed),
+            failed=lambda run: run.status != "complete" or bool(run.problems),
         )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from config.ranges import Periods, Seed
-from rid_daq.blocks.block import AnyBlock, Column, Next, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Next, Table, Text, Verdict, table
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, Option, RunsFolder
 from rid_daq.requests.request import Request
@@ -98,19 +98,13 @@ class DemoResult:
 
 
 def _validation(section: ValidationSection) -> Table:
-    titles = ("axis", "rms torque", "error", "floor", "error/floor")
-    return Table(
-        columns=tuple(Column(title=title, is_text=True) for title in titles),
-        rows=tuple(
-            (
-                axis.joint,
-                f"{axis.rms_torque or 0.0:.2f} {axis.unit}",
-                f"{axis.rms_error or 0.0:.3f} {axis.unit}",
-                f"{axis.floor or 0.0:.3f} {axis.unit}",
-                f"{axis.error_over_floor or 0.0:.3f}",
-            )
-            for axis in section.axes
-        ),
+    return table(
+        section.axes,
+        Cells("axis", lambda axis: axis.joint),
+        Cells("rms torque", lambda axis: f"{axis.rms_torque or 0.0:.2f} {axis.unit}"),
+        Cells("error", lambda axis: f"{axis.rms_error or 0.0:.3f} {axis.unit}"),
+        Cells("floor", lambda axis: f"{axis.floor or 0.0:.3f} {axis.unit}"),
+        Cells("error/floor", lambda axis: f"{axis.error_over_floor or 0.0:.3f}"),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Text, table
 from rid_daq.report.sections.average import AverageSection
 
 
@@ -17,25 +17,18 @@ def average_blocks(section: AverageSection) -> Iterator[AnyBlock]:
     yield Heading(text="Periods")
     yield Text(text=section.sentence)
     if section.rejected:
-        yield Table(
-            columns=(
-                Column(title="rejected period"),
-                Column(title="reason", is_text=True),
-            ),
-            rows=tuple((period.index + 1, period.reason) for period in section.rejected),
+        yield table(
+            section.rejected,
+            Cells("rejected period", lambda period: period.index + 1),
+            Cells("reason", lambda period: period.reason),
         )
     else:
         yield Text(text="No period was rejected.")
-    yield Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            Column(title="torque noise of one sample", digits=3),
-            Column(title="unit", is_text=True),
-            Column(title="position noise of one sample", digits=3),
-            Column(title="unit", is_text=True),
-        ),
-        rows=tuple(
-            (axis.joint, axis.torque_noise, axis.torque_unit, axis.position_noise, axis.unit)
-            for axis in section.axes
-        ),
+    yield table(
+        section.axes,
+        Cells("joint", lambda axis: axis.joint),
+        Cells("torque noise of one sample", lambda axis: axis.torque_noise, digits=3),
+        Cells("unit", lambda axis: axis.torque_unit),
+        Cells("position noise of one sample", lambda axis: axis.position_noise, digits=3),
+        Cells("unit", lambda axis: axis.unit),
     )

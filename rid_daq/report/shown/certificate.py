@@ -9,7 +9,7 @@ from typing import Final
 from identification.choices import REPORTED
 from identification.payload.body import REPORTED_UNITS
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Interval, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cell, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import number, unit
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.sections.section import units
@@ -73,10 +73,7 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
 
 
 def _facts(rows: list[tuple[str, str | None]]) -> Table:
-    return Table(
-        columns=(Column(title="", is_text=True), Column(title="", is_text=True)),
-        rows=tuple((name, text or NOT_RECORDED) for name, text in rows),
-    )
+    return table(rows, Cells("", lambda row: row[0]), Cells("", lambda row: row[1] or NOT_RECORDED))
 
 
 def _identity(certificate: Certificate) -> list[tuple[str, str | None]]:
@@ -106,50 +103,27 @@ def _values(certificate: Certificate) -> Table:
         value, reach = factor * float(estimate.reported[i]), 2.0 * factor * float(estimate.sigma[i])
         return Interval(value=value, reach=reach) if reach else f"{number(value, 6)} (held)"
 
-    return Table(
-        columns=(
-            Column(title="quantity", is_text=True),
-            Column(title="value ± 2σ"),
-            Column(title="unit", is_text=True),
-            Column(title="", is_text=True),
-        ),
-        rows=tuple(
-            (
-                _MEANING.get(name, f"inertia {name}"),
-                shown(i, 1e3 if of == "m" else 1.0),
-                _shown_unit(of),
-                "known otherwise" if name in known else "",
-            )
-            for i, (name, of) in enumerate(zip(REPORTED, REPORTED_UNITS, strict=True))
-        ),
+    return table(
+        range(len(REPORTED)),
+        Cells("quantity", lambda i: _meaning(REPORTED[i])),
+        Cells("value ± 2σ", lambda i: shown(i, 1e3 if REPORTED_UNITS[i] == "m" else 1.0)),
+        Cells("unit", lambda i: _shown_unit(REPORTED_UNITS[i])),
+        Cells("", lambda i: "known otherwise" if REPORTED[i] in known else ""),
     )
 
 
 def _fit(certificate: Certificate) -> Table:
     estimate = certificate.payload.estimate
-    return Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="residual (RMS)", digits=3),
-            Column(title="of its torque", unit="%", digits=3),
-            Column(title="times the noise", digits=2),
-            Column(title="fit", is_text=True),
-            Column(title="reason", is_text=True),
-        ),
-        rows=tuple(
-            (
-                fit.joint,
-                units(joint)[1],
-                fit.residual_nm,
-                fit.percent,
-                fit.over_noise,
-                fit.grade or "–",
-                fit.reason,
-            )
-            for joint, fit in zip(estimate.robot.joints, estimate.fit, strict=True)
-        ),
-        failed=tuple(fit.grade is Grade.BAD for fit in estimate.fit),
+    return table(
+        zip(estimate.robot.joints, estimate.fit, strict=True),
+        Cells("axis", lambda each: each[1].joint),
+        Cells("unit", lambda each: units(each[0])[1]),
+        Cells("residual (RMS)", lambda each: each[1].residual_nm, digits=3),
+        Cells("of its torque", lambda each: each[1].percent, "%", 3),
+        Cells("times the noise", lambda each: each[1].over_noise, digits=2),
+        Cells("fit", lambda each: each[1].grade or "–"),
+        Cells("reason", lambda each: each[1].reason),
+        failed=lambda each: each[1].grade is Grade.BAD,
     )
 
 
@@ -164,17 +138,15 @@ def _load_data(certificate: Certificate) -> Iterator[AnyBlock]:
     values = estimate.body.reported.tolist()
     for name, of, value in zip(REPORTED, REPORTED_UNITS, values, strict=True):
         factor = 1e3 if of == "m" else 1.0
-        rows.append((_MEANING.get(name, f"inertia {name}"), factor * value, _shown_unit(of)))
+        rows.append((_meaning(name), factor * value, _shown_unit(of)))
     for moment, axis in zip(moments.tolist(), axes.T.tolist(), strict=True):
         direction = ", ".join(f"{x:.4f}".replace("-", "\N{MINUS SIGN}") for x in axis)
         rows.append((f"principal moment about ({direction})", moment, unit("kg m^2")))
-    yield Table(
-        columns=(
-            Column(title="quantity", is_text=True),
-            Column(title="value", digits=6),
-            Column(title="unit", is_text=True),
-        ),
-        rows=tuple(rows),
+    yield table(
+        rows,
+        Cells("quantity", lambda row: row[0]),
+        Cells("value", lambda row: row[1], digits=6),
+        Cells("unit", lambda row: row[2]),
     )
     robot = estimate.robot
     offset = ", ".join(number(1e3 * value, 6) for value in robot.tool_offset_m)
@@ -188,22 +160,14 @@ def _load_data(certificate: Certificate) -> Iterator[AnyBlock]:
 
 def _runs(certificate: Certificate) -> Table:
     identified = set(certificate.payload.estimate.run_ids)
-    names = ("step" if certificate.is_session else "label", "run", "used for the estimate")
-    return Table(
-        columns=tuple(
-            Column(title=title, is_text=True) for title in (*names, "begun", "ended", "status")
-        ),
-        rows=tuple(
-            (
-                run.step or run.label,
-                run.run_id,
-                "yes" if run.run_id in identified else "no",
-                _time(run.created_utc),
-                _time(run.finished_utc),
-                run.status,
-            )
-            for run in certificate.runs
-        ),
+    return table(
+        certificate.runs,
+        Cells("step" if certificate.is_session else "label", lambda run: run.step or run.label),
+        Cells("run", lambda run: run.run_id),
+        Cells("used for the estimate", lambda run: "yes" if run.run_id in identified else "no"),
+        Cells("begun", lambda run: _time(run.created_utc)),
+        Cells("ended", lambda run: _time(run.finished_utc)),
+        Cells("status", lambda run: run.status),
         key=2,
     )
 
@@ -215,15 +179,17 @@ def _files(certificate: Certificate) -> Iterator[AnyBlock]:
     )
     if certificate.payload.estimate.procedure == "model":
         yield Text(text="Name and SHA-256 of the model of the unloaded robot: not recorded.")
-    yield Table(
-        columns=(
-            Column(title="run", is_text=True),
-            Column(title="file", is_text=True),
-            Column(title="SHA-256", is_text=True),
-        ),
-        rows=tuple((file.run_id, file.name, file.sha256) for file in certificate.files),
+    yield table(
+        certificate.files,
+        Cells("run", lambda file: file.run_id),
+        Cells("file", lambda file: file.name),
+        Cells("SHA-256", lambda file: file.sha256),
         key=2,
     )
+
+
+def _meaning(name: str) -> str:
+    return _MEANING.get(name, f"inertia {name}")
 
 
 def _shown_unit(of: str) -> str:

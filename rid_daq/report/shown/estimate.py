@@ -5,11 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Interval, Table, Text, Verdict
+from rid_daq.blocks.block import (
+    AnyBlock,
+    Cell,
+    Cells,
+    Heading,
+    Interval,
+    Table,
+    Text,
+    Verdict,
+    table,
+)
 from rid_daq.blocks.formats import measured, number, unit
 from rid_daq.report.mistake_entry import MistakeEntry
 from rid_daq.report.sections.estimate import EstimateSection, ParameterEntry
-from rid_daq.report.shown.verdict import doubt_texts
+from rid_daq.report.shown.verdict import doubt_texts, yes_or_no
 
 
 def estimate_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
@@ -69,29 +79,16 @@ def fit_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
     Args:
         section: The estimate.
     """
-    yield Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="RMS torque"),
-            Column(title="residual (RMS)"),
-            Column(title="residual / torque", unit="%", digits=3),
-            Column(title="residual / noise", digits=2),
-            Column(title="fit", is_text=True),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                axis.unit,
-                axis.torque,
-                axis.residual,
-                axis.percent,
-                axis.over_noise,
-                axis.grade or "–",
-            )
-            for axis in section.axes
-        ),
-        failed=tuple(axis.grade is Grade.BAD for axis in section.axes),
+    yield table(
+        section.axes,
+        Cells("axis", lambda axis: axis.joint),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("RMS torque", lambda axis: axis.torque),
+        Cells("residual (RMS)", lambda axis: axis.residual),
+        Cells("residual / torque", lambda axis: axis.percent, "%", 3),
+        Cells("residual / noise", lambda axis: axis.over_noise, digits=2),
+        Cells("fit", lambda axis: axis.grade or "–"),
+        failed=lambda axis: axis.grade is Grade.BAD,
     )
     yield from doubt_texts(section.axes)
 
@@ -102,39 +99,31 @@ def parameter_table(section: EstimateSection) -> Table:
     Args:
         section: The estimate.
     """
-    columns = [
-        Column(title="#"),
-        Column(title="parameter", is_text=True),
-        Column(title="estimate ± 2σ"),
-        Column(title="unit", is_text=True),
-        Column(title="σ from noise", digits=2),
-        Column(title="σ from residuals", digits=2),
+    numbered = list(enumerate(section.parameters, start=1))
+    columns: list[Cells[tuple[int, ParameterEntry]]] = [
+        Cells("#", lambda each: each[0]),
+        Cells("parameter", lambda each: each[1].words),
+        Cells("estimate ± 2σ", lambda each: _value(each[1])),
+        Cells("unit", lambda each: unit(each[1].unit)),
+        Cells("σ from noise", lambda each: each[1].std_noise, digits=2),
+        Cells("σ from residuals", lambda each: each[1].std_residual, digits=2),
     ]
     if section.has_truth:
-        columns += [Column(title="truth"), Column(title="inside 2σ", is_text=True)]
-    return Table(
-        columns=tuple(columns),
-        rows=tuple(
-            _parameter(i, each, has_truth=section.has_truth)
-            for i, each in enumerate(section.parameters, start=1)
-        ),
-        failed=tuple(each.inside_two_sigma is False for each in section.parameters),
-        key=2,
-    )
+        columns += [
+            Cells("truth", lambda each: measured(each[1].truth, _reach(each[1]))[0]),
+            Cells("inside 2σ", lambda each: yes_or_no(each[1].inside_two_sigma)),
+        ]
+    return table(numbered, *columns, failed=lambda each: each[1].inside_two_sigma is False, key=2)
 
 
-def _parameter(place: int, each: ParameterEntry, *, has_truth: bool) -> tuple[Cell, ...]:
-    reach = None if each.at_bound or each.not_shown else 2.0 * each.std
-    value: Cell
-    if reach is None:
-        value = f"{number(each.value)}, {'at its bound' if each.at_bound else 'not shown'}"
-    else:
-        value = Interval(value=each.value, reach=reach)
-    row = (place, each.words, value, unit(each.unit), each.std_noise, each.std_residual)
-    if not has_truth:
-        return row
-    inside = {None: "–", True: "yes", False: "NO"}[each.inside_two_sigma]
-    return (*row, measured(each.truth, reach)[0], inside)
+def _reach(each: ParameterEntry) -> float | None:
+    return None if each.at_bound or each.not_shown else 2.0 * each.std
+
+
+def _value(each: ParameterEntry) -> Cell:
+    if (reach := _reach(each)) is not None:
+        return Interval(value=each.value, reach=reach)
+    return f"{number(each.value)}, {'at its bound' if each.at_bound else 'not shown'}"
 
 
 def finding_texts(section: EstimateSection) -> Iterator[Text]:

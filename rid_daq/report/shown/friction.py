@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, Verdict, table
 from rid_daq.blocks.formats import measured, number, unit
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Marker, Panel, Plot
 from rid_daq.report.sections.friction import FrictionModel, FrictionSection, JointFriction
@@ -81,44 +81,27 @@ def _panel(joint: JointFriction) -> Panel:
 
 def _curve(joint: JointFriction) -> Table:
     curve, torque = joint.curve, joint.torque_unit
-    columns = [
-        Column(title="speed", unit=f"{joint.unit}/s", digits=3),
-        Column(title="friction ± 2σ", unit=torque),
-    ]
-    rows: list[tuple[float | Interval, ...]] = [
-        (speed, Interval(value=odd, reach=2.0 * std))
-        for speed, odd, std in zip(curve.speed, curve.odd, curve.odd_std, strict=True)
-    ]
-    if curve.direction_std is not None:
+    ways: list[Cells[int]] = []
+    if (std := curve.direction_std) is not None:
         for way, values in (("forwards", curve.forward), ("backwards", curve.backward)):
-            columns.append(Column(title=f"{way} ± 2σ", unit=torque))
-            added = zip(values or (), curve.direction_std, strict=True)
-            rows = [
-                (*row, Interval(value=value, reach=2.0 * std))
-                for row, (value, std) in zip(rows, added, strict=True)
-            ]
-    return Table(columns=tuple(columns), rows=tuple(rows))
+            own = [Interval.of(*each) for each in zip(values or (), std, strict=True)]
+            ways.append(Cells(f"{way} ± 2σ", own.__getitem__, torque))
+    return table(
+        range(len(curve.speed)),
+        Cells("speed", lambda i: curve.speed[i], f"{joint.unit}/s", 3),
+        Cells("friction ± 2σ", lambda i: Interval.of(curve.odd[i], curve.odd_std[i]), torque),
+        *ways,
+    )
 
 
 def _models(joint: JointFriction) -> Table:
-    return Table(
-        columns=(
-            Column(title="model", is_text=True),
-            Column(title="RMS error", unit=joint.torque_unit, digits=3),
-            Column(title="misfit", unit="σ²", digits=3),
-            Column(title="criterion", digits=3),
-            Column(title="coefficients ± 2σ", is_text=True),
-        ),
-        rows=tuple(
-            (
-                f"{fit.name} (best)" if fit is joint.fits[0] else fit.name,
-                fit.rms,
-                fit.misfit,
-                fit.criterion,
-                _coefficients(fit),
-            )
-            for fit in joint.fits
-        ),
+    return table(
+        joint.fits,
+        Cells("model", lambda fit: f"{fit.name} (best)" if fit is joint.fits[0] else fit.name),
+        Cells("RMS error", lambda fit: fit.rms, joint.torque_unit, 3),
+        Cells("misfit", lambda fit: fit.misfit, "σ²", 3),
+        Cells("criterion", lambda fit: fit.criterion, digits=3),
+        Cells("coefficients ± 2σ", _coefficients),
     )
 
 

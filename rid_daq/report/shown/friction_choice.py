@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.report.sections.comparison import ComparisonSection, MemoryTrial
 from rid_daq.report.sections.section import Texts
 
@@ -21,24 +21,13 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
         " term is kept only if it is distinct from zero and the error falls by more than its"
         " standard error."
     )
-    yield Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="friction terms", is_text=True),
-            Column(title="coulomb, viscous"),
-            Column(title="chosen"),
-            Column(title="Stribeck speed", digits=3),
-        ),
-        rows=tuple(
-            (joint, ", ".join(section.chosen[joint]), plain, chosen, speed)
-            for joint, plain, chosen, speed in zip(
-                section.joints,
-                section.plain,
-                section.with_terms,
-                section.stribeck_speed,
-                strict=True,
-            )
-        ),
+    yield table(
+        range(len(section.joints)),
+        Cells("axis", lambda j: section.joints[j]),
+        Cells("friction terms", lambda j: ", ".join(section.chosen[section.joints[j]])),
+        Cells("coulomb, viscous", lambda j: section.plain[j]),
+        Cells("chosen", lambda j: section.with_terms[j]),
+        Cells("Stribeck speed", lambda j: section.stribeck_speed[j], digits=3),
     )
     if section.memory is not None and any(d is not None for d in section.memory.distance):
         yield Text(text="Friction with presliding, judged with standstill and reversal:")
@@ -49,22 +38,11 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
 
 
 def _presliding(memory: MemoryTrial, joints: Texts) -> Table:
-    return Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="RMS error without presliding"),
-            Column(title="RMS error with presliding"),
-            Column(title="presliding distance, if it is chosen", digits=3),
-            Column(title="share of the friction that gives way", digits=2),
-        ),
-        rows=tuple(
-            zip(
-                joints,
-                memory.without,
-                memory.with_memory,
-                memory.distance,
-                memory.shown_shares,
-                strict=True,
-            )
-        ),
+    return table(
+        range(len(joints)),
+        Cells("axis", lambda j: joints[j]),
+        Cells("RMS error without presliding", lambda j: memory.without[j]),
+        Cells("RMS error with presliding", lambda j: memory.with_memory[j]),
+        Cells("presliding distance, if it is chosen", lambda j: memory.distance[j], digits=3),
+        Cells("share of the friction that gives way", lambda j: memory.shown_shares[j], digits=2),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import measured, number, unit
 from rid_daq.report.sections.payload import PayloadParameter, PayloadSection
 from rid_daq.report.shown.centre_of_gravity import CentreOfGravity, centre_plot
@@ -47,28 +47,21 @@ def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
 
 
 def _parameters(section: PayloadSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="parameter", is_text=True),
-            Column(title="estimate ± 2σ"),
-            Column(title="σ by noise", digits=2),
-            Column(title="unit", is_text=True),
-            Column(title="consistent body"),
-            Column(title="", is_text=True),
-        ),
-        rows=tuple(
-            (
-                each.name,
+    return table(
+        section.parameters,
+        Cells("parameter", lambda each: each.name),
+        Cells(
+            "estimate ± 2σ",
+            lambda each: (
                 "not seen"
                 if each.value is None or each.std is None
-                else Interval(value=each.value, reach=2.0 * each.std),
-                each.std_noise,
-                unit(each.unit),
-                _exported(each),
-                "known" if each.known else "",
-            )
-            for each in section.parameters
+                else Interval.of(each.value, each.std)
+            ),
         ),
+        Cells("σ by noise", lambda each: each.std_noise, digits=2),
+        Cells("unit", lambda each: unit(each.unit)),
+        Cells("consistent body", _exported),
+        Cells("", lambda each: "known" if each.known else ""),
     )
 
 
@@ -80,31 +73,16 @@ def _exported(parameter: PayloadParameter) -> str | None:
 
 
 def _axes(section: PayloadSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="torque of the payload (RMS)", digits=3),
-            Column(title="residual (RMS)", digits=3),
-            Column(title="of the torque", unit="%", digits=3),
-            Column(title="times the noise", digits=2),
-            Column(title="fit", is_text=True),
-            Column(title="reason", is_text=True),
-            Column(title="mass per 1 % of torque", unit="kg", digits=2),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                axis.unit,
-                axis.payload,
-                axis.residual,
-                axis.residual_percent,
-                axis.over_noise,
-                axis.grade or "–",
-                axis.reason,
-                axis.mass_per_percent,
-            )
-            for axis in section.axes
-        ),
-        failed=tuple(axis.grade is Grade.BAD for axis in section.axes),
+    return table(
+        section.axes,
+        Cells("axis", lambda axis: axis.joint),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("torque of the payload (RMS)", lambda axis: axis.payload, digits=3),
+        Cells("residual (RMS)", lambda axis: axis.residual, digits=3),
+        Cells("of the torque", lambda axis: axis.residual_percent, "%", 3),
+        Cells("times the noise", lambda axis: axis.over_noise, digits=2),
+        Cells("fit", lambda axis: axis.grade or "–"),
+        Cells("reason", lambda axis: axis.reason),
+        Cells("mass per 1 % of torque", lambda axis: axis.mass_per_percent, "kg", 2),
+        failed=lambda axis: axis.grade is Grade.BAD,
     )

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from identification.regression.fit_grade import Grade
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Interval, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import unit
 from rid_daq.report.sections.plate import ImprovementSection, PlateSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
 from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
+from rid_daq.report.shown.verdict import yes_or_no
 
 
 def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
@@ -21,19 +22,18 @@ def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:
     yield Heading(text="Zero of the force plate")
     for sentence in section.sentences:
         yield Text(text=sentence)
-    yield Table(
-        columns=(
-            Column(title="channel", is_text=True),
-            Column(title="offset ± 2σ", unit="N"),
-            Column(title="drift ± 2σ", unit="mN/s"),
+    yield table(
+        section.channels,
+        Cells("channel", lambda each: each.name),
+        Cells(
+            "offset ± 2σ",
+            lambda each: Interval.of(each.offset_n, each.offset_std_n),
+            "N",
         ),
-        rows=tuple(
-            (
-                each.name,
-                Interval(value=each.offset_n, reach=2.0 * each.offset_std_n),
-                Interval(value=1e3 * each.drift_n_s, reach=2e3 * each.drift_std_n_s),
-            )
-            for each in section.channels
+        Cells(
+            "drift ± 2σ",
+            lambda each: Interval.of(each.drift_n_s, each.drift_std_n_s, 1e3),
+            "mN/s",
         ),
     )
 
@@ -47,20 +47,15 @@ def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
     yield Heading(text="Force plate", level=3)
     for sentence in section.sentences:
         yield Text(text=sentence)
-    yield Table(
-        columns=(
-            Column(title="component", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="residual (RMS)"),
-            Column(title="residual / component", unit="%", digits=3),
-            Column(title="noise"),
-            Column(title="fit", is_text=True),
-        ),
-        rows=tuple(
-            (each.name, each.unit, each.residual, each.percent, each.noise, each.grade or "–")
-            for each in section.components
-        ),
-        failed=tuple(each.grade is Grade.BAD for each in section.components),
+    yield table(
+        section.components,
+        Cells("component", lambda each: each.name),
+        Cells("unit", lambda each: each.unit),
+        Cells("residual (RMS)", lambda each: each.residual),
+        Cells("residual / component", lambda each: each.percent, "%", 3),
+        Cells("noise", lambda each: each.noise),
+        Cells("fit", lambda each: each.grade or "–"),
+        failed=lambda each: each.grade is Grade.BAD,
     )
     if section.improvement is not None:
         yield Text(text="Standard deviations by the measured noise, with torques, plate, and both:")
@@ -68,26 +63,17 @@ def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
 
 
 def _improvement(section: ImprovementSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="parameter", is_text=True),
-            Column(title="estimate ± 2σ by both"),
-            Column(title="unit", is_text=True),
-            Column(title="σ by torques", digits=2),
-            Column(title="σ by plate", digits=2),
-            Column(title="σ by both", digits=2),
+    return table(
+        section.parameters,
+        Cells("parameter", lambda each: each.words),
+        Cells(
+            "estimate ± 2σ by both",
+            lambda each: Interval.of(each.value, each.std_combined),
         ),
-        rows=tuple(
-            (
-                each.words,
-                Interval(value=each.value, reach=2.0 * each.std_combined),
-                unit(each.unit),
-                each.std_internal,
-                each.std_external,
-                each.std_combined,
-            )
-            for each in section.parameters
-        ),
+        Cells("unit", lambda each: unit(each.unit)),
+        Cells("σ by torques", lambda each: each.std_internal, digits=2),
+        Cells("σ by plate", lambda each: each.std_external, digits=2),
+        Cells("σ by both", lambda each: each.std_combined, digits=2),
     )
 
 
@@ -99,18 +85,13 @@ def reaction_blocks(section: ReactionSection) -> Iterator[AnyBlock]:
     """
     yield Heading(text="Reaction on the base")
     yield Text(text=section.sentence)
-    yield Table(
-        columns=(
-            Column(title="reaction", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="RMS error", digits=3),
-            Column(title="relative error", unit="%", digits=3),
-            Column(title="noise", digits=3),
-        ),
-        rows=tuple(
-            (each.name, each.unit, each.rms_error, each.relative_error_percent, each.noise)
-            for each in section.components
-        ),
+    yield table(
+        section.components,
+        Cells("reaction", lambda each: each.name),
+        Cells("unit", lambda each: each.unit),
+        Cells("RMS error", lambda each: each.rms_error, digits=3),
+        Cells("relative error", lambda each: each.relative_error_percent, "%", 3),
+        Cells("noise", lambda each: each.noise, digits=3),
     )
 
 
@@ -122,25 +103,13 @@ def base_load_blocks(section: BaseLoadSection) -> Iterator[AnyBlock]:
     """
     yield Heading(text="Load on the floor")
     yield Text(text=section.sentence)
-    yield Table(
-        columns=(
-            Column(title="reaction", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="largest ± 2σ"),
-            Column(title="at", unit="s"),
-            Column(title="limit"),
-            Column(title="holds", is_text=True),
-        ),
-        rows=tuple(
-            (
-                each.name,
-                each.unit,
-                Interval(value=each.peak, reach=2.0 * each.std),
-                each.at_s,
-                each.limit,
-                "yes" if each.held else "NO",
-            )
-            for each in section.components
-        ),
-        failed=tuple(not each.held for each in section.components),
+    yield table(
+        section.components,
+        Cells("reaction", lambda each: each.name),
+        Cells("unit", lambda each: each.unit),
+        Cells("largest ± 2σ", lambda each: Interval.of(each.peak, each.std)),
+        Cells("at", lambda each: each.at_s, "s"),
+        Cells("limit", lambda each: each.limit),
+        Cells("holds", lambda each: yes_or_no(each.held)),
+        failed=lambda each: not each.held,
     )

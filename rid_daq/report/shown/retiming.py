@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Numbers, Panel, Plot, Span
 from rid_daq.report.sections.retiming import CHANGES, RetimedJoint, RetimedWay, RetimingSection
 from rid_daq.report.sections.tracking import DrivenTiming
@@ -35,52 +35,27 @@ def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
 
 
 def _joint_table(section: RetimingSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="torque limit"),
-            Column(title="largest torque"),
-            Column(title="its margin", digits=2),
-            Column(title="RMS torque", digits=3),
-            Column(title="speed / limit", unit="%", digits=3),
-            Column(title="acceleration / limit", unit="%", digits=3),
-        ),
-        rows=tuple(
-            (
-                joint.joint,
-                joint.unit,
-                joint.torque_limit,
-                joint.torque_peak,
-                joint.torque_margin,
-                joint.torque_rms,
-                100.0 * joint.speed_share,
-                100.0 * joint.acceleration_share,
-            )
-            for joint in section.joints
-        ),
+    return table(
+        section.joints,
+        Cells("joint", lambda joint: joint.joint),
+        Cells("unit", lambda joint: joint.unit),
+        Cells("torque limit", lambda joint: joint.torque_limit),
+        Cells("largest torque", lambda joint: joint.torque_peak),
+        Cells("its margin", lambda joint: joint.torque_margin, digits=2),
+        Cells("RMS torque", lambda joint: joint.torque_rms, digits=3),
+        Cells("speed / limit", lambda joint: 100.0 * joint.speed_share, "%", 3),
+        Cells("acceleration / limit", lambda joint: 100.0 * joint.acceleration_share, "%", 3),
     )
 
 
 def _base_table(section: RetimingSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="reaction on the base", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="limit"),
-            Column(title="largest"),
-            Column(title="its margin", digits=2),
-        ),
-        rows=tuple(
-            (
-                base.component,
-                "N" if base.component.startswith("F") else "N m",
-                base.limit,
-                base.peak,
-                base.margin,
-            )
-            for base in section.base or ()
-        ),
+    return table(
+        section.base or (),
+        Cells("reaction on the base", lambda base: base.component),
+        Cells("unit", lambda base: "N" if base.component.startswith("F") else "N m"),
+        Cells("limit", lambda base: base.limit),
+        Cells("largest", lambda base: base.peak),
+        Cells("its margin", lambda base: base.margin, digits=2),
     )
 
 
@@ -102,14 +77,12 @@ def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iter
     for word, key in (("mean", "mean_m"), ("largest", "max_m")):
         first, second = (1e3 * getattr(each, key) for each in (before, after))
         rows.append((f"{word} distance from the path, at the motor encoders", "mm", first, second))
-    yield Table(
-        columns=(
-            Column(title="measured", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="before", digits=3),
-            Column(title="timed", digits=3),
-        ),
-        rows=tuple(rows),
+    yield table(
+        rows,
+        Cells("measured", lambda row: row[0]),
+        Cells("unit", lambda row: row[1]),
+        Cells("before", lambda row: row[2], digits=3),
+        Cells("timed", lambda row: row[3], digits=3),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rid_daq.blocks.block import AnyBlock, Column, Heading, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, Verdict, table
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Numbers, Panel, Plot
 from rid_daq.report.sections.runs import BadRows, RunSection
 from rid_daq.report.sections.stop import StopCurve
@@ -37,43 +37,26 @@ def runs_blocks(section: Sequence[RunSection]) -> Iterator[AnyBlock]:
 
 
 def _extremes(run: RunSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="axis", is_text=True),
-            Column(title="unit", is_text=True),
-            Column(title="lowest position", digits=3),
-            Column(title="highest position", digits=3),
-            Column(title="max speed per s", digits=3),
-            Column(title="max following error", digits=3),
-            Column(title="unit", is_text=True),
-            Column(title="max torque", digits=3),
-            Column(title="of its limit", unit="%", digits=3),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                axis.unit,
-                axis.position_min,
-                axis.position_max,
-                axis.max_velocity,
-                axis.max_following_error,
-                axis.torque_unit,
-                axis.max_torque,
-                axis.max_torque_percent,
-            )
-            for axis in run.axes
-        ),
+    return table(
+        run.axes,
+        Cells("axis", lambda axis: axis.joint),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("lowest position", lambda axis: axis.position_min, digits=3),
+        Cells("highest position", lambda axis: axis.position_max, digits=3),
+        Cells("max speed per s", lambda axis: axis.max_velocity, digits=3),
+        Cells("max following error", lambda axis: axis.max_following_error, digits=3),
+        Cells("unit", lambda axis: axis.torque_unit),
+        Cells("max torque", lambda axis: axis.max_torque, digits=3),
+        Cells("of its limit", lambda axis: axis.max_torque_percent, "%", 3),
     )
 
 
 def _bad_rows(bad_rows: Sequence[BadRows]) -> Table:
-    return Table(
-        columns=(
-            Column(title="rows left out", is_text=True),
-            Column(title="count"),
-            Column(title="reason", is_text=True),
-        ),
-        rows=tuple((rows.rows, rows.count, rows.reason) for rows in bad_rows),
+    return table(
+        bad_rows,
+        Cells("rows left out", lambda rows: rows.rows),
+        Cells("count", lambda rows: rows.count),
+        Cells("reason", lambda rows: rows.reason),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Mark, Panel, Plot
 from rid_daq.report.sections.tracking import (
     STILL_M,
@@ -60,77 +60,48 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
 
 
 def _distances(motions: Sequence[FollowedMotion]) -> Table:
-    return Table(
-        columns=(
-            Column(title="#"),
-            Column(title="motion", is_text=True),
-            Column(title="own runs", is_text=True),
-            Column(title="mean before", unit="mm", digits=3),
-            Column(title="mean after", unit="mm", digits=3),
-            Column(title="reduced, times", digits=3),
-            Column(title="largest before", unit="mm", digits=3),
-            Column(title="largest after", unit="mm", digits=3),
-            Column(title="reduced, times", digits=3),
-        ),
-        rows=tuple(
-            (
-                number,
-                motion.sentence,
-                motion.use,
-                _mm(motion.before, "mean_m"),
-                _mm(motion.after, "mean_m"),
-                motion.mean_ratio,
-                _mm(motion.before, "max_m"),
-                _mm(motion.after, "max_m"),
-                motion.max_ratio,
-            )
-            for number, motion in enumerate(motions, start=1)
-        ),
+    return table(
+        range(len(motions)),
+        Cells("#", lambda n: n + 1),
+        Cells("motion", lambda n: motions[n].sentence),
+        Cells("own runs", lambda n: motions[n].use),
+        Cells("mean before", lambda n: _mm(motions[n].before, "mean_m"), "mm", 3),
+        Cells("mean after", lambda n: _mm(motions[n].after, "mean_m"), "mm", 3),
+        Cells("reduced, times", lambda n: motions[n].mean_ratio, digits=3),
+        Cells("largest before", lambda n: _mm(motions[n].before, "max_m"), "mm", 3),
+        Cells("largest after", lambda n: _mm(motions[n].after, "max_m"), "mm", 3),
+        Cells("reduced, times", lambda n: motions[n].max_ratio, digits=3),
     )
 
 
-def _mm(size: ErrorSize | None, key: str) -> float | None:
+def _mm(size: object, key: str) -> float | None:
     return None if size is None else 1e3 * float(getattr(size, key))
 
 
 def _joint_errors(section: TrackingSection) -> Table:
-    def row(number: int, motion: FollowedMotion) -> tuple[Cell, ...]:
-        sizes = (motion.before, motion.after)
-        return (
-            number,
-            *(
-                None if size is None else 1e3 * size.joint_peak[j]
-                for j in range(len(section.joints))
-                for size in sizes
-            ),
-        )
+    def peaks(j: int, joint: JointUnit) -> Iterator[Cells[int]]:
+        def peak(size: ErrorSize | None) -> float | None:
+            return None if size is None else 1e3 * size.joint_peak[j]
 
-    columns = [Column(title="#")]
-    for joint in section.joints:
-        columns.append(Column(title=f"{joint.joint} before", unit=f"m{joint.unit}", digits=3))
-        columns.append(Column(title="after", unit=f"m{joint.unit}", digits=3))
-    rows = tuple(row(number, motion) for number, motion in enumerate(section.motions, start=1))
-    return Table(columns=tuple(columns), rows=rows)
+        unit = f"m{joint.unit}"
+        yield Cells(f"{joint.joint} before", lambda n: peak(section.motions[n].before), unit, 3)
+        yield Cells("after", lambda n: peak(section.motions[n].after), unit, 3)
+
+    columns = [cells for j, joint in enumerate(section.joints) for cells in peaks(j, joint)]
+    return table(range(len(section.motions)), Cells("#", lambda n: n + 1), *columns)
 
 
 def _bending(motions: Sequence[FollowedMotion]) -> Table:
-    def cells(size: ErrorSize | None) -> tuple[Cell, Cell]:
-        if size is None or size.bending is None:
-            return None, None
-        return 1e3 * size.bending.rms_m, 1e3 * size.bending.max_m
+    def bent(size: ErrorSize | None, key: str) -> float | None:
+        return None if size is None else _mm(size.bending, key)
 
-    return Table(
-        columns=(
-            Column(title="#"),
-            Column(title="bending before, RMS", unit="mm", digits=2),
-            Column(title="largest", unit="mm", digits=2),
-            Column(title="bending after, RMS", unit="mm", digits=2),
-            Column(title="largest", unit="mm", digits=2),
-        ),
-        rows=tuple(
-            (number, *cells(motion.before), *cells(motion.after))
-            for number, motion in enumerate(motions, start=1)
-        ),
+    return table(
+        range(len(motions)),
+        Cells("#", lambda n: n + 1),
+        Cells("bending before, RMS", lambda n: bent(motions[n].before, "rms_m"), "mm", 2),
+        Cells("largest", lambda n: bent(motions[n].before, "max_m"), "mm", 2),
+        Cells("bending after, RMS", lambda n: bent(motions[n].after, "rms_m"), "mm", 2),
+        Cells("largest", lambda n: bent(motions[n].after, "max_m"), "mm", 2),
     )
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.report.sections.validation import AxisError, ValidationSection
-from rid_daq.report.shown.verdict import doubt_texts
+from rid_daq.report.shown.verdict import doubt_texts, yes_or_no
 
 
 def validation_blocks(section: ValidationSection) -> Iterator[AnyBlock]:
@@ -24,47 +24,32 @@ def validation_blocks(section: ValidationSection) -> Iterator[AnyBlock]:
 
 
 def _errors(section: ValidationSection) -> Table:
-    columns = [
-        Column(title="axis", is_text=True),
-        Column(title="unit", is_text=True),
-        Column(title="RMS torque"),
-        Column(title="RMS error"),
-        Column(title="relative error", unit="%", digits=3),
+    columns: list[Cells[AxisError]] = [
+        Cells("axis", lambda axis: axis.joint),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("RMS torque", lambda axis: axis.rms_torque),
+        Cells("RMS error", lambda axis: axis.rms_error),
+        Cells("relative error", lambda axis: axis.relative_error_percent, "%", 3),
     ]
     if section.has_noise:
-        columns += [Column(title="noise", digits=3), Column(title="error / noise", digits=2)]
+        columns += [
+            Cells("noise", lambda axis: axis.noise, digits=3),
+            Cells("error / noise", lambda axis: axis.over_noise, digits=2),
+        ]
     if section.has_floor:
-        columns += [Column(title="floor (truth)"), Column(title="error / floor", digits=3)]
+        columns += [
+            Cells("floor (truth)", lambda axis: axis.floor),
+            Cells("error / floor", lambda axis: axis.error_over_floor, digits=3),
+        ]
     if section.has_limits:
         columns += [
-            Column(title="limit", unit="%"),
-            Column(title="holds", is_text=True),
-            Column(title="fit", is_text=True),
+            Cells("limit", lambda axis: axis.limit_percent, "%"),
+            Cells("holds", lambda axis: yes_or_no(axis.passed)),
+            Cells("fit", lambda axis: axis.grade or "–"),
         ]
-    columns.append(Column(title="samples"))
-    return Table(
-        columns=tuple(columns),
-        rows=tuple(_row(axis, section) for axis in section.axes),
-        failed=tuple(axis.passed is False for axis in section.axes),
+    return table(
+        section.axes,
+        *columns,
+        Cells("samples", lambda axis: axis.samples),
+        failed=lambda axis: axis.passed is False,
     )
-
-
-def _row(axis: AxisError, section: ValidationSection) -> tuple[Cell, ...]:
-    row: list[Cell] = [
-        axis.joint,
-        axis.unit,
-        axis.rms_torque,
-        axis.rms_error,
-        axis.relative_error_percent,
-    ]
-    if section.has_noise:
-        row += [axis.noise, axis.over_noise]
-    if section.has_floor:
-        row += [axis.floor, axis.error_over_floor]
-    if section.has_limits:
-        row += [
-            axis.limit_percent,
-            {None: "–", True: "yes", False: "NO"}[axis.passed],
-            axis.grade or "–",
-        ]
-    return (*row, axis.samples)

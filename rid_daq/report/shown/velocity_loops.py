@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rid_daq.blocks.block import AnyBlock, Cell, Column, Heading, Interval, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cell, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import number, unit
 from rid_daq.report.sections.section import Numbers
 from rid_daq.report.sections.velocity_loops import AxisLoop, VelocityLoopsSection
@@ -56,86 +56,50 @@ def loop_blocks(section: VelocityLoopsSection) -> Iterator[AnyBlock]:
 
 
 def _controllers(section: VelocityLoopsSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            Column(title="gain K_p ± 2σ"),
-            Column(title="unit", is_text=True),
-            Column(title="integral time T_i ± 2σ", unit="ms"),
-            Column(title="delay ± 2σ", unit="ms"),
-            Column(title="lag ± 2σ", unit="ms"),
-            Column(title="p", digits=2),
-            Column(title="whiteness", digits=2),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                Interval(value=axis.gain, reach=2.0 * axis.std["gain"]),
-                axis.unit,
-                Interval(value=1e3 * axis.integral_time_s, reach=2e3 * axis.std["integral_time_s"]),
-                _time(axis, "delay", axis.delay_s),
-                _time(axis, "lag", axis.lag_s),
-                axis.p_value,
-                axis.whiteness,
-            )
-            for axis in section.axes
-        ),
+    return table(
+        section.axes,
+        Cells("joint", lambda axis: axis.joint),
+        Cells("gain K_p ± 2σ", lambda axis: Interval.of(axis.gain, axis.std["gain"])),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("integral time T_i ± 2σ", lambda axis: _ms(axis, "integral_time_s"), "ms"),
+        Cells("delay ± 2σ", lambda axis: _ms(axis, "delay_s"), "ms"),
+        Cells("lag ± 2σ", lambda axis: _ms(axis, "lag_s"), "ms"),
+        Cells("p", lambda axis: axis.p_value, digits=2),
+        Cells("whiteness", lambda axis: axis.whiteness, digits=2),
     )
 
 
-def _time(axis: AxisLoop, name: str, value_s: float) -> Cell:
-    """Return a delay or lag that was fitted [ms]."""
-    if name not in axis.std:
-        return "not seen"
-    return Interval(value=1e3 * value_s, reach=2e3 * axis.std[name])
+def _ms(axis: AxisLoop, name: str) -> Cell:
+    """Return a time [ms], if it was fitted."""
+    std = axis.std.get(name, axis.std.get(name.removesuffix("_s")))
+    return "not seen" if std is None else Interval.of(getattr(axis, name), std, 1e3)
 
 
 def _candidates(section: VelocityLoopsSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            Column(title="terms beside the PI", is_text=True),
-            Column(title="cost"),
-            Column(title="AIC", digits=5),
-            Column(title="MDL", digits=5),
-        ),
-        rows=tuple(
-            (axis.joint, ", ".join(trial.extras) or "none", trial.cost, trial.aic, trial.mdl)
-            for axis in section.axes
-            for trial in axis.trials
-        ),
+    return table(
+        [(axis.joint, trial) for axis in section.axes for trial in axis.trials],
+        Cells("joint", lambda each: each[0]),
+        Cells("terms beside the PI", lambda each: ", ".join(each[1].extras) or "none"),
+        Cells("cost", lambda each: each[1].cost),
+        Cells("AIC", lambda each: each[1].aic, digits=5),
+        Cells("MDL", lambda each: each[1].mdl, digits=5),
     )
 
 
 def _margins(section: VelocityLoopsSection) -> Table:
-    return Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            Column(title="apparent inertia", digits=3),
-            Column(title="unit", is_text=True),
-            Column(title="apparent damping", digits=3),
-            Column(title="unit", is_text=True),
-            Column(title="velocity loop: phase margin", is_text=True),
-            Column(title="gain margin", is_text=True),
-            Column(title="position loop: phase margin", is_text=True),
-            Column(title="gain margin", is_text=True),
-            Column(title="largest amplification", digits=3),
-            Column(title="largest K_v", unit="1/s", digits=3),
-        ),
-        rows=tuple(
-            (
-                axis.joint,
-                axis.inertia,
-                unit(axis.inertia_unit),
-                axis.damping,
-                axis.unit,
-                *axis.velocity_margins.words,
-                *axis.position_margins.words,
-                axis.position_peak,
-                axis.largest_position_gain_per_s,
-            )
-            for axis in section.axes
-        ),
+    return table(
+        section.axes,
+        Cells("joint", lambda axis: axis.joint),
+        Cells("apparent inertia", lambda axis: axis.inertia, digits=3),
+        Cells("unit", lambda axis: unit(axis.inertia_unit)),
+        Cells("apparent damping", lambda axis: axis.damping, digits=3),
+        Cells("unit", lambda axis: axis.unit),
+        Cells("velocity loop: phase margin", lambda axis: axis.velocity_margins.words[0]),
+        Cells("gain margin", lambda axis: axis.velocity_margins.words[1]),
+        Cells("position loop: phase margin", lambda axis: axis.position_margins.words[0]),
+        Cells("gain margin", lambda axis: axis.position_margins.words[1]),
+        Cells("largest amplification", lambda axis: axis.position_peak, digits=3),
+        Cells("largest K_v", lambda axis: axis.largest_position_gain_per_s, "1/s", 3),
     )
 
 

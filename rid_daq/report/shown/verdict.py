@@ -27,9 +27,14 @@ def check_tables(verdict: Verdict) -> Iterator[Table]:
             Cells("Held to", lambda check: check.text),
             Cells("reached", lambda check: f"{number(check.value)} {check.unit}"),
             Cells("required", lambda of: f"{of.relation} {number(of.limit)} {of.unit}"),
-            Cells("holds", lambda check: "yes" if check.passed else "NO"),
+            Cells("holds", lambda check: yes_or_no(check.passed)),
             failed=lambda check: not check.passed,
         )
+
+
+def yes_or_no(holds: bool | None) -> str:
+    """Return whether something holds, in a word; a dash if it was not judged."""
+    return {None: "–", True: "yes", False: "NO"}[holds]
 
 
 def doubt_texts(axes: Iterable[GradedAxis]) -> Iterator[Text]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from config.errors import PreflightError
-from rid_daq.blocks.block import AnyBlock, Column, Table, Text, Verdict
+from rid_daq.blocks.block import AnyBlock, Cells, Text, Verdict, table
 from rid_daq.requests.option import DEFAULT_RUNS, CellName, RunsFolder
 from rid_daq.requests.request import Request
 
@@ -91,20 +91,14 @@ class RestoredDrives:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the table, the write log and the verdict."""
         request = self.request
-        titles = ("drive", "object", "saved", "before", "now")
-        yield Table(
-            columns=tuple(Column(title=title, is_text=True) for title in titles),
-            rows=tuple(
-                (
-                    f"{self.joints[each.node_id]}, node {each.node_id}",
-                    each.name,
-                    _shown(each.saved),
-                    _shown(each.before),
-                    _shown(each.after),
-                )
-                for each in self.settings
-            ),
-            failed=tuple(not request.dry_run and not each.restored for each in self.settings),
+        yield table(
+            self.settings,
+            Cells("drive", lambda each: f"{self.joints[each.node_id]}, node {each.node_id}"),
+            Cells("object", lambda each: each.name),
+            Cells("saved", lambda each: _shown(each.saved)),
+            Cells("before", lambda each: _shown(each.before)),
+            Cells("now", lambda each: _shown(each.after)),
+            failed=lambda each: not request.dry_run and not each.restored,
         )
         if request.dry_run:
             yield Text(text=f"{len(self.settings)} settings differ. Nothing was written.")
