@@ -27,10 +27,8 @@ from bokeh.models.renderers import GlyphRenderer
 from bokeh.models.ui import UIElement
 from bokeh.plotting import figure
 
-from rid_daq.figures.palette import SOFT
 from rid_daq.terminal.console import printable
 
-DRAWN_POINTS: Final = 1000
 NARROWEST_PX: Final = 290
 SCALED_PADDING: Final = 0.12
 GLYPH_PX: Final = 44
@@ -39,8 +37,7 @@ LETTER_PX: Final = 6
 Drawn: TypeAlias = "GlyphRenderer[Any]"
 """Something that was drawn in a panel."""
 
-XScale: TypeAlias = Literal["auto", "log", "datetime"]
-YScale: TypeAlias = Literal["auto", "log"]
+Scale: TypeAlias = Literal["auto", "log"]
 _HoverFormat: TypeAlias = Literal["numeral", "datetime", "printf"] | CustomJSHover
 Ranges: TypeAlias = Any
 """What bokeh takes as a range: its own, another panel's, or (start, end)."""
@@ -69,11 +66,6 @@ def _column(values: Any) -> Any:
     return [printable(str(value)) for value in array.tolist()]
 
 
-def thinned(rows: int) -> slice:
-    """Return which of so many rows are drawn."""
-    return slice(0, rows, max(1, -(-rows // DRAWN_POINTS)))
-
-
 def words(text: str) -> str:
     """Return a text as a plot shows it: no invisible characters, no formula."""
     return printable(text).replace("$$", "$ $").replace("\\(", "\\ (").replace("\\[", "\\ [")
@@ -87,8 +79,8 @@ def panel(
     height: int = 240,
     x_range: Ranges = None,
     y_range: Ranges = None,
-    x_scale: XScale = "auto",
-    y_scale: YScale = "auto",
+    x_scale: Scale = "auto",
+    y_scale: Scale = "auto",
 ) -> figure:
     """Return an empty plot as wide as its page.
 
@@ -99,7 +91,7 @@ def panel(
         title, x_label, y_label: Texts; labels have their units.
         height: [px].
         x_range, y_range: Of another panel, to be zoomed together; or start and end.
-        x_scale, y_scale: "log", or for x "datetime", a time of the calendar [ms since 1970].
+        x_scale, y_scale: "log" for a logarithmic axis.
     """
     ranges = {"x_range": x_range, "y_range": y_range}
     zoom = BoxZoomTool()
@@ -142,11 +134,10 @@ def panel_to_scale(title: str, x_label: str, y_label: str, height: int) -> figur
     return plot
 
 
-def limit_line(plot: figure, at: float, *, vertical: bool = False, color: str = SOFT) -> None:
+def limit_line(plot: figure, at: float, color: str) -> None:
     """Draw a line across a plot at a value."""
-    dimension: Literal["width", "height"] = "height" if vertical else "width"
     plot.add_layout(
-        Span(location=at, dimension=dimension, line_color=color, line_dash=[6, 4], line_width=1.2)
+        Span(location=at, dimension="width", line_color=color, line_dash=[6, 4], line_width=1.2)
     )
 
 

@@ -101,7 +101,7 @@ def _lines(of: Panel, shared: Ranges, title: str) -> figure:
             entries[line.label] += [*drawn, own[line.label]]
     _add_hovers(drawing, of, own)
     for at in of.limits:
-        limit_line(drawing, at, color=RED)
+        limit_line(drawing, at, RED)
     for mark in of.marks:
         _draw_mark(drawing, mark)
     if entries:

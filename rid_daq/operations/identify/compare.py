@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Cells, Column, Interval, Table, Text, note_blocks, table
+from rid_daq.blocks.block import AnyBlock, Cells, Interval, Table, Text, note_blocks, table
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
@@ -167,17 +167,13 @@ def _errors(prediction: RunPrediction, names: tuple[str, str]) -> Table:
         for name, seen in zip(names, prediction.seen, strict=True)
     ]
     joints = prediction.data.recording.joint_names
-    values = [[finite(value) for value in row] for row in prediction.percent.T.tolist()]
-    return Table(
-        columns=(
-            Column(title="joint", is_text=True),
-            *(Column(title=head, unit="%", digits=3) for head in heads),
-        ),
-        rows=tuple(
-            (joint, *("did not move" if value is None else value for value in row))
-            for joint, row in zip(joints, values, strict=True)
-        ),
-    )
+    percent = prediction.percent.tolist()
+
+    def errors(by: int) -> Cells[int]:
+        values = ["did not move" if finite(each) is None else each for each in percent[by]]
+        return Cells(heads[by], values.__getitem__, "%", 3)
+
+    return table(range(len(joints)), Cells("joint", lambda j: joints[j]), errors(0), errors(1))
 
 
 def _prediction(prediction: RunPrediction) -> dict[str, object]:

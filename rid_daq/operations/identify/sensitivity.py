@@ -12,13 +12,14 @@ from pydantic import Field
 from config.plausible import Plausible
 from config.ranges import Seed
 from identification.choices import REPORTED, Share
-from rid_daq.blocks.block import AnyBlock, Column, Table, Text
+from rid_daq.blocks.block import AnyBlock, Cells, Table, Text, table
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import FILES, CellName, Option, Overwrite
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
+    from identification.sensitivity.cases import SensitivityRow
     from rid_daq.operations.identify.payload_sensitivity import Sensitivity
 
 MONTE_CARLO: Final = "Monte Carlo"
@@ -168,22 +169,12 @@ class SensitivityResult:
     def _rows(self) -> Table:
         from identification.sensitivity.cases import DIFFERENCE
 
-        return Table(
-            columns=(
-                Column(title=""),
-                Column(title="wrong", is_text=True),
-                Column(title="subtracted", is_text=True),
-                *(Column(title=name) for name in REPORTED),
-            ),
-            rows=tuple(
-                (
-                    row.case.number,
-                    row.case.words,
-                    "a run" if row.against == DIFFERENCE else "a model",
-                    *("–" if p is None else _percent(p) for p in row.percent),
-                )
-                for row in self.found.rows
-            ),
+        return table(
+            self.found.rows,
+            Cells("", lambda row: row.case.number),
+            Cells("wrong", lambda row: row.case.words),
+            Cells("subtracted", lambda row: "a run" if row.against == DIFFERENCE else "a model"),
+            *(_percents(name, i) for i, name in enumerate(REPORTED)),
             key=3,
         )
 
@@ -193,26 +184,20 @@ class SensitivityResult:
         drawn = self.found.drawn
         assert drawn is not None
         spread = 2.0 * drawn.values.std(axis=0, ddof=1)
-        return Table(
-            columns=(
-                Column(title="parameter", is_text=True),
-                Column(title="unit", is_text=True),
-                Column(title="true"),
-                Column(title="error of the mean", unit="%"),
-                Column(title="scatter (2σ)", digits=2),
-            ),
-            rows=tuple(
-                (name, unit, float(truth), number(float(percent), 2), float(scatter))
-                for name, unit, truth, percent, scatter in zip(
-                    REPORTED,
-                    REPORTED_UNITS,
-                    self.found.problem.payload.reported,
-                    drawn.off_percent,
-                    spread,
-                    strict=True,
-                )
-            ),
+        true = self.found.problem.payload.reported
+        return table(
+            range(len(REPORTED)),
+            Cells("parameter", lambda i: REPORTED[i]),
+            Cells("unit", lambda i: REPORTED_UNITS[i]),
+            Cells("true", lambda i: float(true[i])),
+            Cells("error of the mean", lambda i: number(float(drawn.off_percent[i]), 2), "%"),
+            Cells("scatter (2σ)", lambda i: float(spread[i]), digits=2),
         )
+
+
+def _percents(name: str, i: int) -> Cells[SensitivityRow]:
+    """Return the column of a parameter's deviations [%]."""
+    return Cells(name, lambda row: "–" if (p := row.percent[i]) is None else _percent(p))
 
 
 def _percent(value: float) -> str:

@@ -11,7 +11,6 @@ from pydantic import SerializerFunctionWrapHandler, Strict, model_serializer
 from config.model import ConfigModel
 from config.robot.robot import Joint
 from identification.regression.fit_grade import Grade
-from rid_daq.terminal.console import Console
 
 Numbers = Annotated[tuple[float, ...], Strict(False)]
 """A row of numbers, such as a curve."""
@@ -61,13 +60,6 @@ class GradedAxis(Protocol):
     def reason(self) -> str | None:
         """What decides the grade."""
         ...
-
-
-def say_doubts(console: Console, axes: Iterable[GradedAxis]) -> None:
-    """Say of every axis whose fit is not good what decides that."""
-    for axis in axes:
-        if axis.grade not in (None, Grade.GOOD):
-            console.say(f"{axis.joint}: the fit is {axis.grade}, {axis.reason}.")
 
 
 def thinned(rows: int) -> slice:
