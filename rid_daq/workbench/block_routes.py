@@ -122,7 +122,7 @@ def preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
 @router.get("/jobs/{job}/warm-up")
 def warm_up(job: OfJob, service: Service, view: AsWanted) -> Response:
     """Return the course of a job's warm-up until now."""
-    from rid_daq.workbench.warm_up_plot import warm_up_plot
+    from rid_daq.workbench.run_blocks import warm_up_plot
 
     events = EventTail(service.workshop.events(job.id)).new()
     told = [event for event in events if isinstance(event, WarmedUp)]

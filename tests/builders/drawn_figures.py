@@ -29,7 +29,7 @@ from rid_daq.report.shown.tracking import path_plots
 from rid_daq.report.shown.truth import truth_plot
 from rid_daq.workbench.motion_blocks import limits_plot, tool_plot
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory
-from rid_daq.workbench.warm_up_plot import warm_up_plot
+from rid_daq.workbench.run_blocks import warm_up_plot
 from tests.builders.invented import whole_result
 
 WRITTEN = Path(__file__).parents[1] / "rid_daq" / "report" / "results"

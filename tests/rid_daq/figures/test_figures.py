@@ -22,7 +22,7 @@ from rid_daq.report.shown.centre_of_gravity import VIEWS, CentreOfGravity, centr
 from rid_daq.report.shown.curves import spectrum_plot, torque_plot
 from rid_daq.report.shown.tracking import path_plots
 from rid_daq.workbench.motion_blocks import limits_plot
-from rid_daq.workbench.warm_up_plot import warm_up_plot
+from rid_daq.workbench.run_blocks import warm_up_plot
 from tests.builders.drawn_figures import (
     JOINTS,
     all_figures,
