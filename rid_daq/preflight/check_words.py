@@ -45,7 +45,7 @@ def all_blocks(lines: Sequence[CheckLine]) -> Iterator[AnyBlock]:
     whats = {line.what for line in shared}
     own = [line for line in lines if not (line.of_drive and line.what in whats)]
     groups = {"every drive": shared, **_by(own)} if shared else _by(own)
-    for where, found in sorted(groups.items(), key=lambda group: _worst(group[1]) != "red"):
+    for where, found in groups.items():
         found = sorted(found, key=lambda line: line.verdict != "red")
         yield Heading(text=f"\n{where}", level=3)
         yield table(

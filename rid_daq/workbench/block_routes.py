@@ -110,13 +110,14 @@ def motion(
 
 @router.get("/cells/{cell}/preflight")
 def preflight(cell: OfCell, service: Service, view: AsWanted) -> Response:
-    """Return the lines of the newest preflight."""
+    """Return the lines of the newest preflight, devices with red ones first."""
     from rid_daq.preflight.bus_check import CheckLine
     from rid_daq.preflight.check_words import all_blocks
 
     found = service.readiness.preflight(cell)
     lines = TypeAdapter(tuple[CheckLine, ...]).validate_python(() if found is None else found.lines)
-    return view.answer(all_blocks(lines))
+    red = {line.where for line in lines if line.verdict == "red"}
+    return view.answer(all_blocks(sorted(lines, key=lambda line: line.where not in red)))
 
 
 @router.get("/jobs/{job}/warm-up")

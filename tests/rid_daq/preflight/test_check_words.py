@@ -76,4 +76,5 @@ def test_all_lines_are_what_drives_share_and_each_devices_own_red_ones_first(
         "RED      gear           153:1  100",
         "-        serial number  18",
         "allowed  watch          none   one",
+        "gear: mend gear",
     ]
