@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
-from pydantic import Strict, model_validator
+from pydantic import ConfigDict, Strict, model_validator
+from pydantic.dataclasses import dataclass
 
 from config.model import ConfigModel
 
@@ -17,8 +18,11 @@ Numbers = Annotated[tuple[float, ...], Strict(False)]
 Gapped = Annotated[tuple[float | None, ...], Strict(False)]
 """Numbers; None where a line has a gap."""
 
+_CHECKED: Final = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
-class Axis(ConfigModel):
+
+@dataclass(frozen=True, config=_CHECKED)
+class Axis:
     """An axis of a panel.
 
     Attributes:
@@ -39,7 +43,8 @@ class Axis(ConfigModel):
         return f"{self.label} [{self.unit}]"
 
 
-class Line(ConfigModel):
+@dataclass(frozen=True, config=_CHECKED)
+class Line:
     """A line of a panel, or points.
 
     Attributes:
@@ -77,7 +82,8 @@ class Line(ConfigModel):
         return self
 
 
-class Mark(ConfigModel):
+@dataclass(frozen=True, config=_CHECKED)
+class Mark:
     """A text beside a point, such as the size of a margin."""
 
     x: float
@@ -86,7 +92,8 @@ class Mark(ConfigModel):
     colour: Colour = "ink"
 
 
-class Span(ConfigModel):
+@dataclass(frozen=True, config=_CHECKED)
+class Span:
     """From where to where along x something holds; spans of one name share a row."""
 
     name: str
@@ -95,7 +102,8 @@ class Span(ConfigModel):
     colour: Colour = "blue"
 
 
-class Bar(ConfigModel):
+@dataclass(frozen=True, config=_CHECKED)
+class Bar:
     """The value of a named class, such as a bin of a histogram."""
 
     name: str

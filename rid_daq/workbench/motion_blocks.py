@@ -96,16 +96,10 @@ def limits_plot(
         panels.append(
             Panel(
                 title=f"{name}: {peak:.0f} % of the {reference} at most",
-                x=Axis(label="time", unit="s"),
-                y=Axis(label=name, unit=f"% of {reference}", least=least, most=most),
+                x=Axis("time", "s"),
+                y=Axis(name, f"% of {reference}", least=least, most=most),
                 lines=tuple(
-                    Line(
-                        label=joint,
-                        x=time_s,
-                        y=(100.0 * share[::step, j]).tolist(),
-                        stroke=j,
-                        is_named=not panels,
-                    )
+                    Line(joint, time_s, (100.0 * share[::step, j]).tolist(), j, is_named=not panels)
                     for j, joint in enumerate(robot.joint_names)
                 ),
                 limits=(-100.0, 100.0),
@@ -142,13 +136,13 @@ def _view(
     ends = [(min(0.0, values.min()), max(0.0, values.max())) for values in (tool[:, i], tool[:, j])]
     return Panel(
         title=f"path of the tool, {AXES[i]} and {AXES[j]}",
-        x=Axis(label=f"{AXES[i]} of the base", unit="m"),
-        y=Axis(label=f"{AXES[j]} of the base", unit="m"),
+        x=Axis(f"{AXES[i]} of the base", "m"),
+        y=Axis(f"{AXES[j]} of the base", "m"),
         lines=(
             *_boxes(workspace, i, j),
-            Line(label="whole motion", x=x, y=y, stroke="faint", width=4.0),
-            Line(label="main part", x=x, y=main, stroke="blue", width=2.0),
-            Line(label="base", x=(0.0,), y=(0.0,), stroke="ink", points=True, marker="square"),
+            Line("whole motion", x, y, "faint", width=4.0),
+            Line("main part", x, main, "blue", width=2.0),
+            Line("base", (0.0,), (0.0,), "ink", points=True, marker="square"),
             *_walls(workspace, i, j, ends),
         ),
         height_px=320,
@@ -163,7 +157,7 @@ def _boxes(workspace: Workspace, i: int, j: int) -> Iterator[Line]:
         stroke: Colour = "red" if box.keep == "out" else "soft"
         label = "keep out" if box.keep == "out" else "stay in"
         x, y = (left, right, right, left, left), (low, low, high, high, low)
-        yield Line(label=label, x=x, y=y, stroke=stroke, is_area=True)
+        yield Line(label, x, y, stroke, is_area=True)
 
 
 def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]) -> Iterator[Line]:
@@ -173,10 +167,10 @@ def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]
             if abs(wall.normal[axis]) > 1.0 - 1e-6:
                 at = (wall.offset_m / wall.normal[axis],) * 2
                 yield Line(
-                    label=f"wall {count}",
-                    x=x_ends or at,
-                    y=y_ends or at,
-                    stroke="red",
+                    f"wall {count}",
+                    x_ends or at,
+                    y_ends or at,
+                    "red",
                     dash="dashed",
                     is_named=False,
                 )

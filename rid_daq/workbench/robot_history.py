@@ -73,16 +73,16 @@ class QuantityHistory:
         """The estimates with their intervals over time."""
         begun = [datetime.fromisoformat(each.created_utc) for each in self.entries]
         line = Line(
-            label="estimate ± 2σ",
-            x=tuple((each - begun[0]).total_seconds() / DAY_S for each in begun),
-            y=tuple(each.value for each in self.entries),
+            "estimate ± 2σ",
+            tuple((each - begun[0]).total_seconds() / DAY_S for each in begun),
+            tuple(each.value for each in self.entries),
+            "ink",
             reach=tuple(2.0 * each.std for each in self.entries),
-            stroke="ink",
             points=True,
         )
         panel = Panel(
-            x=Axis(label="since the first run", unit="d"),
-            y=Axis(label=self.title, unit=self.unit or "1"),
+            x=Axis("since the first run", "d"),
+            y=Axis(self.title, self.unit or "1"),
             lines=(line,),
             height_px=280,
         )

@@ -79,20 +79,15 @@ def warm_up_plot(
         panels=(
             Panel(
                 title="friction of each period",
-                x=Axis(label="period", unit="1"),
-                y=Axis(label="friction", unit="W"),
+                x=Axis("period", "1"),
+                y=Axis("friction", "W"),
                 lines=_lines(joint_names, periods, power),
                 height_px=260,
             ),
             Panel(
                 title=f"change of a period, settled at {settled_percent:g} %",
-                x=Axis(label="period", unit="1"),
-                y=Axis(
-                    label="change",
-                    unit="%",
-                    least=None if widest is None else -widest,
-                    most=widest,
-                ),
+                x=Axis("period", "1"),
+                y=Axis("change", "%", least=None if widest is None else -widest, most=widest),
                 lines=_lines(joint_names, periods[FEWEST_PERIODS - 1 :], change),
                 limits=(-settled_percent, settled_percent),
                 height_px=200,
@@ -108,6 +103,5 @@ def _lines(
     values: FloatArray,
 ) -> tuple[Line, ...]:
     return tuple(
-        Line(label=joint, x=tuple(x), y=values[:, j].tolist(), stroke=j)
-        for j, joint in enumerate(joint_names)
+        Line(joint, tuple(x), values[:, j].tolist(), j) for j, joint in enumerate(joint_names)
     )

@@ -13,7 +13,7 @@ from rid_daq.report.sections.loop_curves import ControllerResponse, DistortionSe
 from rid_daq.report.sections.velocity_loops import AxisLoop
 
 SMALLEST_DB: Final = -180.0
-FREQUENCY: Final = Axis(label="frequency", unit="Hz", log=True)
+FREQUENCY: Final = Axis("frequency", "Hz", log=True)
 
 
 def bode_plot(axis: AxisLoop) -> Plot:
@@ -33,19 +33,19 @@ def _gain(axis: AxisLoop) -> Panel:
     x = response.frequency_hz
     return Panel(
         x=FREQUENCY,
-        y=Axis(label="gain", unit=f"dB over 1 {axis.unit}"),
+        y=Axis("gain", f"dB over 1 {axis.unit}"),
         lines=(
             _band(x, _db(size - 2.0 * total), _db(size + 2.0 * total)),
             Line(
-                label="fitted PI",
-                x=response.fit.frequency_hz,
-                y=_db(response.fit.magnitude),
-                stroke="orange",
+                "fitted PI",
+                response.fit.frequency_hz,
+                _db(response.fit.magnitude),
+                "orange",
                 width=3.2,
             ),
-            Line(label="measured", x=x, y=_db(size), stroke="ink", points=True),
-            Line(label="σ", x=x, y=_db(total), stroke="soft"),
-            Line(label="σ by noise", x=x, y=_db(response.std_noise), stroke="soft", dash="dashed"),
+            Line("measured", x, _db(size), "ink", points=True),
+            Line("σ", x, _db(total), "soft"),
+            Line("σ by noise", x, _db(response.std_noise), "soft", dash="dashed"),
             *_distortion("odd distortion", response.odd, "triangle", "red"),
             *_distortion("even distortion", response.even, "inverted_triangle", "purple"),
         ),
@@ -58,14 +58,7 @@ def _distortion(
     word: str, found: DistortionSection, marker: Marker, colour: Colour
 ) -> Iterable[Line]:
     if found.level:
-        yield Line(
-            label=word,
-            x=found.frequency_hz,
-            y=_db(found.level),
-            stroke=colour,
-            points=True,
-            marker=marker,
-        )
+        yield Line(word, found.frequency_hz, _db(found.level), colour, points=True, marker=marker)
 
 
 def _phase(response: ControllerResponse) -> Panel:
@@ -75,21 +68,21 @@ def _phase(response: ControllerResponse) -> Panel:
     fit = response.fit
     return Panel(
         x=FREQUENCY,
-        y=Axis(label="phase", unit="°"),
+        y=Axis("phase", "°"),
         lines=(
             Line(
-                label="phase of the fit",
-                x=fit.frequency_hz,
-                y=fit.phase_deg,
-                stroke="orange",
+                "phase of the fit",
+                fit.frequency_hz,
+                fit.phase_deg,
+                "orange",
                 width=3.2,
                 is_named=False,
             ),
             Line(
-                label="measured phase ± 2σ",
-                x=response.frequency_hz,
-                y=phase.tolist(),
-                stroke="ink",
+                "measured phase ± 2σ",
+                response.frequency_hz,
+                phase.tolist(),
+                "ink",
                 points=True,
                 reach=spread.tolist(),
                 is_named=False,
@@ -101,13 +94,7 @@ def _phase(response: ControllerResponse) -> Panel:
 
 
 def _band(x: Sequence[float], low: Sequence[float], high: Sequence[float]) -> Line:
-    return Line(
-        label="measured ± 2σ",
-        x=(*x, *reversed(x)),
-        y=(*low, *reversed(high)),
-        stroke="blue",
-        is_area=True,
-    )
+    return Line("measured ± 2σ", (*x, *reversed(x)), (*low, *reversed(high)), "blue", is_area=True)
 
 
 def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
@@ -119,27 +106,20 @@ def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
     sizes, phases, size_marks, phase_marks = [], [], [], []
     for word, loop, colour, dash in loops:
         x = cascade.frequency_hz
-        sizes.append(Line(label=word, x=x, y=_db(loop.magnitude), stroke=colour, dash=dash))
+        sizes.append(Line(word, x, _db(loop.magnitude), colour, dash=dash))
         phases.append(
-            Line(
-                label=f"phase of the {word}",
-                x=x,
-                y=loop.phase_deg,
-                stroke=colour,
-                dash=dash,
-                is_named=False,
-            )
+            Line(f"phase of the {word}", x, loop.phase_deg, colour, dash=dash, is_named=False)
         )
         margins = loop.margins
         if margins.gain_db is not None and margins.phase_crossover_hz is not None:
             at, gain = margins.phase_crossover_hz, margins.gain_db
             sizes.append(_bar(f"gain margin, {word}", at, (-gain, 0.0), colour))
-            size_marks.append(Mark(x=at, y=-0.5 * gain, text=f"{gain:.1f} dB", colour=colour))
+            size_marks.append(Mark(at, -0.5 * gain, f"{gain:.1f} dB", colour=colour))
         if margins.phase_deg is not None and margins.crossover_hz is not None:
             at, phase = margins.crossover_hz, margins.phase_deg
             phases.append(_bar(f"phase margin, {word}", at, (-180.0, phase - 180.0), colour))
             text = f"{phase:.0f}°"
-            phase_marks.append(Mark(x=at, y=0.5 * phase - 180.0, text=text, colour=colour))
+            phase_marks.append(Mark(at, 0.5 * phase - 180.0, text, colour=colour))
     measured = cascade.measured
     for lines, values, word in (
         (sizes, _db(measured.magnitude), ""),
@@ -147,10 +127,10 @@ def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
     ):
         lines.append(
             Line(
-                label=f"{word}position loop, measured",
-                x=measured.frequency_hz,
-                y=values,
-                stroke="ink",
+                f"{word}position loop, measured",
+                measured.frequency_hz,
+                values,
+                "ink",
                 points=True,
                 is_named=not word,
             )
@@ -158,7 +138,7 @@ def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
     return (
         Panel(
             x=FREQUENCY,
-            y=Axis(label="magnitude", unit="dB", least=-50.0, most=50.0),
+            y=Axis("magnitude", "dB", least=-50.0, most=50.0),
             lines=tuple(sizes),
             limits=(0.0,),
             marks=tuple(size_marks),
@@ -166,7 +146,7 @@ def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
         ),
         Panel(
             x=FREQUENCY,
-            y=Axis(label="phase", unit="°", least=-300.0, most=0.0),
+            y=Axis("phase", "°", least=-300.0, most=0.0),
             lines=tuple(phases),
             limits=(-180.0,),
             marks=tuple(phase_marks),
@@ -177,7 +157,7 @@ def _opened(axis: AxisLoop) -> tuple[Panel, Panel]:
 
 
 def _bar(label: str, at: float, ends: tuple[float, float], colour: Colour) -> Line:
-    return Line(label=label, x=(at, at), y=ends, stroke=colour, width=3.2, is_named=False)
+    return Line(label, (at, at), ends, colour, width=3.2, is_named=False)
 
 
 def _db(values: Iterable[float]) -> tuple[float, ...]:

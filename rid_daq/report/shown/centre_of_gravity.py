@@ -123,16 +123,16 @@ def _view(drawn: CentreOfGravity, across: int, up: int) -> Panel:
     if np.isfinite(centre).all():
         if drawn.spread_mm2 is not None:
             x, y = ellipse(centre, drawn.spread_mm2[np.ix_(pair, pair)]).tolist()
-            lines.append(Line(label="even density", x=x, y=y, stroke="sky", is_area=True))
+            lines.append(Line("even density", x, y, "sky", is_area=True))
         if drawn.covariance_mm2 is not None:
             x, y = ellipse(centre, 4.0 * drawn.covariance_mm2[np.ix_(pair, pair)]).tolist()
-            lines.append(Line(label="ellipse 2σ", x=x, y=y, stroke="orange"))
+            lines.append(Line("ellipse 2σ", x, y, "orange"))
         lines.append(
             Line(
-                label="centre ± 2σ",
-                x=centre[:1].tolist(),
-                y=centre[1:].tolist(),
-                stroke="ink",
+                "centre ± 2σ",
+                centre[:1].tolist(),
+                centre[1:].tolist(),
+                "ink",
                 points=True,
                 reach=reach[1:].tolist(),
                 reach_x=reach[:1].tolist(),
@@ -142,18 +142,18 @@ def _view(drawn: CentreOfGravity, across: int, up: int) -> Panel:
     for k, tip in ((across, (length, 0.0)), (up, (0.0, length))):
         lines.append(
             Line(
-                label=f"{AXES[k]} axis",
-                x=(0.0, tip[0]),
-                y=(0.0, tip[1]),
-                stroke=_COLOURS[k],
+                f"{AXES[k]} axis",
+                (0.0, tip[0]),
+                (0.0, tip[1]),
+                _COLOURS[k],
                 width=3.0,
                 is_named=False,
             )
         )
-        marks.append(Mark(x=tip[0], y=tip[1], text=AXES[k], colour=_COLOURS[k]))
+        marks.append(Mark(tip[0], tip[1], AXES[k], colour=_COLOURS[k]))
     return Panel(
-        x=Axis(label=f"{AXES[across]} of the flange", unit="mm"),
-        y=Axis(label=f"{AXES[up]} of the flange", unit="mm"),
+        x=Axis(f"{AXES[across]} of the flange", "mm"),
+        y=Axis(f"{AXES[up]} of the flange", "mm"),
         lines=tuple(lines),
         marks=tuple(marks),
         height_px=320,

@@ -45,13 +45,11 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
     residual = [one - other for one, other in zip(axis.measured, axis.predicted, strict=True)]
     counted = [abs(value) for value, counts in zip(residual, axis.counted, strict=True) if counts]
     reach = RESIDUAL_REACH * max(counted, default=0.0) or None
-    time, is_first = Axis(label="time", unit="s"), axis is curves.axes[0]
+    time, is_first = Axis("time", "s"), axis is curves.axes[0]
 
     def line(label: str, values: Gapped, stroke: Colour, width: float) -> Line:
         named = label not in ("residual", "residual, not counted")
-        return Line(
-            label=label, x=curves.time_s, y=values, stroke=stroke, width=width, is_named=named
-        )
+        return Line(label, curves.time_s, values, stroke, width=width, is_named=named)
 
     def kept(values: Sequence[float], counts: int) -> Gapped:
         return tuple(
@@ -64,7 +62,7 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
         Panel(
             title=f"{axis.joint}: {axis.caption}",
             x=time,
-            y=Axis(label="torque", unit=axis.unit),
+            y=Axis("torque", axis.unit),
             lines=(
                 *(line("not counted", kept(axis.predicted, 0), "faint", WIDE_PX) for _ in pale),
                 line("predicted", kept(axis.predicted, 1), "orange", WIDE_PX),
@@ -75,12 +73,7 @@ def _torque_panels(curves: TorqueCurves, axis: TorqueCurve) -> tuple[Panel, Pane
         ),
         Panel(
             x=time,
-            y=Axis(
-                label="residual",
-                unit=axis.unit,
-                least=None if reach is None else -reach,
-                most=reach,
-            ),
+            y=Axis("residual", axis.unit, least=None if reach is None else -reach, most=reach),
             lines=(
                 *(line("residual, not counted", kept(residual, 0), "faint", THIN_PX) for _ in pale),
                 line("residual", kept(residual, 1), "red", THIN_PX),
@@ -100,30 +93,25 @@ def spectrum_plot(spectrum: SpectrumCurves) -> Plot:
     panels = [
         Panel(
             title=axis.joint,
-            x=Axis(label="frequency", unit="Hz"),
-            y=Axis(label="RMS torque", unit=axis.unit or "N m", log=True),
+            x=Axis("frequency", "Hz"),
+            y=Axis("RMS torque", axis.unit or "N m", log=True),
             lines=(
                 Line(
-                    label="torque",
-                    x=spectrum.frequency_hz,
-                    y=_positive(axis.measured_nm),
-                    stroke="faint",
+                    "torque",
+                    spectrum.frequency_hz,
+                    _positive(axis.measured_nm),
+                    "faint",
                     points=True,
                     marker="square",
                 ),
                 Line(
-                    label="residual",
-                    x=spectrum.frequency_hz,
-                    y=_positive(axis.residual_nm),
-                    stroke="red",
+                    "residual",
+                    spectrum.frequency_hz,
+                    _positive(axis.residual_nm),
+                    "red",
                     points=True,
                 ),
-                Line(
-                    label="noise",
-                    x=spectrum.frequency_hz,
-                    y=_positive(axis.noise_nm),
-                    stroke="blue",
-                ),
+                Line("noise", spectrum.frequency_hz, _positive(axis.noise_nm), "blue"),
             ),
             zooms_with_previous=axis is not spectrum.axes[0],
         )

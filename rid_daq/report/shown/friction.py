@@ -48,18 +48,9 @@ def friction_plot(section: FrictionSection) -> Plot:
 def _panel(joint: JointFriction) -> Panel:
     curve, drawn = joint.curve, joint.lines
     reach = tuple(2.0 * std for std in curve.odd_std)
-    lines = [
-        Line(
-            label="measured ± 2σ",
-            x=curve.speed,
-            y=curve.odd,
-            reach=reach,
-            stroke="ink",
-            points=True,
-        )
-    ]
+    lines = [Line("measured ± 2σ", curve.speed, curve.odd, "ink", reach=reach, points=True)]
     for (name, torque), (colour, dash) in zip(drawn.torque.items(), STROKES, strict=False):
-        lines.append(Line(label=name, x=drawn.speed, y=torque, stroke=colour, dash=dash))
+        lines.append(Line(name, drawn.speed, torque, colour, dash=dash))
     if curve.forward is not None and curve.backward is not None:
         opposite = tuple(-value for value in curve.backward)
         ways: tuple[tuple[str, tuple[float, ...], Marker], ...] = (
@@ -67,13 +58,11 @@ def _panel(joint: JointFriction) -> Panel:
             ("backwards", opposite, "inverted_triangle"),
         )
         for way, values, marker in ways:
-            lines.append(
-                Line(label=way, x=curve.speed, y=values, stroke="soft", points=True, marker=marker)
-            )
+            lines.append(Line(way, curve.speed, values, "soft", points=True, marker=marker))
     return Panel(
         title=joint.joint,
-        x=Axis(label="speed", unit=f"{joint.unit}/s"),
-        y=Axis(label="friction", unit=joint.torque_unit),
+        x=Axis("speed", f"{joint.unit}/s"),
+        y=Axis("friction", joint.torque_unit),
         lines=tuple(lines),
         height_px=280,
     )

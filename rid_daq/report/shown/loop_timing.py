@@ -34,17 +34,12 @@ def lateness_plot(timing: LoopTiming) -> Plot:
     """
     names = bin_names(timing.edges_us)
     panel = Panel(
-        x=Axis(label="lateness of the cycle", unit="µs"),
+        x=Axis("lateness of the cycle", "µs"),
         y=Axis(
-            label="cycles",
-            unit="1",
-            log=any(timing.counts),
-            least=LEAST,
-            most=4.0 * max(1.0, *timing.counts),
+            "cycles", "1", log=any(timing.counts), least=LEAST, most=4.0 * max(1.0, *timing.counts)
         ),
         bars=tuple(
-            Bar(name=name, value=float(count))
-            for name, count in zip(names, timing.counts, strict=True)
+            Bar(name, float(count)) for name, count in zip(names, timing.counts, strict=True)
         ),
     )
     return Plot(name="lateness", panels=(panel,))

@@ -103,8 +103,8 @@ def way_plot(way: RetimedWay, joints: Sequence[str]) -> Plot:
 
 def _progress(way: RetimedWay) -> Panel:
     return Panel(
-        x=Axis(label="time", unit="s"),
-        y=Axis(label="of the path", unit="%", least=0.0, most=102.0),
+        x=Axis("time", "s"),
+        y=Axis("of the path", "%", least=0.0, most=102.0),
         lines=(
             _done("original", way.original_s, way.original_done, "soft", "dashed"),
             _done("timed", way.time_s, way.done, "ink", "solid"),
@@ -115,21 +115,16 @@ def _progress(way: RetimedWay) -> Panel:
 
 def _done(word: str, time_s: Numbers, done: Numbers, stroke: Colour, dash: Dash) -> Line:
     percent = tuple(100.0 * share for share in done)
-    return Line(label=f"{word}, {time_s[-1]:.4g} s", x=time_s, y=percent, stroke=stroke, dash=dash)
+    return Line(f"{word}, {time_s[-1]:.4g} s", time_s, percent, stroke, dash=dash)
 
 
 def _plane(way: RetimedWay) -> Panel:
     return Panel(
-        x=Axis(label="length of the path, as time at the speed limits", unit="s"),
-        y=Axis(
-            label="speed, as a share of them",
-            unit="1",
-            least=0.0,
-            most=LIMIT_REACH * max(way.speed),
-        ),
+        x=Axis("length of the path, as time at the speed limits", "s"),
+        y=Axis("speed, as a share of them", "1", least=0.0, most=LIMIT_REACH * max(way.speed)),
         lines=(
-            Line(label="limit curve", x=way.place, y=way.limit, stroke="red"),
-            Line(label="speed of the path", x=way.place, y=way.speed, stroke="ink"),
+            Line("limit curve", way.place, way.limit, "red"),
+            Line("speed of the path", way.place, way.speed, "ink"),
         ),
     )
 
@@ -138,22 +133,22 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
     lines = []
     for j, (joint, share, margin) in enumerate(zip(joints, way.torques, way.margins, strict=True)):
         dash: Dash | None = None if way.measured is None else "solid"
-        lines.append(Line(label=joint, x=way.time_s, y=share, stroke=j, dash=dash, reach=margin))
+        lines.append(Line(joint, way.time_s, share, j, dash=dash, reach=margin))
         if way.measured is not None:
             lines.append(
                 Line(
-                    label=f"{joint} as measured",
-                    x=way.time_s,
-                    y=way.measured[j],
-                    stroke=j,
+                    f"{joint} as measured",
+                    way.time_s,
+                    way.measured[j],
+                    j,
                     dash="dotted",
                     width=1.0,
                     is_named=False,
                 )
             )
     return Panel(
-        x=Axis(label="time", unit="s"),
-        y=Axis(label="torque over its limit", unit="1", least=-1.1, most=1.1),
+        x=Axis("time", "s"),
+        y=Axis("torque over its limit", "1", least=-1.1, most=1.1),
         lines=tuple(lines),
         limits=(-1.0, 1.0),
     )
@@ -161,13 +156,13 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
 
 def _limits(way: RetimedWay) -> Panel:
     return Panel(
-        x=Axis(label="time", unit="s"),
-        y=Axis(label="limits reached", unit="1"),
+        x=Axis("time", "s"),
+        y=Axis("limits reached", "1"),
         spans=tuple(
             Span(
-                name=part.limit,
-                begin=part.begin_s,
-                end=part.end_s,
+                part.limit,
+                part.begin_s,
+                part.end_s,
                 colour="faint" if part.limit == CHANGES else "blue",
             )
             for part in way.reached

@@ -73,10 +73,10 @@ def stop_plot(curve: StopCurve) -> Plot:
     )
     panel = Panel(
         title=f"{curve.joint}: {curve.quantity}",
-        x=Axis(label="time before the stop", unit="s"),
-        y=Axis(label=curve.quantity, unit=curve.unit),
+        x=Axis("time before the stop", "s"),
+        y=Axis(curve.quantity, curve.unit),
         lines=tuple(
-            Line(label=label, x=curve.time_s, y=values, stroke=stroke, dash=dash)
+            Line(label, curve.time_s, values, stroke, dash=dash)
             for label, values, stroke, dash in lines
         ),
         height_px=280,

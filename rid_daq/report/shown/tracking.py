@@ -148,19 +148,13 @@ def _path(driven: Mapping[str, PathCurves]) -> Panel:
         for word, each in driven.items()
     }
     lines = [
-        Line(
-            label="wanted",
-            x=wanted[across].tolist(),
-            y=wanted[up].tolist(),
-            stroke="faint",
-            width=3.2,
-        ),
+        Line("wanted", wanted[across].tolist(), wanted[up].tolist(), "faint", width=3.2),
         *(_line(word, path[0].tolist(), path[1].tolist()) for word, path in paths.items()),
     ]
     bar, mark = _scale_bar(np.hstack([wanted[pair], *paths.values()]), extent, times)
     return Panel(
-        x=Axis(label=AXES[across], unit="m"),
-        y=Axis(label=AXES[up], unit="m"),
+        x=Axis(AXES[across], "m"),
+        y=Axis(AXES[up], "m"),
         lines=(*lines, *bar),
         marks=mark,
         height_px=400,
@@ -181,21 +175,19 @@ def _scale_bar(
     left, low = float(points[0].min()), float(points[1].min()) - 0.09 * extent_m
     right = left + times * length
     size = f"{1e3 * length:g} mm" if length >= 1e-3 else f"{1e6 * length:g} µm"
-    bar = Line(
-        label="scale", x=(left, right), y=(low, low), stroke="ink", width=2.6, is_named=False
-    )
-    return (bar,), (Mark(x=right, y=low, text=f"{size} of deviation"),)
+    bar = Line("scale", (left, right), (low, low), "ink", width=2.6, is_named=False)
+    return (bar,), (Mark(right, low, f"{size} of deviation"),)
 
 
 def _line(word: str, x: Sequence[float], y: Sequence[float]) -> Line:
     colour, dash = _LOOKS[word]
-    return Line(label=word, x=tuple(x), y=tuple(y), stroke=colour, dash=dash, width=1.5)
+    return Line(word, tuple(x), tuple(y), colour, dash=dash, width=1.5)
 
 
 def _distance(driven: Mapping[str, PathCurves]) -> Panel:
     return Panel(
-        x=Axis(label="time", unit="s"),
-        y=Axis(label="distance", unit="mm", log=True),
+        x=Axis("time", "s"),
+        y=Axis("distance", "mm", log=True),
         lines=tuple(
             _line(word, each.time_s, [max(1e3 * value, LEAST_MM) for value in each.distance_m])
             for word, each in driven.items()
@@ -206,8 +198,8 @@ def _distance(driven: Mapping[str, PathCurves]) -> Panel:
 
 def _deviation(driven: Mapping[str, PathCurves], axis: int) -> Panel:
     return Panel(
-        x=Axis(label="time", unit="s"),
-        y=Axis(label="path error", unit="mm"),
+        x=Axis("time", "s"),
+        y=Axis("path error", "mm"),
         lines=tuple(
             _line(word, each.time_s, [1e3 * value for value in each.deviation_m[axis]])
             for word, each in driven.items()
@@ -219,8 +211,8 @@ def _deviation(driven: Mapping[str, PathCurves], axis: int) -> Panel:
 
 def _joint_error(driven: Mapping[str, PathCurves], k: int, joint: JointUnit) -> Panel:
     return Panel(
-        x=Axis(label="time", unit="s"),
-        y=Axis(label="joint error", unit=f"m{joint.unit}"),
+        x=Axis("time", "s"),
+        y=Axis("joint error", f"m{joint.unit}"),
         lines=tuple(
             _line(word, each.time_s, [1e3 * value for value in each.joint[k]])
             for word, each in driven.items()

@@ -48,18 +48,18 @@ def _panel(case: TruthCase) -> Panel:
         if own:
             lines.append(
                 Line(
-                    label=label,
-                    x=tuple(float(i) for i, _ in own),
-                    y=tuple(value for _, value in own),
-                    stroke=colour,
+                    label,
+                    tuple(float(i) for i, _ in own),
+                    tuple(value for _, value in own),
+                    colour,
                     points=True,
                     marker=marker,
                 )
             )
     return Panel(
         title=case.title,
-        x=Axis(label="parameter number", unit="1"),
-        y=Axis(label="(estimate - truth) / σ", unit="1", least=-reach, most=reach),
+        x=Axis("parameter number", "1"),
+        y=Axis("(estimate - truth) / σ", "1", least=-reach, most=reach),
         lines=tuple(lines),
         limits=(-INSIDE, INSIDE),
     )
