@@ -91,7 +91,7 @@ def test_what_the_schema_takes_is_a_request_of_the_command(
 def test_what_a_command_refuses_as_implausible_a_service_refuses_too(
     kind: JobKind, told: dict[str, Any], key: str, value: str, tmp_path: Path
 ) -> None:
-    with raises_code(ConfigError, "RID-REQ-RANGE", key, value):
+    with raises_code(ConfigError, "RID-OPTION-RANGE", key, value):
         checked_and_read(kind, told, tmp_path)
 
 
