@@ -1,1 +1,1 @@
-"""Bytes and buses: transport, CANopen, CiA 402 drives; `open_cell`."""
+"""Device communication: transport, CANopen, CiA 402 drives; `open_cell`."""

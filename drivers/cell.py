@@ -1,4 +1,4 @@
-"""`Cell`: the opened devices. Leaving its `with` stops and disables, whatever happened."""
+"""`Cell`: the opened devices. Leaving its `with` block always stops and disables the drives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Cell:
         config: The cell file.
         axes: The robot's drives.
         link: Their bus.
-        clock: The time that every deadline of this cell is in.
+        clock: Clock of all deadlines of this cell.
     """
 
     def __init__(
@@ -43,10 +43,10 @@ class Cell:
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
-        """Quick stop, disable voltage, NMT pre-operational, close the bus: each one in any case.
+        """Quick stop, disable voltage, NMT pre-operational, close the bus; each step always runs.
 
-        What goes wrong on the way is added as a note to the error that is under way; it is raised
-        only when there is none.
+        A failure of a step is added as a note to the current error; without a current error, the
+        first failure is raised.
         """
         troubles: list[RidDaqError] = []
         with ExitStack() as leaving:
@@ -63,7 +63,8 @@ class Cell:
     def _halt(self) -> None:
         if not self.axes.halt():
             raise DeviceFaultError(
-                "an axis was not seen at rest in time after the quick stop; use the emergency stop",
+                "an axis did not reach standstill in time after the quick stop; use the emergency"
+                " stop",
                 code="RID-DRIVE-NOT-STOPPED",
             )
 
@@ -71,8 +72,8 @@ class Cell:
         unconfirmed = self.axes.disable()
         if unconfirmed:
             raise DeviceFaultError(
-                f"without confirmation that power is off: {', '.join(unconfirmed)}; make sure of it"
-                " before entering the cell",
+                f"power off is not confirmed: {', '.join(unconfirmed)}; make sure that the power is"
+                " off before you enter the cell",
                 code="RID-DRIVE-NOT-STOPPED",
             )
 
@@ -88,7 +89,7 @@ def open_cell(
 
     Args:
         cell, robot: The cell and its robot.
-        write_log: Where what is written to the drives is kept, with what was there.
+        write_log: Log of the values that are written to the drives, and of the previous ones.
         stopped: Whether a stop was ordered; see `CanServoAxes`.
 
     Raises:
@@ -104,7 +105,7 @@ def open_cell(
 
 
 def _attempt(action: Callable[[], None], troubles: list[RidDaqError]) -> None:
-    """Do one step of leaving; keep what goes wrong, so that the next step is done too."""
+    """Run one step of leaving the cell; store its error, so that the next step also runs."""
     try:
         action()
     except RidDaqError as error:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 
 def printable(text: bytes | str, limit: int = 64) -> str:
-    r"""Return `text` with everything but printable characters escaped, cut to `limit` characters.
+    r"""Return `text` with non-printable characters escaped, cut to `limit` characters.
 
     Args:
-        text: What the device sent; bytes are read as Latin-1, so that every byte has a character.
-        limit: Most characters of `text` that are kept before escaping.
+        text: Text from the device; bytes are read as Latin-1, so that every byte has a character.
+        limit: Largest number of characters of `text` that are kept before escaping.
 
     Example:
         >>> printable(b"servo\x1b[2J")

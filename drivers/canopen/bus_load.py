@@ -1,4 +1,4 @@
-"""How long a frame takes on the wire, bit by bit, and how full a bus becomes (ISO 11898-1).
+"""Length of a frame on the wire, bit by bit, and load of a bus (ISO 11898-1).
 
 A stuff bit follows every five equal bits from the start of frame to the end of the CRC; then come
 13 bits that are never stuffed: CRC delimiter, acknowledge slot and delimiter, end of frame and the
@@ -33,7 +33,7 @@ def frame_bits(frame: Frame) -> int:
 
 
 def worst_bits(data_bytes: int) -> int:
-    """Return the length of the longest frame with so many data bytes [bit]."""
+    """Return the length of the longest frame with this number of data bytes [bit]."""
     stuffed = _HEADER_BITS + 8 * data_bytes + _CRC_BITS
     return stuffed + (stuffed - 1) // 4 + _UNSTUFFED_BITS
 
@@ -59,11 +59,12 @@ def cyclic_load(
     guarded: int = 0,
     worst: bool = False,
 ) -> float:
-    """Return the share of a bus that the cyclic exchange takes; 1.0 is a full bus.
+    """Return the load of a bus by the cyclic exchange; 1.0 is a full bus.
 
-    A cycle is SYNC and, for every axis, an RPDO and a TPDO of `frame_bytes`; the heartbeats of the
-    master and of every drive, and a statusword every `status_s`, come on top. So many `guarded`
-    drives send no heartbeat: with each of the master's they are asked for their state, and answer.
+    A cycle is SYNC and, for every axis, an RPDO and a TPDO of `frame_bytes`. The heartbeats of the
+    master and of every drive, and a statusword every `status_s`, are added. `guarded` is the number
+    of drives with life guarding: they send no heartbeat, but answer a request that is sent with
+    each heartbeat of the master.
     """
     bits = worst_bits if worst else typical_bits
     command, answer = frame_bytes
@@ -87,7 +88,7 @@ _CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
 
 @lru_cache(maxsize=4096)
 def _stuff_byte(bit: int, run: int, byte: int) -> tuple[int, int, int]:
-    """Return (last bit, its run, stuff bits) after a byte that follows `run` bits of `bit`."""
+    """Return (last bit, its run length, stuff bits) after a byte that follows `run` bits `bit`."""
     added = 0
     for position in range(7, -1, -1):
         bit_now = byte >> position & 1
@@ -100,7 +101,7 @@ def _stuff_byte(bit: int, run: int, byte: int) -> tuple[int, int, int]:
 
 
 def _stuff_bits(bits: int, length: int) -> int:
-    """Return how many stuff bits a row of `length` bits takes: whole bytes after its first two."""
+    """Return the number of stuff bits of `length` bits, which are two bits and whole bytes."""
     first, second = bits >> (length - 1) & 1, bits >> (length - 2) & 1
     bit, run, stuffed = second, 2 if first == second else 1, 0
     for byte in (bits & (1 << length - 2) - 1).to_bytes((length - 2) // 8, "big"):

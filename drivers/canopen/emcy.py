@@ -65,7 +65,7 @@ _CLASSES = {
 
 
 class Emergency(NamedTuple):
-    """An emergency message: error code, error register 1001h, five bytes of the manufacturer's."""
+    """Emergency message: error code, error register 1001h, five manufacturer-specific bytes."""
 
     code: int
     register: int
@@ -78,16 +78,16 @@ class Emergency(NamedTuple):
 
 
 def code_text(code: int) -> str:
-    """Return an error code in words, by its class when the code itself is not known."""
+    """Return an error code in words; for an unknown code, the text of its class."""
     known = _CODES.get(code) or _CLASSES.get(code >> 8) or _CLASSES.get(code >> 12 << 4)
     return known or "unknown error"
 
 
 def emcy_frame(node_id: int, emergency: Emergency) -> Frame:
-    """Return the message of a node."""
+    """Return the emergency message of a node."""
     return Frame(emcy_cob_id(node_id), _EMCY.pack(*emergency))
 
 
 def parse_emcy(data: bytes) -> Emergency:
-    """Return what an emergency message's bytes say; a short one is read as far as it goes."""
+    """Return the content of an emergency message; missing bytes of a short one count as zero."""
     return Emergency(*_EMCY.unpack(bytes(data[:8]).ljust(8, b"\0")))

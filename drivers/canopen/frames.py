@@ -11,21 +11,22 @@ EMCY_BASE = 0x080
 SDO_ANSWER_BASE = 0x580
 SDO_REQUEST_BASE = 0x600
 HEARTBEAT_BASE = 0x700
-REMOTE_FLAG = 0x4000_0000  # as SocketCAN has it
+REMOTE_FLAG = 0x4000_0000  # as in SocketCAN
 LSS_MASTER_COB_ID = 0x7E5  # CiA 305
 
 
 class Frame(NamedTuple):
     """A classic CAN frame with an 11-bit identifier: identifier and up to 8 bytes.
 
-    With `REMOTE_FLAG` in its identifier it asks for as many bytes as it has, and carries none.
+    With `REMOTE_FLAG` in its identifier it is a remote frame: it requests as many bytes as `data`
+    has, and carries none.
     """
 
     cob_id: int
     data: bytes
 
     def __str__(self) -> str:
-        """Return the frame as candump writes it: ``181#3706000000000000``."""
+        """Return the frame in candump's notation: ``181#3706000000000000``."""
         return f"{self.cob_id:03X}#{self.data.hex().upper()}"
 
 

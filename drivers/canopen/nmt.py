@@ -1,4 +1,4 @@
-"""NMT: the states of a CANopen node and the commands that move it (CiA 301, 7.2.8 and 7.3.2)."""
+"""NMT: the states of a CANopen node and its state commands (CiA 301, 7.2.8 and 7.3.2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ALL_NODES = 0
 
 
 class NmtState(IntEnum):
-    """States by the number that boot-up and heartbeat messages carry."""
+    """States by their number in boot-up and heartbeat messages."""
 
     INITIALISING = 0x00
     STOPPED = 0x04
@@ -38,7 +38,7 @@ _AFTER = {
 
 
 def nmt_frame(command: NmtCommand, node_id: int = ALL_NODES) -> Frame:
-    """Return the master's command to one node, or to all with node id 0."""
+    """Return the master's command to one node; node id 0 means all nodes."""
     return Frame(NMT_COB_ID, bytes((command, node_id)))
 
 
@@ -56,7 +56,7 @@ def parse_nmt(frame: Frame, node_id: int) -> NmtCommand | None:
 
 
 def next_nmt_state(state: NmtState, command: NmtCommand) -> NmtState:
-    """Return the state after a command; a node that initialises takes none (CiA 301, fig. 52)."""
+    """Return the state after a command; an initialising node ignores it (CiA 301, fig. 52)."""
     return state if state is NmtState.INITIALISING else _AFTER[command]
 
 

@@ -1,7 +1,7 @@
 """PDO configuration: mapping entries, and the order in which a mapping must be written.
 
 CiA 301, 7.5.2.33 to 7.5.2.38: a PDO is switched off, its mapping emptied, its entries written, its
-mapping switched on, its transmission type set, and only then is it made valid again.
+mapping switched on, its transmission type set; only then is it made valid again.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ class ObjectWrite:
 
 @dataclass(frozen=True)
 class PdoMapping:
-    """One PDO as it is to be configured.
+    """Configuration of one PDO.
 
     Attributes:
         direction: ``"rpdo"`` (the device receives) or ``"tpdo"`` (the device transmits).
         number: 1 for the first PDO, whose records are 1400h/1600h or 1800h/1A00h.
         cob_id: Identifier of its frame.
-        objects: What it carries, in order.
+        objects: The mapped objects, in order.
         transmission_type: 1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
-        event_timer_ms: Of an event-driven TPDO: how often it is sent even without a change; 0 for
-            never.
-        fixed: Whether its objects are the device's choice, and only read back.
+        event_timer_ms: Period at which an event-driven TPDO is sent even without a change; 0 for
+            none.
+        fixed: Whether the device defines its objects, so that they are only read back.
     """
 
     direction: Literal["rpdo", "tpdo"]
@@ -78,7 +78,7 @@ class PdoMapping:
     def __post_init__(self) -> None:
         if not 1 <= self.number <= 512:
             raise ProtocolError(
-                f"PDO number {self.number} is not 1 to 512", code="RID-DRIVE-DATA-SIZE"
+                f"PDO number {self.number} is outside 1 to 512", code="RID-DRIVE-DATA-SIZE"
             )
         if self.bits > 64 or any(item.bits % 8 for item in self.objects):
             raise ProtocolError(
@@ -106,11 +106,11 @@ class PdoMapping:
 
     @property
     def valid_cob_id(self) -> int:
-        """The U32 of sub-index 1 of a PDO in use; a TPDO is not to be requested by remote frame."""
+        """The U32 of sub-index 1 of a valid PDO; a TPDO must not be requested by remote frame."""
         return self.cob_id | (NO_RTR if self.direction == "tpdo" else 0)
 
     def writes(self) -> Iterator[ObjectWrite]:
-        """Yield the SDO writes that configure this PDO, in the order that CiA 301 asks for."""
+        """Yield the SDO writes that configure this PDO, in the order that CiA 301 requires."""
         if not self.fixed:
             yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id | INVALID))
             yield ObjectWrite(self.mapping_index, 0, b"\0")
@@ -125,7 +125,7 @@ class PdoMapping:
         yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id))
 
     def read_back(self) -> Iterator[ObjectWrite]:
-        """Yield what these objects must hold afterwards (bit 30 of the identifier may differ)."""
+        """Yield the expected values after `writes` (bit 30 of the identifier may differ)."""
         yield ObjectWrite(self.mapping_index, 0, bytes((len(self.objects),)))
         for position, item in enumerate(self.objects, start=1):
             yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
@@ -138,12 +138,12 @@ class PdoMapping:
 
 
 def is_valid(cob_id_entry: int) -> bool:
-    """Return whether a communication record's sub-index 1 says that the PDO is in use."""
+    """Return whether a communication record's sub-index 1 marks the PDO as valid."""
     return not cob_id_entry & INVALID
 
 
 def split(objects: tuple[MappedObject, ...], data: bytes) -> list[bytes]:
-    """Cut a PDO's bytes into those of its objects.
+    """Split a PDO's bytes by its objects.
 
     Raises:
         ProtocolError: The frame is shorter than the mapping. A longer one is cut, as CiA 301,
@@ -152,7 +152,7 @@ def split(objects: tuple[MappedObject, ...], data: bytes) -> list[bytes]:
     needed = sum(item.bits for item in objects) // 8
     if len(data) < needed:
         raise ProtocolError(
-            f"a PDO of {len(data)} bytes arrived where {needed} are mapped",
+            f"a PDO has {len(data)} bytes, but {needed} are mapped",
             code="RID-DRIVE-DATA-SIZE",
         )
     parts, start = [], 0

@@ -1,4 +1,4 @@
-"""What SDO client and server share: command bytes, abort codes, `SdoAbort` (CiA 301, 7.2.4)."""
+"""Common parts of SDO client and server: commands, abort codes, `SdoAbort` (CiA 301, 7.2.4)."""
 
 from __future__ import annotations
 
@@ -80,17 +80,17 @@ def abort_text(code: int) -> str:
         return f"vendor abort code {code:08X}h"
 
 
-class SdoAbort(ProtocolError):  # noqa: N818 - CiA 301 calls it so
+class SdoAbort(ProtocolError):  # noqa: N818 - the term of CiA 301
     """An SDO transfer was aborted by one of its ends.
 
     Attributes:
-        code: Abort code; one of `SdoCode`, or what the device sent.
-        index, subindex: The object; an object dictionary's callback may leave them out, the server
-            knows them.
+        code: Abort code; one of `SdoCode`, or a code of the device.
+        index, subindex: The object; a callback of an object dictionary may leave them out, because
+            the server knows them.
     """
 
     def __init__(self, code: int, index: int = 0, subindex: int = 0, where: str = "") -> None:
-        """Take the abort code, the object and words on where ("node 3, write")."""
+        """Build the text from the abort code, the object and a place ("node 3, write")."""
         self.code = code
         self.index = index
         self.subindex = subindex
@@ -112,7 +112,7 @@ def abort_frame(cob_id: int, index: int, subindex: int, code: int) -> Frame:
 
 
 def segment_data(data: bytes) -> bytes:
-    """Return the bytes that a segment message carries, after its command byte's count."""
+    """Return the bytes in a segment message, as counted by its command byte."""
     return data[1 : 8 - (data[0] >> 1 & 0x07)]
 
 

@@ -19,17 +19,16 @@ from drivers.canopen.sdo import (
 
 
 class SdoClient:
-    """One transfer at a time with one node; knows neither bus nor clock.
+    """One transfer at a time with one node; it uses neither a bus nor a clock itself.
 
-    Send what `upload` or `download` returns, give every frame of the bus to `handle` and send what
-    that returns, call `check` when `deadline_s` has passed, and ask for `result` once `done`.
+    Send the result of `upload` or `download`. Pass every frame of the bus to `handle` and send its
+    result. Call `check` after `deadline_s`, and read `result` when `done` is True.
 
-    An answer about another object than the one asked for is a late one of a transfer that was given
-    up: it is left alone, never taken for the answer.
+    An answer about another object is a late answer of an abandoned transfer and is ignored.
 
     Attributes:
-        done: Whether the transfer has ended, well or not.
-        deadline_s: When the wait for the next answer ends [s].
+        done: Whether the transfer has ended, successfully or not.
+        deadline_s: End of the wait for the next answer [s].
     """
 
     def __init__(self, node_id: int, timeout_s: float = 0.5) -> None:
@@ -65,7 +64,7 @@ class SdoClient:
         return Frame(self._request_cob_id, MULTIPLEXER.pack(command, index, subindex, payload))
 
     def handle(self, frame: Frame, now_s: float) -> Frame | None:
-        """Take a frame of the bus; return what is to be sent next, if anything."""
+        """Process a frame of the bus; return the next frame to send, if any."""
         if self.done or frame.cob_id != self._answer_cob_id or len(frame.data) != 8:
             return None
         if self._initiating and not self._concerns_this_object(frame.data):
@@ -91,7 +90,7 @@ class SdoClient:
         return self._next_segment()
 
     def check(self, now_s: float) -> Frame | None:
-        """End the transfer when its deadline has passed; return the abort message to send."""
+        """Abort the transfer if its deadline has passed; return the abort message to send."""
         if self.done or now_s < self.deadline_s:
             return None
         self._end(
@@ -105,7 +104,7 @@ class SdoClient:
         return self._abort_frame(SdoCode.TIMED_OUT)
 
     def result(self) -> bytes:
-        """Return what was read (nothing for a write).
+        """Return the value that was read (empty for a write).
 
         Raises:
             SdoAbort: Either end aborted the transfer.
@@ -162,7 +161,7 @@ class SdoClient:
         return None
 
     def _next_segment(self) -> Frame | None:
-        """Send the next segment; the transfer ends when the answer to the last has come."""
+        """Send the next segment; the transfer ends with the answer to the last one."""
         first = self._sent == 0
         if self._sent >= len(self._data) and not (first and not self._data):
             self._end()

@@ -33,17 +33,17 @@ class _Transfer:
 
 
 class SdoServer:
-    """Answers a client's requests out of two functions; knows neither bus nor clock.
+    """Answers to a client's requests, by two callbacks; it uses neither a bus nor a clock itself.
+
+    Block transfers are refused with 0504 0001h, as CiA 301 requires of a server without them.
 
     Args:
         node_id: The device's node id.
-        read: ``read(index, subindex) -> bytes``; raises `SdoAbort` (the code alone is enough) to
-            refuse.
+        read: ``read(index, subindex) -> bytes``; raises `SdoAbort` (with the code only) to refuse.
         write: ``write(index, subindex, data)``, called once a whole value has arrived; may raise
             `SdoAbort`. A client that does not indicate the size of an expedited value delivers 4
             bytes.
-        timeout_s: A segmented transfer that stood still for longer is aborted at its next message.
-        Block transfers are refused with 0504 0001h, as CiA 301 asks of a server without them.:
+        timeout_s: A segmented transfer that paused for longer is aborted at its next message.
     """
 
     def __init__(
@@ -57,11 +57,11 @@ class SdoServer:
         self._transfer: _Transfer | None = None
 
     def reset(self) -> None:
-        """Forget a transfer under way, as NMT reset and stop do."""
+        """Discard the current transfer, as NMT reset and stop do."""
         self._transfer = None
 
     def handle(self, frame: Frame, now_s: float) -> list[Frame]:
-        """Return the answers to a frame: none when it is not a request to this server."""
+        """Return the answers to a frame; empty if it is not a request to this server."""
         if frame.cob_id != self._request_cob_id or len(frame.data) != 8:
             return []
         command = frame.data[0]

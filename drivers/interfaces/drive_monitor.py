@@ -1,8 +1,8 @@
-"""`DriveMonitor`: the drives' parameters and temperatures, asked beside the cyclic exchange.
+"""`DriveMonitor`: the drives' parameters and temperatures, read in parallel to the cyclic exchange.
 
-To add a monitor, write a class with the methods of `DriveMonitor`. It runs in a process of its own,
-where a wait harms nobody: a drive that does not answer is NaN and a sentence in `problems`; only a
-line that is gone raises `config.errors.DriverError`. `drivers.modbus.drive_monitor` has one.
+To add a monitor, write a class with the methods of `DriveMonitor`. It runs in its own process, in
+which waiting does no harm. A drive that does not answer gives NaN and a sentence in `problems`;
+only a lost line raises `config.errors.DriverError`. An example is `drivers.modbus.drive_monitor`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class MotorData:
-    """What a drive says of its motor; NaN for what it does not say.
+    """A drive's data of its motor; NaN for unknown values.
 
     Attributes:
-        torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k: Of the motor,
-            before its gear: at the reference temperature, its relative change per kelvin, and that
-            temperature.
-        rated_torque_nm, rated_current_a, rotor_inertia_kg_m2: Of the motor.
+        torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k: Values of the
+            motor, before its gear: at the reference temperature, the relative change per kelvin,
+            and that temperature.
+        rated_torque_nm, rated_current_a, rotor_inertia_kg_m2: Values of the motor.
     """
 
     torque_constant_nm_per_a: float
@@ -36,12 +36,12 @@ class MotorData:
 
 @dataclass(frozen=True, slots=True)
 class MonitorReading:
-    """What the drives said in one round.
+    """The drives' answers of one round.
 
     Attributes:
-        temperature_k, operating_time_s: Shape (n,). Of each joint's motor [K], and since its drive
-            was switched on [s]; NaN where it did not answer, or has no such register.
-        problems: Why a drive did not answer, one sentence each.
+        temperature_k, operating_time_s: Shape (n,). Temperature of each joint's motor [K], and time
+            since its drive was switched on [s]; NaN if it did not answer or lacks the register.
+        problems: Reasons of missing answers, one sentence each.
     """
 
     temperature_k: NDArray[np.float64]
@@ -50,18 +50,18 @@ class MonitorReading:
 
 
 class DriveMonitor(Protocol):
-    """A way to the drives' parameters and temperatures beside the cyclic exchange.
+    """Reader of the drives' parameters and temperatures, in parallel to the cyclic exchange.
 
-    Every call asks every drive, base to flange, and waits a limited time.
+    Every call reads from every drive, base to flange, and waits a limited time.
     """
 
     @abstractmethod
     def motors(self) -> tuple[MotorData, ...]:
-        """Return what the drives say of their motors."""
+        """Return the drives' data of their motors."""
 
     @abstractmethod
     def read(self) -> MonitorReading:
-        """Return temperatures; a drive that does not answer does not keep the others' away."""
+        """Return temperatures; a drive that does not answer does not affect the others."""
 
     @abstractmethod
     def close(self) -> None:

@@ -1,9 +1,9 @@
 """`ForcePlate`: an eight-channel force plate with its charge amplifier.
 
-To add an amplifier, write a class with the methods of `ForcePlate`: settings are read back and told
-as `PlateSetting`, the stream is handed over in pieces as `PlateRead`. Anything that goes wrong on
-the line is a `config.errors.DriverError` (`TransportError` where the line is gone: the recorder
-then waits for it to come back). `drivers.amplifier.amplifier.SerialAmplifier` is one.
+To add an amplifier, write a class with the methods of `ForcePlate`: settings are read back as
+`PlateSetting`, the stream is returned in pieces as `PlateRead`. Any problem of the line is a
+`config.errors.DriverError` (`TransportError` if the line is lost: the recorder then waits for its
+return). An example is `drivers.amplifier.amplifier.SerialAmplifier`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class PlateSetting:
     """One setting of a force plate's amplifier as required and as read back.
 
     Attributes:
-        name: What it is, in words.
-        channel: 1 to 8; 0 for what belongs to all.
+        name: The setting's name, in words.
+        channel: 1 to 8; 0 for a setting of all channels.
         required, found: Values in words.
         verdict: ``"ok"`` or ``"red"``.
     """
@@ -36,16 +36,16 @@ class PlateSetting:
 
 @dataclass(frozen=True, slots=True)
 class PlateRead:
-    """What one read of a force plate's stream brought.
+    """Result of one read of a force plate's stream.
 
     Attributes:
         rows: `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
         events: `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
-        arrival_s: When each row was here, on the cell's clock [s], shape (rows,); rows that one
-            piece brought arrived together.
-        event_arrival_s: When each event was here, on the computer's monotonic clock [s], shape
+        arrival_s: Arrival of each row on the cell's clock [s], shape (rows,); rows of one piece
+            have the same arrival.
+        event_arrival_s: Arrival of each event on the computer's monotonic clock [s], shape
             (events,).
-        read_s: When the last piece was here, on the computer's monotonic clock [s].
+        read_s: Arrival of the last piece on the computer's monotonic clock [s].
     """
 
     rows: NDArray[Any]
@@ -64,19 +64,19 @@ class ForcePlate(Protocol):
 
     @abstractmethod
     def connect(self) -> str:
-        """End a stream that is under way; return who answers: maker, model, serial number."""
+        """End a stream that is running; return maker, model and serial number of the device."""
 
     @abstractmethod
     def settings(self) -> tuple[PlateSetting, ...]:
-        """Read every setting back; nothing is changed."""
+        """Read every setting back, without a change."""
 
     @abstractmethod
     def configure(self) -> bool:
-        """Change the settings that differ; return whether that lost the charges on the channels."""
+        """Change the settings that differ; return whether that discharged the channels."""
 
     @abstractmethod
     def operate(self) -> None:
-        """Measure: from now on the channels hold their charge. Zero is where it was at reset."""
+        """Start the measurement: the channels hold their charge. Zero is as at the last reset."""
 
     @abstractmethod
     def reset(self) -> None:
@@ -88,11 +88,11 @@ class ForcePlate(Protocol):
 
     @abstractmethod
     def take_overloads(self) -> tuple[bool, ...]:
-        """Return which channels were overloaded since the last call, and forget it."""
+        """Return which channels were overloaded since the last call, and clear these flags."""
 
     @abstractmethod
     def forces_n(self) -> NDArray[np.float64]:
-        """Return what the channels measure now [N], shape (8,)."""
+        """Return the present reading of the channels [N], shape (8,)."""
 
     @abstractmethod
     def start(self) -> None:
@@ -100,23 +100,23 @@ class ForcePlate(Protocol):
 
     @abstractmethod
     def gather(self, until_s: float) -> bool:
-        """Take in what has come, waiting for it until `until_s` [s, monotonic clock], for `read`.
+        """Store incoming data until `until_s` [s, monotonic clock], for `read`.
 
-        Return whether anything came.
+        Return whether data came.
         """
 
     @abstractmethod
     def read(self, until_s: float) -> PlateRead:
-        """Gather, and return all that was gathered since the last call."""
+        """Gather, and return all data since the last call."""
 
     @abstractmethod
     def mark(self) -> float:
-        """Ask for the device's time within the stream; return when [s, monotonic clock]."""
+        """Request the device's time within the stream; return when [s, monotonic clock]."""
 
     @abstractmethod
     def forget_overloads(self) -> None:
-        """Ask for the overloads within the stream, which forgets those that are over."""
+        """Request the overloads within the stream, which clears those that are over."""
 
     @abstractmethod
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
-        """End the stream; return what came until then."""
+        """End the stream; return the data until then."""

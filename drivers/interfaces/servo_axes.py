@@ -1,18 +1,20 @@
-"""`ServoAxes`: all axes of a robot as the cyclic task drives them, whatever the bus.
+"""`ServoAxes`: all axes of a robot as the cyclic task drives them, independent of the bus.
 
-To add drives on another bus, write a class with the members of `ServoAxes`. What it must do:
+To add drives on another bus, write a class with the members of `ServoAxes`. Requirements:
 
 - `bring_up` resets, configures and reads back every drive without power, and raises
-  `config.errors.PreflightError` where one is not as required; `settings` tells all, also then.
+  `config.errors.PreflightError` if one is not as required; `settings` returns all results even
+  then.
 - `exchange` is one cycle on the bus. It returns when all drives have answered, or after
   `answers_within_s`; a drive that did not answer keeps its last values and is not `received`.
 - `command` sends velocities only while every axis is enabled. Once one is not, or `quick_stop` was
-  called, it sends a quick stop instead and returns False, until `bring_up` has been run again:
-  nothing stale may move the robot when power returns.
+  called, it sends a quick stop instead and returns False, until `bring_up` has been run again: no
+  old command may move the robot when power returns.
 - `quick_stop`, `halt` and `disable` are tried for every axis before anything is raised.
-- What a device says of itself is never trusted: odd data becomes a `DriveEvent`, or no answer.
+- Data of a device are never trusted: implausible data become a `DriveEvent`, or no answer.
 
-`drivers.servo.axes.CanServoAxes` is one: CiA 402 drives on CANopen; `drivers.cell` opens it.
+An implementation is `drivers.servo.axes.CanServoAxes`, CiA 402 drives on CANopen; `drivers.cell`
+opens it.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from config.arrays import FloatArray
 
 
 class EventKind(IntEnum):
-    """What a drive, or the bus, made known by itself."""
+    """Kind of an event that a drive, or the bus, reported unasked."""
 
     EMERGENCY = 1
     EMERGENCY_CLEARED = 2
@@ -42,19 +44,18 @@ class EventKind(IntEnum):
 
     @property
     def is_fault(self) -> bool:
-        """Whether motion must not go on after it."""
+        """True if motion must not continue after it."""
         return self not in (EventKind.EMERGENCY_CLEARED, EventKind.UNEXPECTED_FRAME)
 
 
 @dataclass(frozen=True, slots=True)
 class DriveEvent:
-    """Something that happened outside the cyclic data.
+    """An event outside the cyclic data.
 
     Attributes:
-        kind: What it was.
-        joint: Name of the joint, empty where the event belongs to none.
-        time_s: When it was noticed, on the link's clock [s].
-        text: One sentence for people; what a device sent is escaped in it.
+        joint: Name of the joint, empty if the event concerns no joint.
+        time_s: Time at which it was noticed, on the link's clock [s].
+        text: One sentence for people; text from a device is escaped in it.
         code: Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
     """
 
@@ -70,15 +71,15 @@ class DriveSetting:
     """One object of a drive as required and as read back.
 
     Attributes:
-        joint, node_id: Which drive.
-        object_name: The object, as ``6007h:00``.
-        name: What it is, in words.
+        joint, node_id: The drive.
+        object_name: The object, such as ``6007h:00``.
+        name: The object's name, in words.
         required, found: Values in words; `required` is empty for an object that is only shown,
-            `found` says why when the object could not be read.
+            `found` is the reason if the object could not be read.
         verdict: ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names
             this drive in allow_drive_without_watchdog) or ``"shown"``.
-        next_action: What to do where it is red; empty where that follows from the object alone.
-        code: Stable name of the refusal if it is red; empty for settings without one of their own.
+        next_action: What to do if it is red; empty if that follows from the object alone.
+        code: Stable name of the refusal if it is red; empty for settings without their own code.
     """
 
     joint: str
@@ -94,24 +95,24 @@ class DriveSetting:
 
 @dataclass(eq=False, slots=True)
 class Answers:
-    """What the drives answered in the latest cycle; the arrays are made once and filled again.
+    """The drives' answers of the latest cycle; the arrays are allocated once and reused.
 
-    A drive that did not answer keeps its last values. With a coupled wrist `position` is the
-    joints' all the same; everything else is that of the joint's drive.
+    A drive that did not answer keeps its last values. With a coupled wrist `position` is still the
+    joints'; all other values are those of the joint's drive.
 
     Attributes:
-        received: Shape (joints,). Whose answer came in time, and was not contradicted.
+        received: Shape (joints,). Whether the answer came in time and was not contradicted.
         position: Shape (joints,). Of the joints [rad or m].
         torque_nm: Shape (joints,). Of the motors, at the link side of their gears [N m or N].
-        enabled, fault: Shape (joints,). Which drives said that they follow velocities, and which
-            that they are in fault.
+        enabled, fault: Shape (joints,). Whether the drive reports that it follows velocities, and
+            that it is in fault.
         position_counts: Shape (joints,). As received, for the record.
         torque_raw: Shape (joints,). As received, for the record.
-        statusword: Shape (joints,). As received, for the record and for people; what it means is
-            told by `enabled` and `fault`.
-        late_frames: How many answers have come after their cycle so far; they are not used.
-        second_answers: Shape (joints,). In how many cycles so far each drive's identifier answered
-            more than once.
+        statusword: Shape (joints,). As received, for the record and for people; `enabled` and
+            `fault` are its meaning.
+        late_frames: Number of answers so far that came after their cycle; they are not used.
+        second_answers: Shape (joints,). Number of cycles so far in which each drive's identifier
+            answered more than once.
     """
 
     received: NDArray[np.bool_]
@@ -127,7 +128,7 @@ class Answers:
 
     @classmethod
     def before_any(cls, joints: int) -> Answers:
-        """Return the arrays as they are before the first cycle: no answer, all zero."""
+        """Return the arrays before the first cycle: no answer, all zero."""
         return cls(
             received=np.zeros(joints, dtype=np.bool_),
             position=np.zeros(joints),
@@ -145,13 +146,13 @@ class ServoAxes(Protocol):
     """All axes of a robot, commanded together by velocity.
 
     In order: `bring_up`, `start`, `enable`; then, every cycle, `exchange`, `command`,
-    `send_heartbeat`; at the end `quick_stop` and `disable`. What takes long between `start` and
-    `enable` calls `keep_alive`.
+    `send_heartbeat`; at the end `quick_stop` and `disable`. Long operations between `start` and
+    `enable` must call `keep_alive`.
 
     Attributes:
         joint_names: Base to flange; the order of every array.
-        answers: What the drives answered last; `exchange` fills it.
-        answers_within_s: How long after the beginning of a cycle answers are waited for [s].
+        answers: The drives' last answers; `exchange` fills it.
+        answers_within_s: Time limit of the answers after the beginning of a cycle [s].
     """
 
     joint_names: tuple[str, ...]
@@ -164,7 +165,7 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def settings(self) -> tuple[DriveSetting, ...]:
-        """Return what the last `bring_up` required and found."""
+        """Return the required and actual settings of the last `bring_up`."""
 
     @abstractmethod
     def start(self) -> None:
@@ -172,7 +173,7 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def keep_alive(self, now_s: float) -> None:
-        """Between `start` and `enable`, let no drive miss this computer, during what takes long.
+        """Prevent a timeout of the drives between `start` and `enable`, during long operations.
 
         Args:
             now_s: The time [s].
@@ -180,11 +181,11 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def enable(self) -> float:
-        """Switch every drive on, at velocity 0; return when its last cycle began [s]."""
+        """Switch every drive on, at velocity 0; return the beginning of its last cycle [s]."""
 
     @abstractmethod
     def exchange(self) -> float:
-        """Begin a cycle, take the drives' answers into `answers`; return when it began [s]."""
+        """Run a cycle and fill `answers` with the drives' answers; return its beginning [s]."""
 
     @abstractmethod
     def command(self, velocity: FloatArray) -> bool:
@@ -194,7 +195,7 @@ class ServoAxes(Protocol):
             velocity: Shape (joints,). At the joints [rad/s or m/s].
 
         Returns:
-            False: not sent, the axes were stopped instead.
+            False: not sent; the axes were stopped instead.
         """
 
     @abstractmethod
@@ -203,11 +204,11 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def take_events(self) -> tuple[DriveEvent, ...]:
-        """Return what happened since the last call."""
+        """Return the events since the last call."""
 
     @abstractmethod
     def bus_notes(self) -> tuple[str, ...]:
-        """Return what a person should know of the bus, such as who else sends on it."""
+        """Return notes on the bus, such as other senders on it."""
 
     @abstractmethod
     def quick_stop(self) -> None:
@@ -219,4 +220,4 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def disable(self) -> tuple[str, ...]:
-        """Take the power away; return the joints that did not confirm it."""
+        """Switch the power off; return the joints that did not confirm it."""

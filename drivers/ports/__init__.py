@@ -1,4 +1,5 @@
-"""Clocks, and the only places that open a CAN bus or a serial line.
+"""Clocks, and the only modules that open a CAN bus or a serial line.
 
-Frames and bytes with deadlines; no protocol of a device. Begin with `can_link.py`.
+They transfer frames and bytes with deadlines; device protocols are elsewhere. Begin with
+`can_link.py`.
 """

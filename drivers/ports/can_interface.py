@@ -1,4 +1,4 @@
-"""`CanInterface`: what the kernel says of a SocketCAN interface: up or down, bit rate, restart."""
+"""`CanInterface`: state of a SocketCAN interface in the kernel: up or down, bit rate, restart."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-_PATIENCE_S: Final = 5.0
+_TIMEOUT_S: Final = 5.0
 
 
 @dataclass(frozen=True)
 class CanInterface:
-    """An interface as `ip -details link show` has it.
+    """An interface as reported by `ip -details link show`.
 
     Attributes:
         up: Whether it is switched on.
-        controller: State of its CAN controller, as ``"ERROR-ACTIVE"``; empty for one without a
+        controller: State of its CAN controller, such as ``"ERROR-ACTIVE"``; empty without a
             controller.
-        bitrate: Bit rate [bit/s]; None if its driver does not say (vcan, slcan).
-        restart_ms: After which time the controller leaves bus-off by itself [ms], 0 for never; None
-            if its driver does not say.
+        bitrate: Bit rate [bit/s]; None if its driver does not report it (vcan, slcan).
+        restart_ms: Time after which the controller leaves bus-off by itself [ms], 0 for never; None
+            if its driver does not report it.
     """
 
     up: bool
@@ -31,7 +31,7 @@ class CanInterface:
 
     @classmethod
     def parse(cls, answer: str) -> CanInterface | None:
-        """Return the interface in the JSON of ``ip -json``; None if it is not in there."""
+        """Return the interface in the JSON of ``ip -json``; None if it is missing."""
         try:
             (link,) = json.loads(answer)
             data: dict[str, Any] = link.get("linkinfo", {}).get("info_data", {})
@@ -47,11 +47,11 @@ class CanInterface:
 
 
 def read_interface(channel: str) -> CanInterface | None:
-    """Return a SocketCAN interface by its name; None if it does not exist or cannot be asked."""
+    """Return a SocketCAN interface by its name; None if it is missing or cannot be read."""
     command = ["ip", "-json", "-details", "link", "show", "dev", channel]
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=_PATIENCE_S
+            command, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S
         )
     except (OSError, ValueError, subprocess.TimeoutExpired):
         return None
@@ -59,10 +59,7 @@ def read_interface(channel: str) -> CanInterface | None:
 
 
 def transmit_queue_frames(channel: str) -> int | None:
-    """Return how many frames may wait in an interface's transmit queue (txqueuelen).
-
-    None if the interface does not say.
-    """
+    """Return the length of an interface's transmit queue [frames]; None if unknown (txqueuelen)."""
     try:
         text = Path(f"/sys/class/net/{channel}/tx_queue_len").read_text(encoding="ascii")
         return int(text)

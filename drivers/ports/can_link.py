@@ -17,18 +17,18 @@ from drivers.ports.socketcan_port import SocketCanPort
 class CanLink:
     """A CAN bus with typed errors, absolute receive deadlines and its clock.
 
-    A bus whose attribute `simulated_clock` is not None brings its own time; its receive timeouts
-    and its frames' times are then in that time.
+    A bus whose attribute `simulated_clock` is not None has its own time; its receive timeouts and
+    its frames' times are then in that time.
 
-    A bus that brings back what is sent on it, as UDP multicast does, `hears_itself`: as many frames
-    as were sent are left out when they come back, so that a frame of the same identifier that
-    somebody else sent is told from them.
+    A bus that returns frames to their sender, as UDP multicast does, has `hears_itself` True. Each
+    sent frame is then ignored once when it returns, so that a frame with the same identifier from
+    another sender is still received.
 
     Attributes:
-        clock: The time that all deadlines of this link are in.
-        simulated: Whether that is a simulated clock.
-        time_stamped: Whether the bus says when a frame arrived; otherwise that is when it was read.
-        last_time_s: When the last received frame arrived, on `clock` [s].
+        clock: Clock of all deadlines of this link.
+        simulated: Whether that clock is simulated.
+        time_stamped: Whether the bus provides arrival times; otherwise the time of reading is used.
+        last_time_s: Arrival time of the last received frame, on `clock` [s].
     """
 
     def __init__(self, bus: can.BusABC | FramePort, *, hears_itself: bool = False) -> None:
@@ -53,30 +53,30 @@ class CanLink:
 
     @property
     def lost_frames(self) -> int:
-        """How many frames the computer had to drop, as far as the bus counts them."""
+        """Number of frames that the computer dropped, if the bus counts them; else 0."""
         return int(getattr(self._port, "lost_frames", 0))
 
     def take_remote_frames(self) -> None:
-        """Hand remote frames on from now on, with `REMOTE_FLAG`: devices are asked by them."""
+        """Also receive remote frames, with `REMOTE_FLAG`; simulated devices need them."""
         if isinstance(self._port, PythonCanPort | SocketCanPort):
             self._port.takes_remote_frames = True
 
     def fileno(self) -> int:
-        """Return a descriptor to wait at, -1 where there is none."""
+        """Return a descriptor to wait on; -1 if there is none."""
         try:
             return -1 if self._descriptor is None else self._descriptor()
         except NotImplementedError:
             return -1
 
     def send(self, frame: Frame) -> None:
-        """Send a frame; raises `TransportError` when the bus does not take it."""
+        """Send a frame; raise `TransportError` if the bus does not accept it."""
         self.send_frames((frame,))
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
         """Send frames (identifier and data), oldest first; every one is tried.
 
         Raises:
-            TransportError: The bus did not take one of them.
+            TransportError: The bus did not accept one of them.
         """
         if self._echoes is not None:
             data_frames = (frame for frame in frames if not frame[0] & REMOTE_FLAG)
@@ -91,9 +91,9 @@ class CanLink:
             ) from error
 
     def receive(self, until_s: float) -> Frame | None:
-        """Return the next classic data frame, or None when `until_s` [s] comes first.
+        """Return the next classic data frame; None if `until_s` [s] comes first.
 
-        A deadline that has passed still takes what is waiting, without waiting.
+        After the deadline, frames that are already waiting are still returned.
 
         Raises:
             TransportError: The adapter is gone, or reports bus-off.
@@ -106,9 +106,9 @@ class CanLink:
         return Frame(cob_id, data)
 
     def receive_all(self, until_s: float) -> Sequence[Arrival]:
-        """Return all classic data frames that have come, oldest first.
+        """Return all classic data frames that have arrived, oldest first.
 
-        Waits for one as `receive` does; empty when `until_s` [s] comes first.
+        It waits for a frame as `receive` does; the result is empty if `until_s` [s] comes first.
         """
         if self._arrived:
             arrived = (*self._arrived,)
@@ -132,7 +132,7 @@ class CanLink:
                 return frames
 
     def _is_echo(self, frame: tuple[int, bytes]) -> bool:
-        """Return whether a frame is one that was sent here and has come back."""
+        """Return whether a frame was sent here and has returned."""
         echoes = self._echoes
         assert echoes is not None
         count = echoes[frame]
@@ -143,7 +143,7 @@ class CanLink:
         return count > 0
 
     def close(self) -> None:
-        """Close the bus; raises `TransportError` when even that fails."""
+        """Close the bus; raise `TransportError` if that fails."""
         try:
             self._port.shutdown()
         except (can.CanError, OSError) as error:
@@ -169,7 +169,7 @@ class SimulatedClock:
         self.now_s = clock.now_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Let simulated time run; raises `TransportError` when the simulation is gone."""
+        """Let simulated time run; raise `TransportError` if the simulation has ended."""
         try:
             self._clock.sleep_until(time_s)
         except (can.CanError, OSError) as error:
@@ -180,11 +180,11 @@ class SimulatedClock:
 
 
 def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
-    """Open the bus that a cell file names; SocketCAN as a raw socket, past python-can.
+    """Open the bus that a cell file names; SocketCAN is opened as a raw socket, without python-can.
 
     Args:
         config: Interface, channel and bit rate.
-        watch_errors: Whether bus-off that a SocketCAN interface reports is an error.
+        watch_errors: Whether bus-off of a SocketCAN interface is an error.
 
     Raises:
         ConfigError: The interface is unknown.

@@ -1,7 +1,7 @@
-"""`FramePort`: what the driver wants of a CAN bus, and `PythonCanPort`: any python-can bus as one.
+"""`FramePort`: interface of a CAN bus for the drivers; `PythonCanPort`: any python-can bus as one.
 
-A bus may be a `FramePort` by itself, as SocketCAN (`drivers.ports.socketcan_port`) and the
-simulated bus are: whole batches of plain tuples cost a tenth of python-can's messages.
+SocketCAN (`drivers.ports.socketcan_port`) and the simulated bus implement `FramePort` themselves:
+batches of plain tuples cost a tenth of python-can's messages.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ RESTARTED = 0x100
 
 
 class Arrival(NamedTuple):
-    """A classic data frame with an 11-bit identifier, and when it arrived on the link's clock [s].
+    """A classic data frame with an 11-bit identifier, and its arrival on the link's clock [s].
 
-    Where the bus does not tell, that is when it was read.
+    If the bus does not provide the arrival, it is the time of reading.
     """
 
     cob_id: int
@@ -35,8 +35,8 @@ class FramePort(Protocol):
     """An open CAN bus; its methods raise `can.CanError`, `OSError` or `TransportError`.
 
     Attributes:
-        channel_info: What to call it in messages.
-        time_stamped: Whether frames say in real time when they arrived, however late they are read.
+        channel_info: Name of the bus in messages.
+        time_stamped: Whether frames carry their arrival in real time, however late they are read.
     """
 
     channel_info: str
@@ -46,14 +46,14 @@ class FramePort(Protocol):
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
         """Send frames (identifier and data), oldest first.
 
-        Every frame is tried; the first one's error is raised at the end.
+        Every frame is tried; the first error is raised at the end.
         """
 
     @abstractmethod
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return what has arrived; None when nothing comes within `timeout_s` [s].
+        """Return the frames that have arrived; None if none comes within `timeout_s` [s].
 
-        The sequence may be empty, where only other frames came than classic data frames.
+        The sequence is empty if only frames other than classic data frames came.
         """
 
     @abstractmethod
@@ -69,8 +69,8 @@ class PythonCanPort:
         simulated: Whether its messages' time stamps are in the link's (simulated) time.
 
     Attributes:
-        takes_remote_frames: Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices
-            want them.
+        takes_remote_frames: Whether remote frames are also returned, with `REMOTE_FLAG`, as devices
+            need them.
     """
 
     def __init__(self, bus: can.BusABC, *, simulated: bool) -> None:
@@ -122,7 +122,7 @@ def _message(cob_id: int, data: bytes | bytearray) -> can.Message:
 
 
 def refuse_bus_off(error_class: int, channel: str) -> None:
-    """Raise `TransportError` where an error frame says that the controller is, or was, bus-off."""
+    """Raise `TransportError` if an error frame reports that the controller is, or was, bus-off."""
     if error_class & BUS_OFF:
         raise TransportError(
             f"CAN bus {channel}: the adapter is bus-off;"

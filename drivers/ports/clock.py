@@ -1,4 +1,4 @@
-"""`Clock`: the time that a link's deadlines are in, the computer's or a simulated bus's."""
+"""`Clock`: the time base of a link's deadlines, the computer's or a simulated bus's."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 EARLY: Final = 0.1
-"""The share of wake-ups that `MonotonicClock` lets come early, to be waited out."""
+"""Fraction of wake-ups of `MonotonicClock` that come early, after which it waits actively."""
 
 STEP_S: Final = 2e-6
-"""How far one wake-up moves what it has learnt, at most [s]."""
+"""Largest change of the estimated wake-up delay by one wake-up [s]."""
 
 MOST_WAKING_S: Final = 100e-6
-"""How much less `MonotonicClock` asks for, at most [s]."""
+"""Largest wake-up delay that `MonotonicClock` compensates [s]."""
 
 
 class Clock(Protocol):
-    """Time as the cell has it: the computer's, or a simulated cell's in lock-step."""
+    """Time of the cell: the computer's, or in lock-step a simulated cell's."""
 
     @abstractmethod
     def now_s(self) -> float:
@@ -26,17 +26,18 @@ class Clock(Protocol):
 
     @abstractmethod
     def sleep_until(self, time_s: float) -> None:
-        """Return not before `time_s`, an absolute time of this clock [s]."""
+        """Return at `time_s` or later, an absolute time of this clock [s]."""
 
 
 class MonotonicClock:
-    """The computer's monotonic clock, untouched by changes of the date.
+    """The computer's monotonic clock, independent of changes of the date.
 
-    A computer takes some time to wake a program up, much the same each time. `sleep_until` learns
-    how long, asks for so much less, and waits out what then is left: a cycle begins in time.
+    A computer wakes a program with a delay that is nearly constant. `sleep_until` estimates this
+    delay, sleeps for a shorter time, and waits actively for the rest, so that a cycle begins in
+    time.
 
     Args:
-        now_s, sleep: CLOCK_MONOTONIC [s], and how to sleep [s].
+        now_s, sleep: CLOCK_MONOTONIC [s], and a function that sleeps [s].
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class MonotonicClock:
         return self._now_s()
 
     def sleep_until(self, time_s: float) -> None:
-        """Sleep to an absolute deadline; returns at once when it has passed."""
+        """Sleep until an absolute deadline; return at once if it has passed."""
         left_s = time_s - self._now_s()
         slept = left_s > self._waking_s
         while left_s > self._waking_s:
@@ -64,6 +65,6 @@ class MonotonicClock:
             left_s = time_s - self._now_s()
 
     def _learn(self, *, early: bool) -> None:
-        """Follow the time that waking up takes at least, but for the share `EARLY`."""
+        """Track the quantile `EARLY` of the wake-up delay."""
         step_s = (EARLY - early) * STEP_S
         self._waking_s = min(max(self._waking_s + step_s, 0.0), MOST_WAKING_S)

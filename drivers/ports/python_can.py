@@ -1,8 +1,8 @@
-"""python-can: its buses opened, with its many kinds of failure as sentences for people.
+"""python-can: opening of its buses, with its various failures as readable messages.
 
 It is imported without asammdf, whose reader of MDF files costs every process half a second. That
-package comes with what is needed to export recordings (the extra `mdf4`), and brings pandas along.
-Nothing here reads or writes MDF files through python-can.
+package is installed for the export of recordings (the extra `mdf4`) and imports pandas. MDF files
+are never read or written through python-can here.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _READER: Final = "asammdf"
 if _READER in sys.modules:
     import can
 else:
-    sys.modules[_READER] = None  # type: ignore[assignment]  # the import then fails, as if absent
+    sys.modules[_READER] = None  # type: ignore[assignment]  # makes the import fail, as if absent
     try:
         import can
     finally:
@@ -29,7 +29,7 @@ __all__ = ["can", "not_opened", "open_bus"]
 
 
 def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
-    """Open a bus; one that somebody else drives, to hear every frame on it, `listening`.
+    """Open a bus; with `listening`, only to receive the frames on a bus of another program.
 
     UDP multicast stays on this computer.
 
@@ -45,18 +45,18 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
         elif config.interface == "rid_sim" and not listening:
             options["participant"] = True
         return can.Bus(interface=config.interface, ignore_config=True, **options)
-    except Exception as error:  # a driver that is missing makes python-can raise anything
+    except Exception as error:  # python-can raises any error if a driver is missing
         raise not_opened(config, error) from error
 
 
 def not_opened(config: CanBusConfig, error: Exception) -> RidDaqError:
-    """Return what a person should know who wanted to open a bus."""
+    """Return the error for a bus that cannot be opened."""
     known = sorted(can.VALID_INTERFACES)
     if config.interface not in known:
         close = difflib.get_close_matches(config.interface, known, n=1)
         meant = f"; did you mean {close[0]}?" if close else "."
         return ConfigError(
-            f"can.interface: python-can knows no {config.interface!r}{meant} It knows:"
+            f"can.interface: python-can does not support {config.interface!r}{meant} Supported:"
             f" {', '.join(known)}",
             code="RID-CAN-INTERFACE",
         )

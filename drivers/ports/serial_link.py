@@ -24,9 +24,9 @@ class SerialLink:
     """A serial port with typed errors, chunked reads and absolute deadlines.
 
     Attributes:
-        address: What was opened.
-        clock: The time that all deadlines of this link are in.
-        last_time_s: When the last bytes were received, on `clock` [s].
+        address: Path or URL that was opened.
+        clock: Clock of all deadlines of this link.
+        last_time_s: Time of the last received bytes, on `clock` [s].
     """
 
     def __init__(self, port: serial.Serial, address: str) -> None:
@@ -38,7 +38,7 @@ class SerialLink:
         try:
             self._descriptor = port.fileno()
         except (AttributeError, io.UnsupportedOperation):
-            return  # a port over the network that has threads of its own
+            return  # a network port that has its own threads
         self._poll = select.poll()
         self._poll.register(self._descriptor, select.POLLIN)
 
@@ -48,26 +48,26 @@ class SerialLink:
         return int(self._port.baudrate)
 
     def set_baud_rate(self, baud_rate: int) -> None:
-        """Change the line's speed; raises `TransportError` when the port cannot."""
+        """Change the line's speed; raise `TransportError` if the port cannot."""
         try:
             self._port.baudrate = baud_rate
         except _PORT_ERRORS as error:
             raise self._lost(f"cannot be set to {baud_rate} baud", error) from error
 
     def write(self, data: bytes) -> None:
-        """Send bytes; raises `TransportError` when the port does not take them."""
+        """Send bytes; raise `TransportError` if the port does not accept them."""
         try:
             self._port.write(data)
         except _PORT_ERRORS as error:
             raise self._lost("sending failed", error) from error
 
     def read(self, until_s: float) -> bytes:
-        """Return all that is waiting, at least a byte; nothing when `until_s` [s] comes first.
+        """Return all waiting bytes, at least one; empty if `until_s` [s] comes first.
 
-        A deadline that has passed still takes what is waiting, without waiting.
+        After the deadline, bytes that are already waiting are still returned.
 
         Raises:
-            TransportError: The port is gone.
+            TransportError: The port is lost.
         """
         try:
             data = self._read_network(until_s) if self._poll is None else self._read(until_s)
@@ -84,18 +84,18 @@ class SerialLink:
             return b""
         data = os.read(self._descriptor, _READ_BYTES)
         if not data:
-            raise OSError("it hung up")
+            raise OSError("the other side closed it")
         return data
 
     def _read_network(self, until_s: float) -> bytes:
-        """Read a port without a descriptor, whose time-out is fixed and short."""
+        """Read from a port without a descriptor, whose timeout is fixed and short."""
         while True:
             data: bytes = self._port.read(max(1, self._port.in_waiting))
             if data or self.clock.now_s() >= until_s:
                 return data
 
     def close(self) -> None:
-        """Close the port; one that is gone is closed already."""
+        """Close the port; a lost port counts as closed."""
         _close_port(self._port)
 
     def _lost(self, what: str, error: Exception) -> TransportError:
@@ -118,14 +118,14 @@ def _close_port(port: serial.Serial) -> None:
     with contextlib.suppress(*_PORT_ERRORS):
         port.close()
     if isinstance(network_socket, socket.socket):
-        network_socket.close()  # pyserial forgets it where the other side has gone first
+        network_socket.close()  # pyserial leaves it open if the other side has closed it first
 
 
 def open_serial(address: str, baud_rate: int) -> SerialLink:
-    """Open a serial port, 8N1, for this process alone: a path, or a URL that pyserial knows.
+    """Open a serial port, 8N1, exclusively: a path, or a URL that pyserial supports.
 
     Raises:
-        TransportError: There is no such port, it cannot be opened, or another program has it.
+        TransportError: The port does not exist, cannot be opened, or another program uses it.
     """
     try:
         port = serial.serial_for_url(
@@ -143,10 +143,10 @@ def open_serial(address: str, baud_rate: int) -> SerialLink:
             raise
     except (*_PORT_ERRORS, ImportError, NotImplementedError) as error:
         raise TransportError(
-            f"serial port {address} cannot be opened ({error}); check plate.amplifier.address, that"
-            " the adapter is plugged in, that you may use it, and that no other program has it",
+            f"serial port {address} cannot be opened ({error}); check plate.amplifier.address, the"
+            " adapter, your permissions, and that no other program uses the port",
             code="RID-SERIAL-OPEN",
         ) from error
     with contextlib.suppress(*_PORT_ERRORS, AttributeError, NotImplementedError):
-        port.set_low_latency_mode(True)  # USB adapters otherwise hold bytes back for 16 ms
+        port.set_low_latency_mode(True)  # USB adapters otherwise delay bytes by 16 ms
     return SerialLink(port, address)

@@ -1,8 +1,8 @@
-"""`SocketCanPort`: a network interface of Linux's SocketCAN as a raw socket, without python-can.
+"""`SocketCanPort`: an interface of Linux's SocketCAN as a raw socket, without python-can.
 
-Kernel time stamps say when a frame arrived, however late it is read; the kernel's counter says how
-many it had to drop; the send buffer holds about one cycle, so that no set-point can wait in it for
-long and act when nobody expects it.
+The kernel's time stamps give the arrival of a frame, however late it is read. The kernel also
+counts dropped frames. The send buffer holds about one cycle, so that no set-point can wait in it
+and take effect much later.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from drivers.ports.can_ports import Arrival, refuse_bus_off
 
 RECEIVE_BUFFER_BYTES = 4 << 20
 SEND_BUFFER_BYTES = 20 << 10
-"""Some 25 frames, a cycle of sixteen axes: the kernel counts about 800 bytes for each."""
+"""About 25 frames, a cycle of sixteen axes: the kernel counts about 800 bytes for each."""
 
 APART_NS = 20_000
-"""How far apart two readings of clocks may be to be of one moment [ns]."""
+"""Largest difference of two clock readings that count as simultaneous [ns]."""
 
 ERROR_FLAG, REMOTE_FLAG, EXTENDED_FLAG = 0x2000_0000, 0x4000_0000, 0x8000_0000
 
@@ -40,7 +40,7 @@ _TRIES = 5
 
 
 def both_clocks() -> tuple[int, int]:
-    """Return CLOCK_REALTIME and CLOCK_MONOTONIC of one moment [ns]."""
+    """Return simultaneous values of CLOCK_REALTIME and CLOCK_MONOTONIC [ns]."""
     for _ in range(_TRIES):
         before_ns = time.monotonic_ns()
         date_ns, now_ns = time.time_ns(), time.monotonic_ns()
@@ -50,12 +50,12 @@ def both_clocks() -> tuple[int, int]:
 
 
 class KernelStamps:
-    """When frames arrived, on CLOCK_MONOTONIC, whatever is done to the date.
+    """Conversion of the kernel's time stamps to CLOCK_MONOTONIC, safe against a changed date.
 
-    The two clocks run alike, slewed or not, until the date is set. A frame that is read came after
-    all before it were read, and was stamped by the date as it was then or as it is now: that tells
-    which. Where the date was set by less than the time between, it does not, and the frame may be
-    wrong by as much.
+    The difference between the clocks is constant until the date is set; slewing affects both. A
+    frame arrived after all frames that were read before, and was stamped either by the old date or
+    by the new one. This order shows by which. If the date was changed by less than the time between
+    the two reads, the choice is ambiguous, and the arrival may be wrong by as much.
 
     Args:
         date_ns, now_ns: CLOCK_REALTIME and CLOCK_MONOTONIC [ns], as in `look`.
@@ -66,12 +66,12 @@ class KernelStamps:
         self._ahead_ns = self._was_ahead_ns = date_ns - now_ns
 
     def look(self, date_ns: int, now_ns: int) -> None:
-        """Take both clocks, just before frames are read [ns]."""
+        """Store both clocks, just before frames are read [ns]."""
         self._was_ahead_ns, self._ahead_ns = self._ahead_ns, date_ns - now_ns
         self._now_ns = now_ns
 
     def arrival_s(self, stamp_ns: int) -> float:
-        """Return when a frame that has just been read arrived [s]."""
+        """Return the arrival of a frame that has just been read [s]."""
         last_ns, now_ns = self._last_ns, self._now_ns
         arrived_ns = stamp_ns - self._ahead_ns
         if not last_ns <= arrived_ns <= now_ns:
@@ -81,7 +81,7 @@ class KernelStamps:
         return min(max(arrived_ns, last_ns), now_ns) * 1e-9
 
     def all_read(self) -> None:
-        """Note that nothing that came before the look waits any more."""
+        """Note that all frames that arrived before the last `look` have been read."""
         self._last_ns = self._now_ns
 
 
@@ -90,20 +90,19 @@ class SocketCanPort:
 
     Args:
         channel: The interface's name.
-        watch_errors: Whether error frames are received at all; simulated devices leave them to the
-            master.
+        watch_errors: Whether error frames are received; simulated devices leave them to the master.
 
     Attributes:
-        channel_info: What to call it in messages.
-        lost_frames: How many frames the kernel dropped because they were not read in time, and how
-            many times the controller reported that it had to.
-        takes_remote_frames: Whether remote frames are handed on too, with `REMOTE_FLAG`, as devices
-            want them.
-        error_frames: How many error frames came (error-passive, arbitration lost, ...); bus-off is
+        channel_info: Name of the bus in messages.
+        lost_frames: Number of frames that the kernel dropped because they were not read in time,
+            plus the number of overflows that the controller reported.
+        takes_remote_frames: Whether remote frames are also returned, with `REMOTE_FLAG`, as devices
+            need them.
+        error_frames: Number of error frames (error-passive, arbitration lost, ...); bus-off raises
             an error.
 
     Raises:
-        OSError: There is no such interface.
+        OSError: The interface does not exist.
     """
 
     time_stamped = True
@@ -128,7 +127,7 @@ class SocketCanPort:
         own = self._socket
         try:
             own.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
-        except PermissionError:  # without CAP_NET_ADMIN as much as net.core.rmem_max allows
+        except PermissionError:  # without CAP_NET_ADMIN the limit is net.core.rmem_max
             own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         own.setsockopt(
             socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES // 2
@@ -146,7 +145,7 @@ class SocketCanPort:
         """Send frames; see `FramePort`. A frame that would have to wait is refused.
 
         Raises:
-            TransportError: The transmit queue is full: nobody acknowledges, or the cable is off.
+            TransportError: The transmit queue is full: no node acknowledges, or the cable is off.
         """
         failed: OSError | None = None
         send = self._socket.send
@@ -159,14 +158,14 @@ class SocketCanPort:
             return
         if failed.errno in _QUEUE_FULL:
             raise TransportError(
-                f"CAN bus {self.channel_info}: the transmit queue is full, the frames are not going"
-                " out; check that the drives are powered, the cable, and the termination",
+                f"CAN bus {self.channel_info}: the transmit queue is full, frames are not sent;"
+                " check that the drives are powered, the cable, and the termination",
                 code="RID-CAN-LOST",
             ) from failed
         raise failed
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return all that has arrived; see `FramePort`."""
+        """Return all frames that have arrived; see `FramePort`."""
         if not select.select([self._socket], [], [], max(timeout_s, 0.0))[0]:
             return None
         date_ns, now_ns = both_clocks()
@@ -189,7 +188,7 @@ class SocketCanPort:
         return arrived
 
     def _note(self, ancillary: list[tuple[int, int, bytes]], now_ns: int) -> float:
-        """Take the kernel's drop counter; return its time stamp on CLOCK_MONOTONIC [s]."""
+        """Update the drop counter; return the kernel's time stamp on CLOCK_MONOTONIC [s]."""
         time_s = now_ns * 1e-9
         for _, kind, value in ancillary:
             if kind == _SO_TIMESTAMPNS:

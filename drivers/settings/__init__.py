@@ -1,5 +1,5 @@
-"""What drives hold, kept in files so that it can be put back: no bus, no port.
+"""Drive settings, stored in files so that they can be restored: no bus, no port.
 
-Which objects are settings, what was written over them, in which order they are restored. What
-talks to drives is `drivers/servo/drive_settings.py`. Begin with `saved_drive.py`.
+These files define which objects are settings, which values were overwritten, and the order of
+restoring. `drivers/servo/drive_settings.py` communicates with drives. Begin with `saved_drive.py`.
 """

@@ -1,7 +1,7 @@
-"""Which objects of a drive are settings: what a person, or a program, has chosen.
+"""The objects of a drive that are settings, chosen by a person or a program.
 
-Sources: CiA 301, 7.5.2; CiA 402-2. A drive's data sheet (EDS) says it of all its objects; without
-one these lists do, of the objects that the profiles know.
+Sources: CiA 301, 7.5.2; CiA 402-2. A drive's data sheet (EDS) defines this for all its objects;
+without one, these lists define it for the objects of the profiles.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ COMMUNICATION_SETTINGS: Final[tuple[int, ...]] = (
         for number in PREDEFINED_NUMBERS
     ),
 )
-"""What a reset of the communication puts back to what the drive has stored."""
+"""Objects that a reset of the communication restores to the values stored in the drive."""
 
 PROFILE_SETTINGS: Final[tuple[int, ...]] = (
     *(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6060, 0x6065, 0x6066, 0x6067, 0x6068),
@@ -44,7 +44,7 @@ PROFILE_SETTINGS: Final[tuple[int, ...]] = (
 RECORDS: Final = frozenset(
     (0x1016, 0x1029, 0x607B, 0x607D, *range(0x608F, 0x6098), 0x6099, 0x60C2, 0x6410)
 )
-"""Arrays and records among them, besides those of the PDOs: sub-index 0 is how many follow."""
+"""Arrays and records of these lists, besides those of the PDOs; sub-index 0 is their length."""
 
 _NO_SETTINGS = frozenset(
     (
@@ -52,21 +52,21 @@ _NO_SETTINGS = frozenset(
         *(0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FE, 0x60FF),
     )
 )
-"""Commands, set-points, texts and programs: to write them is to do something."""
+"""Commands, set-points, texts and programs: writing them has an effect of its own."""
 
 
 def is_setting(index: int) -> bool:
-    """Return whether an object may be a setting, and is not there to be commanded with."""
+    """Return whether an object can be a setting, because writing it is not a command."""
     return index not in _NO_SETTINGS
 
 
 def is_record(index: int) -> bool:
-    """Return whether an object has sub-indices, and sub-index 0 is how many."""
+    """Return whether an object has sub-indices, with their number in sub-index 0."""
     return 0x1400 <= index < 0x1C00 or index in RECORDS
 
 
 def settings_of(eds: ElectronicDataSheet) -> tuple[Address, ...]:
-    """Return what of a drive may be written and is a setting, by its data sheet."""
+    """Return the objects of a drive that are writable settings, by its data sheet."""
     return tuple(
         (item.index, item.subindex)
         for item in eds.objects

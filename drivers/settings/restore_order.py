@@ -1,4 +1,4 @@
-"""In which order a drive's objects are written back, so that it takes them."""
+"""Order in which a drive accepts that its objects are restored."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _TO_MAPPING = RPDO_MAPPING - RPDO_COMMUNICATION
 def restore_order(
     values: Mapping[Address, bytes], different: Collection[Address]
 ) -> Iterator[ObjectWrite]:
-    """Yield the writes that make a drive hold `values` again where it is `different`.
+    """Yield the writes that restore `values` for the objects in `different`.
 
     A PDO is switched off first, its mapping emptied and written, and its identifier comes last
-    (CiA 301, 7.5.2.34 and 7.5.2.36); it is written whole where anything of it differs.
+    (CiA 301, 7.5.2.34 and 7.5.2.36); it is written completely if any part differs.
     """
     records = {record for index, _ in different if (record := pdo_of(index)) is not None}
     for index, subindex in sorted(different):
@@ -27,7 +27,7 @@ def restore_order(
 
 
 def pdo_of(index: int) -> int | None:
-    """Return the communication record of the PDO that an object belongs to; None for others."""
+    """Return the communication record of the PDO that contains an object; None for others."""
     if not 0x1400 <= index < 0x1C00:
         return None
     return index - _TO_MAPPING if index & _TO_MAPPING else index

@@ -1,4 +1,4 @@
-"""`SavedDrive`: what the objects of one drive held, and which drive it was."""
+"""`SavedDrive`: stored values of one drive's objects, with the drive's identity."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _BACKUP_BYTES = 16 << 20
 
 
 class DriveIdentity(DeviceIdentity):
-    """What 1018h of a drive answered; None is what it did not say."""
+    """A drive's answer of 1018h; None for unknown values."""
 
     serial: Unsigned32 | None = None
 
     def differences(self, other: DriveIdentity) -> tuple[str, ...]:
-        """Return what of two drives differs; of the revision the upper 16 bits count."""
+        """Return the differences of two drives; only the upper 16 bits of the revision count."""
         pairs = {
             "vendor": (self.vendor, other.vendor),
             "product": (self.product, other.product),
@@ -38,14 +38,14 @@ class DriveIdentity(DeviceIdentity):
             "serial number": (self.serial, other.serial),
         }
         return tuple(
-            f"{name} {theirs:X}h in place of {ours:X}h"
+            f"{name} {theirs:X}h instead of {ours:X}h"
             for name, (ours, theirs) in pairs.items()
             if ours is not None and theirs is not None and ours != theirs
         )
 
 
 class SavedSetting(ConfigModel):
-    """What one object held, in the order of its bytes on the bus; None with the reason why."""
+    """Value of one object, in the byte order of the bus; None with the reason."""
 
     object: ObjectName
     value: HexBytes | None
@@ -53,7 +53,7 @@ class SavedSetting(ConfigModel):
 
 
 class SavedDrive(ConfigModel):
-    """What the objects of one drive held, by their addresses."""
+    """Values of one drive's objects, by their addresses."""
 
     node_id: NodeId
     identity: DriveIdentity
@@ -67,7 +67,7 @@ class SavedDrive(ConfigModel):
         values: dict[Address, bytes],
         unknown: dict[Address, str],
     ) -> SavedDrive:
-        """Return what was read of a drive, and why the rest could not be."""
+        """Return the values that were read from a drive, and the reasons for missing ones."""
         held: dict[Address, tuple[str | None, str]] = {
             address: (value.hex(), "") for address, value in values.items()
         }
@@ -80,7 +80,7 @@ class SavedDrive(ConfigModel):
 
     @property
     def values(self) -> dict[Address, bytes]:
-        """What is known."""
+        """The known values."""
         return {
             address_of(each.object): bytes.fromhex(each.value)
             for each in self.settings
@@ -89,7 +89,7 @@ class SavedDrive(ConfigModel):
 
     @property
     def unknown(self) -> dict[Address, str]:
-        """What is not, and why."""
+        """The reasons for unknown values."""
         return {address_of(each.object): each.why for each in self.settings if each.value is None}
 
 
@@ -106,7 +106,7 @@ class DriveBackup(ConfigModel):
         """Read the file.
 
         Raises:
-            ConfigError: It cannot be read, or is none.
+            ConfigError: It cannot be read, or is not a backup.
         """
         return read_json_file(path, cls, _BACKUP_BYTES, "a backup of `rid-daq drives backup`")
 

@@ -1,8 +1,8 @@
-"""`WriteLog`: what a program writes to drives, and what was there before, line by line.
+"""`WriteLog`: log of values that are written to drives, with the previous values, line by line.
 
-A line is on the disk before its write reaches the drive, so that it outlives the program and the
-computer's power. Lines are JSON: first which drive a node is, then every object that changes. What
-commands a drive and is no setting (6040h) is not kept: there is nothing to put back.
+A line is on disk before its write reaches the drive, so that it survives a crash of the program and
+a power failure. Lines are JSON: first the identity of a node's drive, then every object that
+changes. Commands (6040h) are not settings and are not logged, because there is nothing to restore.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LOG_BYTES = 64 << 20
 
 
 class DriveLine(ConfigModel):
-    """Which drive a node is; before its first change."""
+    """Identity of a node's drive, logged before its first change."""
 
     kind: Literal["drive"] = "drive"
     node_id: NodeId
@@ -44,7 +44,7 @@ class DriveLine(ConfigModel):
 class ChangeLine(ConfigModel):
     """An object that is about to change: by a write, or by a reset, which has no `new`.
 
-    `old` is None where it cannot be read, and `why` says why.
+    If `old` cannot be read, it is None and `why` has the reason.
     """
 
     kind: Literal["change"] = "change"
@@ -61,12 +61,12 @@ _LINE: TypeAdapter[DriveLine | ChangeLine] = TypeAdapter(
 
 
 class WriteLog:
-    """Appends to a write log; the file is made with its first line.
+    """Writer of a write log; the file is created with its first line.
 
     Args:
-        path: The file; its folder is made too.
-        durable: Whether each line is on the disk before its write; simulated drives do not outlive
-            a computer without power, and need not wait for it.
+        path: The file; its folder is created too.
+        durable: Whether each line is on disk before its write. Simulated drives do not survive a
+            power failure of the computer, and need not wait.
     """
 
     def __init__(self, path: Path, *, durable: bool = True) -> None:
@@ -75,11 +75,11 @@ class WriteLog:
         self._nodes: set[int] = set()
 
     def knows(self, node_id: int) -> bool:
-        """Return whether it has been told which drive a node is."""
+        """Return whether the identity of a node's drive has been logged."""
         return node_id in self._nodes
 
     def add_drive(self, node_id: int, identity: DriveIdentity) -> None:
-        """Say which drive a node is.
+        """Log the identity of a node's drive.
 
         Raises:
             RecordingError: It cannot be written.
@@ -90,7 +90,7 @@ class WriteLog:
     def add_change(
         self, node_id: int, address: Address, old: bytes | str, new: bytes | None
     ) -> None:
-        """Say what is about to change; `old` in words is why it is not known.
+        """Log a change that is about to be made; a text as `old` is the reason for a missing value.
 
         Raises:
             RecordingError: It cannot be written; then nothing may be written to the drive either.
@@ -112,7 +112,7 @@ class WriteLog:
         first = not self._nodes
         with system_errors(
             RecordingError,
-            f"{self.path}: what is written to drives is not kept",
+            f"{self.path}: the values written to drives cannot be logged",
             code="RID-FILE-WRITE",
         ):
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -125,13 +125,13 @@ class WriteLog:
                 _sync_folder(self.path.parent)
         if written != len(text):
             raise RecordingError(
-                f"{self.path}: what is written to drives is not kept: the disk is full",
+                f"{self.path}: the values written to drives cannot be logged: the disk is full",
                 code="RID-SYSTEM-DISK-FULL",
             )
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have a new file's name on the disk."""
+    """Flush a new file's name to disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)
@@ -140,12 +140,12 @@ def _sync_folder(folder: Path) -> None:
 
 
 def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
-    """Return what every drive held before the first change of each object.
+    """Return every drive's values before the first change of each object.
 
-    A last line that is not whole is left out: its write did not reach the drive.
+    An incomplete last line is ignored: its write did not reach the drive.
 
     Raises:
-        ConfigError: The file cannot be read, or is none; the message has the line.
+        ConfigError: The file cannot be read, or is not a write log; the message has the line.
     """
     with system_errors(ConfigError, f"{path}: cannot be read", code="RID-FILE-READ"):
         data = read_file(path, _LOG_BYTES, follow_link=False)
@@ -158,7 +158,7 @@ def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
         except ValidationError as error:
             first = error.errors()[0]["msg"]
             raise ConfigError(
-                f"{path}:{number}: not a write log of what was written to drives: {first}",
+                f"{path}:{number}: not a line of a write log: {first}",
                 code="RID-FILE-VALUE",
             ) from error
         node = line.node_id
