@@ -1,4 +1,5 @@
 """The force plate's charge amplifier on its serial line: dialogue, stream, settings.
 
-Rows as the device sends them; forces are made of them in `acquisition`. Begin with `amplifier.py`.
+Rows are returned as the device sends them; `acquisition` converts them to forces. Begin with
+`amplifier.py`.
 """

@@ -1,7 +1,7 @@
 """`SerialAmplifier`: a charge amplifier on a serial line, by its profile.
 
-Every wait has a deadline. A range, a sensitivity or a filter is set only where it differs, because
-some amplifiers lose the charge on their channels by it, and with that the plate's zero.
+Every wait has a deadline. A range, a sensitivity or a filter is set only if it differs, because
+some amplifiers lose the charge on their channels then, and with it the plate's zero.
 """
 
 from __future__ import annotations
@@ -30,10 +30,9 @@ class SerialAmplifier(ForcePlate):
 
     Args:
         link: The port.
-        config: What is required of the amplifier.
-        profile: What it speaks.
-        arrivals: Where a simulated amplifier says when its rows arrive, if time itself is
-            simulated.
+        config: The required settings.
+        profile: The amplifier's commands and rows.
+        arrivals: Reader of the rows' arrivals, if the amplifier is simulated in simulated time.
     """
 
     def __init__(
@@ -56,26 +55,26 @@ class SerialAmplifier(ForcePlate):
 
     @property
     def stream_counts(self) -> StreamCounts:
-        """What the stream under way, or the last one, has brought."""
+        """Counts of the current stream, or of the last one."""
         return self._counts
 
     def connect(self) -> str:
-        """End a stream that is under way; return who answers.
+        """End a stream that is running; return maker, model and serial number.
 
         Raises:
-            ProtocolError: The amplifier answers at another speed, which is named, or answers no
-                text.
-            DeviceTimeoutError: Nothing answers at any speed.
-            TransportError: The port is gone.
+            ProtocolError: The amplifier answers at another baud rate, which is named, or its answer
+                is not text.
+            DeviceTimeoutError: There is no answer at any baud rate.
+            TransportError: The port is lost.
         """
         self._stream = None
         return self._dialogue.connect()
 
     def settings(self) -> tuple[PlateSetting, ...]:
-        """Read every setting back; nothing is changed.
+        """Read every setting back, without a change.
 
         Raises:
-            DriverError: The amplifier does not answer, or not as its profile says.
+            DriverError: The amplifier does not answer, or violates its profile.
         """
         return tuple(self._check(wanted) for wanted in required_settings(self._config))
 
@@ -83,7 +82,7 @@ class SerialAmplifier(ForcePlate):
         """Change the settings that differ and read them back.
 
         Returns:
-            Whether that lost the charges on the channels: zero must be made again.
+            Whether that discharged the channels, so that the plate must be zeroed again.
 
         Raises:
             ProtocolError: A setting is refused, or reads back differently.
@@ -95,40 +94,40 @@ class SerialAmplifier(ForcePlate):
                 continue
             if not wanted.is_settable:
                 raise ProtocolError(
-                    f"{self._where}: {wanted.label} is {self._check(wanted).found}, the cell file"
-                    f" says {wanted.text}: correct the cell file",
+                    f"{self._where}: {wanted.label} is {self._check(wanted).found}, but"
+                    f" {wanted.text} in the cell file; correct the cell file",
                     code="RID-AMPLIFIER-SETTING",
                 )
             charge_lost |= self._ask(wanted.name, wanted.text, wanted.channel).charge_lost
             found = self._check(wanted)
             if found.verdict != "ok":
                 raise ProtocolError(
-                    f"{self._where}: {wanted.label} was set to {wanted.text} and reads back"
-                    f" {found.found}: choose a value that the amplifier has",
+                    f"{self._where}: {wanted.label} was set to {wanted.text} but reads back"
+                    f" {found.found}; choose a value that the amplifier supports",
                     code="RID-AMPLIFIER-SETTING",
                 )
         return charge_lost
 
     def operate(self) -> None:
-        """Measure from now on; raises `DriverError` when the amplifier does not go along."""
+        """Start the measurement; raise `DriverError` if the amplifier does not."""
         self._switch(ON, "operate")
 
     def reset(self) -> None:
-        """Discharge the channels; raises `DriverError` when the amplifier does not go along."""
+        """Discharge the channels; raise `DriverError` if the amplifier does not."""
         self._switch(OFF, "reset")
 
     def is_operating(self) -> bool:
-        """Return whether the channels measure; raises `DriverError`."""
+        """Return whether the channels measure; may raise `DriverError`."""
         text = self._ask("operate").text
         if text not in (ON, OFF):
             raise self._dialogue.unexpected("operate or reset", text)
         return text == ON
 
     def take_overloads(self) -> tuple[bool, ...]:
-        """Return which channels were overloaded since the last call, and forget it.
+        """Return which channels were overloaded since the last call, and clear these flags.
 
         Raises:
-            DriverError: The amplifier does not answer, or not as its profile says.
+            DriverError: The amplifier does not answer, or violates its profile.
         """
         text = self._ask("overload").text
         try:
@@ -140,7 +139,7 @@ class SerialAmplifier(ForcePlate):
         return tuple(bool(word >> channel & 1) for channel in range(CHANNELS))
 
     def forces_n(self) -> NDArray[np.float64]:
-        """Return what the channels measure now [N], shape (8,); raises `DriverError`."""
+        """Return the present forces of the channels [N], shape (8,); may raise `DriverError`."""
         text = self._ask("values").text
         try:
             values = np.array([float(part) for part in text.split(",")])
@@ -151,22 +150,22 @@ class SerialAmplifier(ForcePlate):
         return values
 
     def start(self) -> None:
-        """Begin the stream of rows; raises `DriverError` when the amplifier does not go along."""
+        """Begin the stream of rows; raise `DriverError` if the amplifier does not."""
         self._ask("stream", ON)
-        self._forget_pieces()
+        self._clear_pieces()
         self._stream = AmplifierStream(self.profile, self._config.format, self._config.rate_hz)
         self._counts = self._stream.counts
 
     def gather(self, until_s: float) -> bool:
-        """Take in what has come, waiting for it until `until_s` [s, monotonic clock], for `read`.
+        """Store incoming data until `until_s` [s, monotonic clock], for `read`.
 
-        Cheaper than `read`: a piece costs a system call or two, whatever is in it.
+        It is cheaper than `read`: a piece of any size costs one or two system calls.
 
         Returns:
-            Whether anything came.
+            Whether data came.
 
         Raises:
-            TransportError: The port is gone.
+            TransportError: The port is lost.
             ProtocolError: No stream was started.
         """
         if self._stream is None:
@@ -182,10 +181,10 @@ class SerialAmplifier(ForcePlate):
         return bool(piece)
 
     def read(self, until_s: float) -> PlateRead:
-        """Gather, and return all that was gathered since the last call.
+        """Gather, and return all data since the last call.
 
         Raises:
-            TransportError: The port is gone.
+            TransportError: The port is lost.
             ProtocolError: No stream was started.
         """
         self.gather(until_s)
@@ -197,38 +196,38 @@ class SerialAmplifier(ForcePlate):
             arrival_s = times_s[np.searchsorted(ends, block.row_ends)]
         else:
             arrival_s = self._arrivals.time_s(block.rows["sequence"])
-        self._forget_pieces()
+        self._clear_pieces()
         return PlateRead(
             block.rows, block.events, arrival_s, event_arrival_s, self._link.last_time_s
         )
 
     def mark(self) -> float:
-        """Ask for the device's time within the stream; the answer is an event.
+        """Request the device's time within the stream; the answer is an event.
 
         Returns:
-            When the question was about to be sent [s, monotonic clock].
+            Time just before the request was sent [s, monotonic clock].
         """
         asked_s = self._link.clock.now_s()
         self._link.write(self._dialogue.codec.request("time"))
         return asked_s
 
     def forget_overloads(self) -> None:
-        """Ask for the overloads within the stream: those that are over leave the rows' status.
+        """Request the overloads within the stream, which clears past ones in the rows' status.
 
         The answer is an event.
 
         Raises:
-            TransportError: The port is gone.
+            TransportError: The port is lost.
         """
         self._link.write(self._dialogue.codec.request("overload"))
 
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
-        """End the stream and return what came until then.
+        """End the stream and return the data until then.
 
         Raises:
             DeviceTimeoutError: The amplifier did not confirm it until `until_s` [s, monotonic
                 clock].
-            TransportError: The port is gone.
+            TransportError: The port is lost.
         """
         stream = self._stream
         if stream is None:
@@ -241,7 +240,7 @@ class SerialAmplifier(ForcePlate):
             if not stream.stopped and self._link.clock.now_s() >= until_s:
                 self._stream = None
                 raise DeviceTimeoutError(
-                    f"{self._where}: the amplifier does not end its stream",
+                    f"{self._where}: the amplifier does not end its stream; check cable and power",
                     code="RID-AMPLIFIER-SILENT",
                 )
         self._stream = None
@@ -251,7 +250,7 @@ class SerialAmplifier(ForcePlate):
         self._dialogue.answer("stream", max(until_s, self._link.clock.now_s() + ANSWER_TIMEOUT_S))
         return tuple(reads)
 
-    def _forget_pieces(self) -> None:
+    def _clear_pieces(self) -> None:
         self._pieces, self._piece_ends, self._piece_times_s = [], [], []
 
     @property
@@ -261,7 +260,7 @@ class SerialAmplifier(ForcePlate):
     def _ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
         if self._stream is not None:
             raise ProtocolError(
-                f"{self._where}: {name} cannot be asked while rows are streaming",
+                f"{self._where}: {name} cannot be read while rows are streaming",
                 code="RID-INTERNAL-ERROR",
             )
         return self._dialogue.ask(name, value, channel)
@@ -270,7 +269,8 @@ class SerialAmplifier(ForcePlate):
         self._ask("operate", value)
         if self.is_operating() != (value == ON):
             raise ProtocolError(
-                f"{self._where}: took the command and did not {what}", code="RID-AMPLIFIER-ANSWER"
+                f"{self._where}: accepted the command but did not {what}; check the amplifier",
+                code="RID-AMPLIFIER-ANSWER",
             )
 
     def _check(self, wanted: RequiredSetting) -> PlateSetting:
@@ -286,7 +286,7 @@ class SerialAmplifier(ForcePlate):
 
 @contextmanager
 def open_amplifier(config: AmplifierConfig, profile: AmplifierProfile) -> Iterator[SerialAmplifier]:
-    """Open the amplifier's port; nothing is sent yet. Leaving ends a stream and closes the port.
+    """Open the amplifier's port without sending; at the end stop the stream and close the port.
 
     Raises:
         TransportError: The port cannot be opened.
@@ -306,8 +306,8 @@ def open_amplifier(config: AmplifierConfig, profile: AmplifierProfile) -> Iterat
 
 
 def _end_stream(amplifier: SerialAmplifier, link: SerialLink) -> None:
-    """End a stream that is still under way, if the line is still there."""
+    """End a stream that is still running, if the line still works."""
     try:
         amplifier.stop(link.clock.now_s() + ANSWER_TIMEOUT_S)
     except DriverError:
-        return  # the line is gone, or the amplifier: there is nothing left to end
+        return  # the line or the amplifier is lost

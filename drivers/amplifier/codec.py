@@ -1,7 +1,7 @@
-"""Commands and answers of a charge amplifier, by its profile: text lines, both directions.
+"""Commands and answers of a charge amplifier, by its profile: text lines in both directions.
 
-A command is an optional channel (``3:``), a mnemonic, and a value or the query sign; the answer is
-a value, OK or an error's number. Rows and events are `amplifier_stream`'s.
+A command is an optional channel (``3:``), a mnemonic, and a value or the query sign. The answer is
+a value, OK or an error number. Rows and events are in `drivers.amplifier.stream`.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _LINE_END = re.compile(rb"[\r\n]")
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A command as the device understands it.
+    """A command to the device.
 
     Attributes:
         name: Field of `config.cell.amplifier_profile.Commands`.
         channel: 1 to 8, 0 for all or none.
-        value: What to set; None for a question.
+        value: The value to set; None for a query.
     """
 
     name: str
@@ -40,13 +40,13 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the device said.
+    """An answer of the device.
 
     Attributes:
-        text: The value asked for; empty after OK.
-        error: The error's number, empty where there is none.
-        charge_lost: The setting was taken and the charge on the channels with it: zero must be made
-            again.
+        text: The requested value; empty after OK.
+        error: The error number, empty if there is none.
+        charge_lost: The setting was accepted but discharged the channels, so that the plate must be
+            zeroed again.
     """
 
     text: str = ""
@@ -55,7 +55,7 @@ class Answer:
 
 
 class RequestError(ProtocolError):
-    """An invalid command; `number` is the error that the device answers."""
+    """An invalid command; `number` is the error number that the device answers."""
 
     def __init__(self, number: str, text: str) -> None:
         super().__init__(text, code="RID-AMPLIFIER-ANSWER")
@@ -63,7 +63,7 @@ class RequestError(ProtocolError):
 
 
 class AmplifierCodec:
-    """Lines to commands and answers, and back; no state, no input or output."""
+    """Conversion of lines to commands and answers, and back; no state, no input or output."""
 
     def __init__(self, profile: AmplifierProfile) -> None:
         self.profile = profile
@@ -77,11 +77,11 @@ class AmplifierCodec:
         self._error = re.compile(rf"{re.escape(profile.error.text)}(\d{{1,4}})")
 
     def request(self, name: str, value: str | None = None, channel: int = ALL_CHANNELS) -> bytes:
-        """Return a command: `value` to set, None to ask.
+        """Return a command that sets `value`, or a query if it is None.
 
         Args:
             name: Field of `config.cell.amplifier_profile.Commands`.
-            value: What to set.
+            value: The value to set.
             channel: 1 to 8; 0 leaves it out.
         """
         start = f"{channel}{self.profile.channel_separator}" if channel else ""
@@ -89,14 +89,14 @@ class AmplifierCodec:
         return f"{start}{self._words[name]}{rest}".encode("ascii") + self._end
 
     def read_request(self, line: bytes) -> Request:
-        """Understand a command, given without its terminator: the device's side.
+        """Parse a command, given without its terminator; the device's side.
 
         Raises:
-            RequestError: It is none, or names a channel that is not there.
+            RequestError: It is not a command, or the channel does not exist.
         """
         match = self._request.fullmatch(line.decode("latin-1"))
         if match is None or not match[3]:
-            raise RequestError(UNKNOWN_COMMAND, f"{printable(line)!r} is no command")
+            raise RequestError(UNKNOWN_COMMAND, f"{printable(line)!r} is not a command")
         channel = int(match[1] or ALL_CHANNELS)
         if channel > CHANNELS:
             raise RequestError(NO_SUCH_CHANNEL, f"channel {channel} of {CHANNELS}")
@@ -104,7 +104,7 @@ class AmplifierCodec:
         return Request(self._names[match[2]], channel, value)
 
     def answer(self, answer: Answer) -> bytes:
-        """Return an answer as the device sends it: an error, a value, or OK."""
+        """Return an answer of the device as bytes: an error, a value, or OK."""
         profile = self.profile
         if answer.error:
             text = f"{profile.error.text}{answer.error}"
@@ -117,7 +117,7 @@ class AmplifierCodec:
         return text.encode("ascii") + self._end
 
     def read_answer(self, line: bytes) -> Answer:
-        """Understand an answer, given without its terminator.
+        """Parse an answer, given without its terminator.
 
         Raises:
             ProtocolError: It is empty, or not text.
@@ -125,7 +125,8 @@ class AmplifierCodec:
         text = line.decode("latin-1").strip(" ")
         if not text or not (text.isascii() and text.isprintable()):
             raise ProtocolError(
-                f"the amplifier answered {printable(line)!r}, which is no text",
+                f"the amplifier answered {printable(line)!r}, which is not text; check baud rate"
+                " and cable",
                 code="RID-AMPLIFIER-ANSWER",
             )
         if text == self.profile.ok.text:
@@ -136,29 +137,29 @@ class AmplifierCodec:
         return Answer(error=match[1]) if match else Answer(text=text)
 
     def error_text(self, number: str) -> str:
-        """Return an error in words, for people."""
+        """Return the description of an error number."""
         meaning = self.profile.errors.get(number, "not in the profile's list")
         return f"error {self.profile.error.text}{number} ({meaning})"
 
 
 class LineSplitter:
-    """Bytes to lines ended by CR, LF or both; bounded, whatever comes.
+    """Splitter of bytes into lines that end with CR, LF or both; its memory is limited.
 
     Attributes:
-        rest: What came after the last line's end.
+        rest: Bytes after the last line.
     """
 
     def __init__(self) -> None:
         self.rest = b""
 
     def feed(self, data: bytes) -> None:
-        """Take bytes in; `next_line` then takes them out."""
+        """Add bytes, for `next_line`."""
         self.rest += data
 
     def next_line(self) -> bytes | None:
-        """Take out the next line that is not empty; None where none has ended.
+        """Return and remove the next line that is not empty; None if none is complete.
 
-        Of a line that grows too long before it ends only the last bytes are kept.
+        If a line is too long, only its last bytes are kept.
         """
         while (end := _LINE_END.search(self.rest)) is not None:
             line, self.rest = self.rest[: end.start()], self.rest[end.end() :]

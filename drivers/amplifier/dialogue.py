@@ -1,4 +1,4 @@
-"""`AmplifierDialogue`: questions to a charge amplifier and its answers, with deadlines."""
+"""`AmplifierDialogue`: requests to a charge amplifier and its answers, with deadlines."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _MAX_STALE_BYTES = 1 << 20
 
 
 class AmplifierDialogue:
-    """One question after the other over an open port.
+    """Requests over an open port, one after the other.
 
     Args:
-        link: The port, open at the speed that the cell file names.
-        profile: What the amplifier speaks.
+        link: The port, open at the baud rate of the cell file.
+        profile: The amplifier's commands.
 
     Attributes:
-        lines: What came and was not an answer yet; after the start of a stream, its first bytes.
+        lines: Bytes that are not an answer yet; after the start of a stream, its first bytes.
     """
 
     def __init__(self, link: SerialLink, profile: AmplifierProfile) -> None:
@@ -36,17 +36,17 @@ class AmplifierDialogue:
 
     @property
     def where(self) -> str:
-        """Which amplifier, for people."""
+        """The amplifier, for messages."""
         return f"amplifier at {self._link.address}"
 
     def connect(self) -> str:
-        """End a stream that is under way; return who answers.
+        """End a stream that is running; return maker, model and serial number.
 
         Raises:
-            ProtocolError: The amplifier answers at another speed, which is named, or answers no
-                text.
-            DeviceTimeoutError: Nothing answers at any speed.
-            TransportError: The port is gone.
+            ProtocolError: The amplifier answers at another baud rate, which is named, or its answer
+                is not text.
+            DeviceTimeoutError: There is no answer at any baud rate.
+            TransportError: The port is lost.
         """
         try:
             return self._greet(ANSWER_TIMEOUT_S)
@@ -56,33 +56,33 @@ class AmplifierDialogue:
                 if isinstance(error, ProtocolError):
                     raise
                 raise DeviceTimeoutError(
-                    f"{self.where}: nothing answers at any speed; check that the amplifier is on,"
+                    f"{self.where}: no answer at any baud rate; check that the amplifier is on,"
                     " its cable (crossed or not) and plate.amplifier.address",
                     code="RID-AMPLIFIER-SILENT",
                 ) from error
         raise ProtocolError(
             f"{self.where}: the amplifier answers at {found} baud, not at"
-            f" {self._baud_rate}: set plate.amplifier.baud_rate to {found}, or the amplifier"
+            f" {self._baud_rate}; set plate.amplifier.baud_rate to {found}, or the amplifier"
             f" to {self._baud_rate}",
             code="RID-AMPLIFIER-SETTING",
         )
 
     def ask(self, name: str, value: str | None = None, channel: int = 0) -> Answer:
-        """Set or ask something.
+        """Set or read a value.
 
         Args:
             name: Field of `config.cell.amplifier_profile.Commands`.
-            value: What to set; None to ask.
+            value: The value to set; None to read.
             channel: 1 to 8; 0 for all or none.
 
         Raises:
-            ProtocolError: The amplifier answers an error, or no text.
+            ProtocolError: The answer is an error, or not text.
             DeviceTimeoutError: It does not answer in time.
-            TransportError: The port is gone.
+            TransportError: The port is lost.
         """
         clock = self._link.clock
         if self._link.read(clock.now_s()) or self.lines.rest:
-            self.lines = LineSplitter()  # nothing was asked, so this answers nothing
+            self.lines = LineSplitter()  # stale data: no request was pending
         request = self.codec.request(name, value, channel)
         self._link.write(request)
         answer = self.answer(name, clock.now_s() + ANSWER_TIMEOUT_S)
@@ -96,32 +96,33 @@ class AmplifierDialogue:
         return answer
 
     def answer(self, name: str, until_s: float) -> Answer:
-        """Wait for the next line; raises `DeviceTimeoutError` where none ends in time."""
+        """Wait for the next line; raise `DeviceTimeoutError` if none is complete in time."""
         while (line := self.lines.next_line()) is None:
             data = self._link.read(until_s)
             if not data and self._link.clock.now_s() >= until_s:
                 rest = self.lines.rest
                 heard = f"; heard {printable(rest, 24)!r}" if rest else ""
                 raise DeviceTimeoutError(
-                    f"{self.where}: no answer to {name} at {self._link.baud_rate} baud{heard}",
+                    f"{self.where}: no answer to {name} at {self._link.baud_rate} baud{heard};"
+                    " check cable and power",
                     code="RID-AMPLIFIER-SILENT",
                 )
             self.lines.feed(data)
         return self.codec.read_answer(line)
 
     def unexpected(self, what: str, text: str) -> ProtocolError:
-        """Return the error of an answer that the profile does not know."""
+        """Return the error for an answer that violates the profile."""
         return ProtocolError(
-            f"{self.where}: asked for {what}, answered {printable(text)!r}: not what profile"
-            f" {self._profile.name} says",
+            f"{self.where}: answered {printable(text)!r} to a request for {what}, against profile"
+            f" {self._profile.name}; correct the profile",
             code="RID-AMPLIFIER-ANSWER",
         )
 
     def _greet(self, timeout_s: float) -> str:
-        """End whatever is under way and ask who is there."""
+        """End a running stream and request the identity."""
         clock = self._link.clock
         self.lines = LineSplitter()
-        # the first terminator ends what noise has left in the amplifier's input
+        # the first terminator ends a line of noise in the amplifier's input
         end = self._profile.terminator.encode("ascii")
         self._link.write(end + self.codec.request("stream", OFF))
         until_s = clock.now_s() + timeout_s
@@ -136,11 +137,11 @@ class AmplifierDialogue:
         while not (answer := self.answer("identify", until_s)).text:
             if answer.error:
                 raise self.unexpected("who it is", f"E{answer.error}")
-            # a confirmation: that of the stream's end, which came late
+            # a confirmation of the stream's end, which came late
         return printable(answer.text)
 
     def _search(self) -> int | None:
-        """Return the speed at which the amplifier answers; None where it is silent at all."""
+        """Return the baud rate at which the amplifier answers; None if it never answers."""
         try:
             for baud_rate in BAUD_RATES:
                 if baud_rate == self._baud_rate:
@@ -148,7 +149,7 @@ class AmplifierDialogue:
                 try:
                     self._link.set_baud_rate(baud_rate)
                 except TransportError:
-                    continue  # this adapter does not have it
+                    continue  # this adapter does not support it
                 try:
                     self._greet(PROBE_TIMEOUT_S)
                 except (DeviceTimeoutError, ProtocolError):

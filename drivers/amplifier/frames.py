@@ -1,4 +1,4 @@
-"""`FrameLayout`: rows and events of a charge amplifier to bytes and back, by its profile.
+"""`FrameLayout`: conversion of a charge amplifier's rows and events to bytes and back.
 
 Every frame begins with a literal, has a fixed size and ends with CRC-16/CCITT (polynomial 0x1021,
 from 0xFFFF, no final exclusive-or) of everything before it, high byte first.
@@ -26,15 +26,15 @@ PLATE_ROW: Final = np.dtype(
         ("counts", "<i2", (CHANNELS,)),
     ]
 )
-"""A row: `sequence` and `ticks` (device time) counted on through their overflows, `stream` (it
-grows where the device's clock began anew: nothing but order connects two of them), `status` and
-the channels' counts."""
+"""A row: `sequence` and `ticks` (device time), both without overflow; `stream`, which grows if the
+device's clock restarts, so that only the order connects two streams; `status`; and the channels'
+counts."""
 
 PLATE_EVENT: Final = np.dtype(
     [("sequence", "<i8"), ("ticks", "<i8"), ("stream", "<u4"), ("kind", "<u2"), ("detail", "<u2")]
 )
-"""An event: the row that it stood before, its own device time, and what the profile says of
-`detail`."""
+"""An event: number of the following row, the event's own device time, and `detail`, which the
+profile defines."""
 
 _SEED = 0xFFFF
 _HEX_DIGIT = np.full(256, 255, dtype=np.uint8)
@@ -43,12 +43,12 @@ _HEX_DIGIT[list(b"abcdef")] = np.arange(10, 16)
 
 
 class FrameLayout:
-    """One kind of frame.
+    """Layout of one type of frame.
 
     Attributes:
-        start: What it begins with.
-        size: Its bytes up to and with the checksum.
-        terminator: What follows it on the line; not part of it.
+        start: Its first bytes.
+        size: Number of bytes including the checksum.
+        terminator: Bytes that follow it on the line; not part of it.
     """
 
     def __init__(self, parts: tuple[Part, ...], terminator: bytes) -> None:
@@ -72,7 +72,7 @@ class FrameLayout:
             )
 
     def encode(self, values: dict[str, int | Sequence[int]]) -> bytes:
-        """Return a frame with its terminator; `values` has every number but the checksum.
+        """Return a frame with its terminator; `values` has every number except the checksum.
 
         Raises:
             struct.error, ValueError: A number does not fit.
@@ -94,7 +94,7 @@ class FrameLayout:
         return body + b"%04X" % crc_hqx(body, _SEED) + self.terminator
 
     def is_whole(self, data: bytes, position: int) -> bool:
-        """Return whether the frame at `position`, which must be there in full, is undamaged."""
+        """Return whether the complete frame at `position` is undamaged."""
         if not self._is_text:
             return crc_hqx(data[position : position + self.size], _SEED) == 0
         end = position + self._body
@@ -102,12 +102,12 @@ class FrameLayout:
         return data[end : position + self.size].upper() == checksum
 
     def decode(self, frames: bytes) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.bool_]]:
-        """Return the numbers of whole frames, one after the other without terminators.
+        """Return the numbers of complete frames, concatenated without terminators.
 
         Returns:
             `fields`: Dict of ndarray of int64, shape (frames,) or (frames, 8). By name.
-            `good`, shape (frames,). False where a text frame has something else than a number in
-                the place of one.
+            `good`, shape (frames,). False if a text frame has something other than a number at the
+                position of a number.
         """
         if not self._is_text:
             records = np.frombuffer(frames, dtype=self._record)
@@ -143,19 +143,19 @@ class FrameLayout:
 
 
 def row_layout(profile: AmplifierProfile, form: str) -> FrameLayout:
-    """Return how a row looks in the form ``ascii`` or ``binary``."""
+    """Return the layout of a row in the form ``ascii`` or ``binary``."""
     return FrameLayout(profile.row_parts(form), _terminator(profile, form))
 
 
 def event_layout(profile: AmplifierProfile, form: str) -> FrameLayout:
-    """Return how an event looks in the form ``ascii`` or ``binary``."""
+    """Return the layout of an event in the form ``ascii`` or ``binary``."""
     return FrameLayout(profile.event_parts(form), _terminator(profile, form))
 
 
 def encode_row(
     layout: FrameLayout, sequence: int, ticks: int, status: int, counts: Sequence[int]
 ) -> bytes:
-    """Return a row as it stands on the line; `sequence` and `ticks` overflow as on the device.
+    """Return a row as bytes on the line; `sequence` and `ticks` overflow as on the device.
 
     Raises:
         struct.error, ValueError: There are not eight counts, or one does not fit 16 bits.
@@ -173,7 +173,7 @@ def encode_row(
 
 
 def encode_event(layout: FrameLayout, kind: int, sequence: int, ticks: int, detail: int) -> bytes:
-    """Return an event as it stands on the line; numbers overflow as on the device."""
+    """Return an event as bytes on the line; numbers overflow as on the device."""
     return layout.encode(
         {
             "kind": kind,

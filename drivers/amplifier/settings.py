@@ -1,4 +1,4 @@
-"""What a cell file requires of its amplifier, setting by setting."""
+"""The amplifier's settings that a cell file requires."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class RequiredSetting:
-    """One setting.
+    """One required setting.
 
     Attributes:
         name: Field of `config.cell.amplifier_profile.Commands`.
         channel: 1 to 8, 0 for all.
-        value: What it must be.
-        label: What it is, in words.
-        unit: Of the value.
+        label: The setting's name, in words.
         is_settable: Whether it can be set; otherwise the cell file must agree with the device.
     """
 
@@ -32,15 +30,15 @@ class RequiredSetting:
 
     @property
     def text(self) -> str:
-        """The value as it is sent."""
+        """The value as sent."""
         return f"{self.value:.7g}"
 
     def shown(self, text: str) -> str:
-        """Return a value with its unit, for people."""
+        """Return a value with its unit."""
         return f"{text} {self.unit}".rstrip()
 
     def agrees(self, text: str) -> bool:
-        """Return whether what the device answered is this value, to a thousandth."""
+        """Return whether the device's answer equals this value, to a thousandth."""
         try:
             found = float(text)
         except ValueError:
@@ -49,7 +47,7 @@ class RequiredSetting:
 
 
 def required_settings(config: AmplifierConfig) -> tuple[RequiredSetting, ...]:
-    """Return every setting that a cell file requires, in the order in which they are set."""
+    """Return all settings that a cell file requires, in the order in which they are set."""
     channels = range(1, len(CHANNEL_NAMES) + 1)
     sensitivities = zip(channels, CHANNEL_NAMES, config.sensitivity_pc_n, strict=True)
     ranges = zip(channels, CHANNEL_NAMES, config.range_n, strict=True)

@@ -1,8 +1,9 @@
-"""When an amplifier's rows arrive in a simulated cell whose time is simulated too (lock-step).
+"""Arrival of an amplifier's rows in a cell with simulated time (lock-step).
 
-There a row's arrival belongs to the simulated time of the bus, which no process can read off a
-clock. The simulated amplifier writes it into a small file beside its port before it sends the row;
-who reads the port looks it up by the row's sequence number. A real port has no such file.
+The arrival of a row is then in the simulated time of the bus, which the reading process cannot get
+from a clock. Before it sends a row, the simulated amplifier writes its arrival into a small file
+next to its port; the reader of the port finds it there by the row's sequence number. A real port
+has no such file.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ _BYTES = 8 * SEQUENCES
 
 
 def arrivals_path(address: str) -> Path:
-    """Return where the arrivals of the port at `address` stand, if it is a simulated one."""
+    """Return the path of the arrivals for the port at `address`, if it is simulated."""
     return Path(f"{address}.arrivals")
 
 
 class ArrivalWriter:
-    """Makes the file, every arrival unknown, and writes arrivals into it."""
+    """Writer of the file; all arrivals are unknown at first."""
 
     def __init__(self, path: Path) -> None:
         with path.open("w+b") as file:
@@ -35,15 +36,15 @@ class ArrivalWriter:
         self._times[:] = np.nan
 
     def write(self, sequence: ArrayLike, time_s: ArrayLike) -> None:
-        """Write when rows arrive, before they are sent: numbers modulo 2^16, simulated times."""
+        """Write the arrivals of rows before they are sent: numbers modulo 2^16, simulated times."""
         self._times[np.asarray(sequence, dtype=np.int64) % SEQUENCES] = time_s
 
 
 class ArrivalReader:
-    """Looks up when rows have arrived.
+    """Reader of the rows' arrivals.
 
     Raises:
-        TransportError: There is no such file: this is a real port, or a simulated one in real time.
+        TransportError: The file does not exist: the port is real, or simulated in real time.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,17 +53,18 @@ class ArrivalReader:
                 self._memory = mmap.mmap(file.fileno(), _BYTES, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
             raise TransportError(
-                f"{path}: no simulated arrivals there ({error})", code="RID-MOCK-NOT-SERVED"
+                f"{path}: no simulated arrivals ({error}); start the simulated cell",
+                code="RID-MOCK-NOT-SERVED",
             ) from error
 
     def time_s(self, sequence: ArrayLike) -> NDArray[np.float64]:
-        """Return when rows just received have arrived [s]; NaN for numbers that were never sent."""
+        """Return the arrivals of rows just received [s]; NaN for numbers that were never sent."""
         times = np.frombuffer(self._memory, np.float64)
         found: NDArray[np.float64] = times[np.asarray(sequence, dtype=np.int64) % SEQUENCES]
         return found
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._memory.close()
 
     def __enter__(self) -> ArrivalReader:
@@ -70,5 +72,5 @@ class ArrivalReader:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self.close()

@@ -1,8 +1,8 @@
-"""`AmplifierStream`: the byte stream of a charge amplifier to rows and events.
+"""`AmplifierStream`: conversion of a charge amplifier's bytes to rows and events.
 
-Bytes come in pieces of any size. A frame counts where its start, its size and its checksum fit,
-wherever it stands; what lies between is skipped and counted, and at most one frame's bytes are held
-back, so that any garbage costs the rows that it damaged and no memory.
+Bytes come in pieces of any size. A frame is accepted at any position if its start, its size and its
+checksum fit. Bytes in between are skipped and counted, and at most one frame's bytes are buffered,
+so that garbage costs only the rows that it damaged, and no memory.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _SEPARATORS = b"\r\n"
 
 @dataclass(frozen=True, eq=False)
 class StreamPiece:
-    """What one piece of the stream brought.
+    """Rows and events of one piece of the stream.
 
     Attributes:
         rows: Shape (rows,). In the order sent.
         events: Shape (events,). In the order sent.
-        row_ends, event_ends: Shape (rows,) and (events,). Bytes from the beginning of the stream to
-            the end of each: which piece completed it.
+        row_ends, event_ends: Shape (rows,) and (events,). Number of bytes from the beginning of the
+            stream to the end of each, which identifies the piece that completed it.
     """
 
     rows: NDArray[Any]
@@ -43,15 +43,16 @@ class StreamPiece:
 
 @dataclass
 class StreamCounts:
-    """What a stream has brought so far.
+    """Counts of a stream so far.
 
     Attributes:
-        rows, events: Frames taken.
-        gaps, rows_lost: Places where the sequence number jumped, and how many rows are missing
+        rows, events: Accepted frames.
+        gaps, rows_lost: Jumps of the sequence number, and the number of rows that are missing
             there.
-        bad_frames: Frames that began rightly and failed their checksum.
-        garbage_bytes: Bytes that belong to no frame.
-        repeated_rows: Rows left out because they carried the sequence number of the row before.
+        bad_frames: Frames with a valid start but a wrong checksum.
+        garbage_bytes: Bytes outside frames.
+        repeated_rows: Rows that were ignored because they had the sequence number of the row
+            before.
     """
 
     rows: int = 0
@@ -64,24 +65,24 @@ class StreamCounts:
 
 
 class _Frames(NamedTuple):
-    """Whole frames, and where each ends in its buffer."""
+    """Complete frames, and the end of each in its buffer."""
 
     frames: list[bytes]
     ends: list[int]
 
 
 class AmplifierStream:
-    """An incremental parser; `feed` it what the line brings.
+    """An incremental parser; call `feed` with the bytes of the line.
 
     Args:
         profile: The rows' layout.
-        form: Which of the two.
-        rate_hz: Rows per second, roughly: how many rows a long silence has cost.
+        form: ``ascii`` or ``binary``.
+        rate_hz: Approximate rows per second, to estimate the rows lost in a long silence.
 
     Attributes:
-        counts: What came so far.
-        stopped: The device has said that no more rows will come.
-        rest: What came after that; text again.
+        counts: Counts so far.
+        stopped: The device has announced the end of the stream.
+        rest: Bytes after that; text again.
         taken_bytes: Bytes fed so far.
     """
 
@@ -106,11 +107,11 @@ class AmplifierStream:
 
     @property
     def held_bytes(self) -> int:
-        """Bytes kept until the rest of their frame comes; less than a frame."""
+        """Number of bytes that wait for the rest of their frame; less than a frame."""
         return len(self._tail)
 
     def feed(self, data: bytes) -> StreamPiece:
-        """Take the next piece of the stream and return what is complete with it."""
+        """Process the next piece of the stream and return what it completes."""
         if self.stopped:
             self.rest += data
             return self._block(_Frames([], []), _Frames([], []), 0)
@@ -138,7 +139,7 @@ class AmplifierStream:
         self._tail, self.rest = (b"", unused) if self.stopped else (unused, b"")
 
     def _frames(self, buffer: bytes) -> tuple[_Frames, _Frames, int]:
-        """Find the whole frames; return rows, events and where the unused rest begins."""
+        """Find the complete frames; return rows, events and the start of the unused rest."""
         rows, events = _Frames([], []), _Frames([], [])
         row, event = self._row, self._event
         row_start, row_size, row_is_whole = row.start, row.size, row.is_whole
@@ -185,7 +186,7 @@ class AmplifierStream:
         return bool(good[0]) and int(fields["kind"][0]) == self._stop_kind
 
     def _beginning(self, buffer: bytes, position: int) -> int:
-        """Return where the end of `buffer` may be the beginning of a frame."""
+        """Return the position from which the end of `buffer` may be the start of a frame."""
         for length in range(max(map(len, self._prefixes), default=0), 0, -1):
             at = len(buffer) - length
             if at >= position and buffer[at:] in self._prefixes:
@@ -210,7 +211,7 @@ class AmplifierStream:
         sequence, ticks = fields["sequence"][good], fields["time"][good]
         if self._sequence is None or self._ticks is None:
             self._sequence = int(sequence[0]) - 1
-            self._ticks = self._beside_events(int(ticks[0]))
+            self._ticks = self._continue_event_ticks(int(ticks[0]))
         step = np.diff(sequence, prepend=self._sequence) % _SEQUENCES
         elapsed = np.diff(ticks, prepend=self._ticks) % _TICKS
         missed = np.rint((elapsed * self._rows_per_tick - step) / _SEQUENCES)
@@ -234,8 +235,8 @@ class AmplifierStream:
             rows, kept = rows[~repeated], kept[~repeated]
         return rows, kept
 
-    def _beside_events(self, ticks: int) -> int:
-        """Return the first row's time on the count that earlier events have begun."""
+    def _continue_event_ticks(self, ticks: int) -> int:
+        """Return the first row's time, counted on from earlier events."""
         if self._event_ticks is None:
             return ticks
         return self._event_ticks + int(_nearest(np.array(ticks - self._event_ticks), _TICKS))
@@ -262,5 +263,5 @@ class AmplifierStream:
 
 
 def _nearest(differences: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
-    """Return each difference of overflowing counters, between minus half and half of them."""
+    """Return each difference of overflowing counters, between plus and minus half the modulus."""
     return (differences + modulus // 2) % modulus - modulus // 2

@@ -54,7 +54,7 @@ class SdoClient:
         return Frame(self._request_cob_id, MULTIPLEXER.pack(0x40, index, subindex, bytes(4)))
 
     def download(self, index: int, subindex: int, data: bytes, now_s: float) -> Frame:
-        """Begin to write an object; return the request. 1 to 4 bytes go expedited."""
+        """Begin to write an object; return the request. 1 to 4 bytes are sent expedited."""
         self._begin(index, subindex, data, now_s, upload=False)
         if 1 <= len(data) <= 4:
             command, payload = 0x23 | (4 - len(data)) << 2, data.ljust(4, b"\0")

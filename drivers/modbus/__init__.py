@@ -1,4 +1,4 @@
-"""The drives' parameters and temperatures over Modbus, beside the cyclic exchange.
+"""The drives' parameters and temperatures over Modbus, in parallel to the cyclic exchange.
 
-Reading only: nothing here starts or stops a motion. Begin with `drive_monitor.py`.
+Everything is read only: nothing here starts or stops a motion. Begin with `drive_monitor.py`.
 """

@@ -1,7 +1,7 @@
-"""Between registers and quantities: what is read together, and what the words mean.
+"""Conversion of registers to quantities, and planning of the reads.
 
 Registers are 16 bits, most significant byte first (Modbus application protocol 1.1b3, 4.2); the
-order of the two registers of a 32-bit number is each maker's own.
+order of the two registers of a 32-bit number differs between makers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _CODES: Final = {"uint16": "H", "int16": "h", "uint32": "I", "int32": "i", "floa
 
 @dataclass(frozen=True)
 class RegisterRead:
-    """One request: a stretch of registers and what lies in it."""
+    """One request: a block of registers and the quantities in it."""
 
     table: Literal["holding", "input"]
     address: int
@@ -29,7 +29,7 @@ class RegisterRead:
 
 
 def plan_reads(profile: DriveProfile, quantities: Iterable[Quantity]) -> tuple[RegisterRead, ...]:
-    """Return the requests that bring those of the quantities that the drive has."""
+    """Return the requests for those of the quantities that the drive has."""
     wanted: list[Quantity] = [name for name in quantities if name in profile.registers]
     wanted.sort(key=lambda name: (profile.registers[name].table, profile.registers[name].address))
     reads: list[RegisterRead] = []
@@ -50,14 +50,14 @@ def plan_reads(profile: DriveProfile, quantities: Iterable[Quantity]) -> tuple[R
 def decode(
     profile: DriveProfile, read: RegisterRead, words: Sequence[int]
 ) -> dict[Quantity, float]:
-    """Return the quantities, in SI, of a stretch of registers.
+    """Return the quantities of a block of registers, in SI units.
 
     Raises:
-        ProtocolError: There are not as many words as were asked for, or a number is not finite.
+        ProtocolError: The number of words differs from the request, or a number is not finite.
     """
     if len(words) != read.count:
         raise ProtocolError(
-            f"{len(words)} registers were answered where {read.count} were asked for",
+            f"{len(words)} registers were answered, but {read.count} were requested",
             code="RID-MODBUS-GARBAGE",
         )
     values: dict[Quantity, float] = {}
@@ -67,7 +67,7 @@ def decode(
         raw = _number(register, words[start : start + register.count], profile.word_order)
         if not math.isfinite(raw):
             raise ProtocolError(
-                f"{name} is {raw} in register {register.address}: check the profile's type and"
+                f"{name} is {raw} in register {register.address}; check the profile's type and"
                 " word_order",
                 code="RID-MODBUS-PROFILE",
             )
@@ -76,9 +76,9 @@ def decode(
 
 
 def encode(profile: DriveProfile, values: Mapping[Quantity, float]) -> dict[int, int]:
-    """Return what the registers hold, by address, where a drive has these values in SI.
+    """Return the content of the registers, by address, for a drive with these values in SI units.
 
-    A value that its type cannot hold is held at the type's end.
+    A value outside its type's range is limited to the range.
     """
     words: dict[int, int] = {}
     for name, value in values.items():

@@ -18,7 +18,7 @@ from drivers.modbus.link import ModbusLink, open_modbus
 
 COLDEST_K = 223.15
 HOTTEST_K = 523.15
-"""What lies outside is no temperature of a motor: a wrong register, type or scale."""
+"""Range of plausible motor temperatures; outside, register, type or scale are wrong."""
 
 
 class ModbusDriveMonitor(DriveMonitor):
@@ -38,10 +38,10 @@ class ModbusDriveMonitor(DriveMonitor):
         self._plates = plan_reads(profile, NAMEPLATE)
 
     def motors(self) -> tuple[MotorData, ...]:
-        """Return what the drives say of their motors.
+        """Return the drives' data of their motors.
 
         Raises:
-            DriverError: One of them does not answer, or not as its profile says.
+            DriverError: A drive does not answer, or violates its profile.
         """
         answers: list[MotorData] = []
         for unit in self._units:
@@ -55,7 +55,7 @@ class ModbusDriveMonitor(DriveMonitor):
         """Return temperatures; see `DriveMonitor.read`.
 
         Raises:
-            TransportError: The line is gone.
+            TransportError: The line is lost.
         """
         temperature = np.full(len(self._units), math.nan)
         operating = np.full(len(self._units), math.nan)
@@ -73,8 +73,9 @@ class ModbusDriveMonitor(DriveMonitor):
                 temperature[number] = found_k
             else:
                 problems.append(
-                    f"{self._link.name}, unit {unit}: a motor of {found_k - ZERO_CELSIUS_K:.1f} °C:"
-                    " check register, type and scale in the profile"
+                    f"{self._link.name}, unit {unit}: motor temperature"
+                    f" {found_k - ZERO_CELSIUS_K:.1f} °C is implausible; check register, type and"
+                    " scale in the profile"
                 )
             operating[number] = values.get("operating_time_s", math.nan)
         return MonitorReading(temperature, operating, tuple(problems))
@@ -97,7 +98,7 @@ def open_drive_monitor(
     profile: DriveProfile,
     pause: Callable[[float], None] = time.sleep,
 ) -> ModbusDriveMonitor:
-    """Open the way to the drives that a cell file names; nothing is asked yet.
+    """Open the connection to the drives that a cell file names; nothing is sent yet.
 
     Raises:
         TransportError: It cannot be opened.

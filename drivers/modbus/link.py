@@ -1,8 +1,8 @@
 """`ModbusLink`: requests to drives over Modbus, with typed errors and limited waits.
 
-The one place that knows pymodbus. A request is sent once; where no answer comes in time the line is
-left alone until a late one must have come too, and that is thrown away: on a serial line nothing
-says which request an answer belongs to, and it would be taken for the next one's.
+This is the only module that uses pymodbus. A request is sent once. If no answer comes in time, the
+line is not used until a late answer must have come too, which is discarded: on a serial line an
+answer does not identify its request, and would be taken for the answer to the next one.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from drivers.modbus.codec import RegisterRead
 
 LATE_FACTOR = 1.5
-"""An answer that is later than this many time-outs is not waited for any more."""
+"""Time, in multiples of the timeout, after which an answer can no longer come."""
 
 _FUNCTION = {"holding": 3, "input": 4}
 _EXCEPTIONS = {
-    1: "the function is not known to it",
+    1: "it does not support the function",
     2: "it has no such register",
     3: "the request's count is not allowed",
-    4: "it failed at it",
-    5: "it needs longer",
+    4: "it failed to carry out the request",
+    5: "it needs more time",
     6: "it is busy",
     10: "the gateway has no path to it",
     11: "it does not answer its gateway",
@@ -42,17 +42,17 @@ _EXCEPTIONS = {
 _SHOWN_BYTES = 8
 _PARITY = {"even": "E", "odd": "O", "none": "N"}
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it has to say is raised here
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors are raised here
 
 
 class Received:
-    """Keeps the bytes that came since the last request; given to a client as `trace_packet`."""
+    """Buffer of the bytes since the last request; a client's `trace_packet`."""
 
     def __init__(self) -> None:
         self.data = b""
 
     def __call__(self, sending: bool, data: bytes) -> bytes:
-        """Take the bytes that are sent, or all that came so far; they are passed on unchanged."""
+        """Store all bytes received so far; sent bytes are ignored. Return the bytes unchanged."""
         if not sending:
             self.data = data
         return data
@@ -63,10 +63,10 @@ class ModbusLink:
 
     Args:
         client: The connected client.
-        name: How errors call the line.
-        timeout_s: How long an answer may take [s].
-        pause: How to let time pass.
-        received: Keeps what has come since the last request; the client's `trace_packet`.
+        name: Name of the line in errors.
+        timeout_s: Time limit of an answer [s].
+        pause: Function that waits [s].
+        received: Buffer of the bytes since the last request; the client's `trace_packet`.
     """
 
     def __init__(
@@ -89,8 +89,8 @@ class ModbusLink:
 
         Raises:
             DeviceTimeoutError: The drive did not answer in time.
-            ProtocolError: It refused, or what came is not an answer to this.
-            TransportError: The line is gone.
+            ProtocolError: It refused, or the bytes are not an answer to this request.
+            TransportError: The line is lost.
         """
         client = self._client
         ask = client.read_holding_registers
@@ -109,16 +109,16 @@ class ModbusLink:
             self._forget_late_answer()
             if "received" in str(error) and "uses" in str(error):
                 raise ProtocolError(
-                    f"{self.name}, unit {unit}: something else was answered: {error}",
+                    f"{self.name}, unit {unit}: the answer is for another request: {error}",
                     code="RID-MODBUS-GARBAGE",
                 ) from error
             if garbage := self._received.data:
                 shown = garbage[:_SHOWN_BYTES].hex(" ").upper()
                 more = " …" if len(garbage) > _SHOWN_BYTES else ""
                 raise ProtocolError(
-                    f"{self.name}, unit {unit}: {len(garbage)} bytes came that are no Modbus answer"
-                    f" ({shown}{more}); compare baud rate, parity and stop bits with the drive's,"
-                    " and look at termination and for another sender on the line",
+                    f"{self.name}, unit {unit}: {len(garbage)} bytes came that are not a Modbus"
+                    f" answer ({shown}{more}); compare baud rate, parity and stop bits with the"
+                    " drive's, and check termination and other senders on the line",
                     code="RID-MODBUS-GARBAGE",
                 ) from error
             raise DeviceTimeoutError(
@@ -133,18 +133,19 @@ class ModbusLink:
             ) from error
         if response.isError():
             code = int(response.exception_code)
-            why = _EXCEPTIONS.get(code, "a code of its maker's own")
+            why = _EXCEPTIONS.get(code, "a manufacturer-specific code")
             raise ProtocolError(
                 f"{self.name}, unit {unit}: registers {read.address} to"
-                f" {read.address + read.count - 1} are refused with exception {code}: {why}",
+                f" {read.address + read.count - 1} are refused with exception {code}: {why};"
+                " correct the profile",
                 code="RID-MODBUS-PROFILE",
             )
         if response.function_code != _FUNCTION[read.table] or len(response.registers) != read.count:
             self._forget_late_answer()
             raise ProtocolError(
                 f"{self.name}, unit {unit}: {len(response.registers)} registers of function"
-                f" {response.function_code} were answered, {read.count} of function"
-                f" {_FUNCTION[read.table]} were asked for",
+                f" {response.function_code} were answered, but {read.count} of function"
+                f" {_FUNCTION[read.table]} were requested",
                 code="RID-MODBUS-GARBAGE",
             )
         return list(response.registers)
@@ -154,10 +155,10 @@ class ModbusLink:
         self._client.close()  # type: ignore[no-untyped-call]
 
     def _forget_late_answer(self) -> None:
-        """Make sure that no answer to an old request is taken for one to the next.
+        """Ensure that a late answer to an old request is not taken for one to the next.
 
-        A connection goes with what is still on its way in it; on a serial line it is waited for,
-        and the client drops what lies there before it sends.
+        A network connection is closed, which discards pending data. On a serial line the late
+        answer is awaited, and the client discards it before the next request.
         """
         if self._serial:
             self._pause((LATE_FACTOR - 1.0) * self._timeout_s)
@@ -203,7 +204,7 @@ def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sle
 
 
 def _reason(link: ModbusTcp | ModbusRtu, timeout_s: float) -> str:
-    """Return why a line cannot be opened, which pymodbus writes into its log only."""
+    """Return why a line cannot be opened; pymodbus only logs it."""
     try:
         if isinstance(link, ModbusRtu):
             serial.Serial(
@@ -215,9 +216,9 @@ def _reason(link: ModbusTcp | ModbusRtu, timeout_s: float) -> str:
             ).close()
         else:
             socket.create_connection((link.host, link.port), timeout_s).close()
-    except (OSError, ValueError, termios.error) as error:  # serial's own is an OSError
+    except (OSError, ValueError, termios.error) as error:  # a SerialException is an OSError
         return str(error)
-    return "it can be opened now: try again"
+    return "it can be opened now; try again"
 
 
 def _client(
@@ -242,7 +243,7 @@ def _client(
 
 
 class _VerifyingTlsClient(ModbusTlsClient):
-    """A client that also holds the drive's certificate against the name it is reached by."""
+    """A client that also checks the name in the drive's certificate."""
 
     def __init__(self, link: ModbusTcp, tls: ModbusTls, timeout_s: float) -> None:
         self._context = _tls_context(tls)
@@ -252,7 +253,7 @@ class _VerifyingTlsClient(ModbusTlsClient):
         )
 
     def connect(self) -> bool:
-        """Connect; raises OSError (of which an SSLError is one) where that fails."""
+        """Connect; raise OSError (such as SSLError) if that fails."""
         if self.socket is None:
             address = (self.comm_params.host, self.comm_params.port)
             timeout_s = self.comm_params.timeout_connect
@@ -264,7 +265,7 @@ class _VerifyingTlsClient(ModbusTlsClient):
 
 
 def _tls_context(tls: ModbusTls) -> ssl.SSLContext:
-    """Return what proves the drives' identity to us, and ours to them where we have one."""
+    """Return the TLS context that verifies the drives and, if configured, has a certificate."""
     try:
         context = ssl.create_default_context(ssl.Purpose.SERVER_AUTH, cafile=tls.ca_file)
         context.minimum_version = ssl.TLSVersion.TLSv1_2

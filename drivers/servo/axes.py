@@ -1,6 +1,6 @@
 """`CanServoAxes`: all CiA 402 drives of a robot on one CAN bus, in cyclic synchronous velocity.
 
-What it owes to its callers stands in `drivers.interfaces.servo_axes`.
+Its contract with its callers is `drivers.interfaces.servo_axes`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from drivers.servo.setup import DriveSetup, SetupResult
 from drivers.settings.write_log import WriteLog
 
 ANSWERS_FRACTION = 0.6
-"""For which part of a cycle answers are waited for; the rest is for the next set-points."""
+"""Fraction of a cycle in which answers are awaited; the rest is for the next set-points."""
 
 
 class _Phase(IntEnum):
@@ -51,23 +51,23 @@ class _Phase(IntEnum):
 class CanServoAxes:
     """The drives of a cell; see `drivers.interfaces.servo_axes.ServoAxes` for the order of calls.
 
-    Once an axis has left Operation Enabled, or a quick stop was commanded, no velocity is sent any
-    more until `bring_up` has been run again: nothing stale can move the robot when power returns.
+    Once an axis has left Operation Enabled, or a quick stop was commanded, no velocity is sent
+    until `bring_up` has been run again: no old command can move the robot when power returns.
 
     Args:
         link: The open bus. The constructor does not use it.
-        cell, robot: Addresses and limits; the axes are put into the robot's order.
-        write_log: Where what is written to the drives is kept, with what was there.
-        stopped: Whether a stop was ordered: then `start` and `enable` go no further.
+        cell, robot: Addresses and limits; the axes are sorted by the robot's joints.
+        write_log: Log of the values that are written to the drives, and of the previous ones.
+        stopped: Whether a stop was ordered; `start` and `enable` then stop.
 
     Attributes:
         joint_names, answers, answers_within_s: As in `ServoAxes`.
-        service: What is asked of the drives one by one, outside the cyclic exchange.
-        cyclic: The frames of every cycle, and how many were not as they should be.
-        watch: What the drives and others send besides.
-        last_heartbeat_s: When this computer's heartbeat was last sent, on the link's clock [s].
-        without_power: Whether `disable` was called last of all, and every drive confirmed it that
-            had power.
+        service: Requests to single drives, outside the cyclic exchange.
+        cyclic: The frames of every cycle, with counts of faulty ones.
+        watch: Monitor of all other frames of drives and others.
+        last_heartbeat_s: Time of this computer's last heartbeat, on the link's clock [s].
+        without_power: True if `disable` was the last call and every drive that had power confirmed
+            power off.
 
     Raises:
         ConfigError: Cell and robot do not name the same joints, or the cyclic exchange would take
@@ -128,9 +128,9 @@ class CanServoAxes:
             LockedError: Another master is active on the bus.
             DeviceTimeoutError: A drive does not boot or does not answer.
             DeviceFaultError: A drive restarted meanwhile.
-            PreflightError: Something was read back that is not as required; `settings` has all of
-                it.
-            TransportError: The bus is gone.
+            PreflightError: A value that was read back is not as required; `settings` has all
+                values.
+            TransportError: The bus is lost.
         """
         self._phase = _Phase.CLOSED
         self.cyclic.left_enabled = False
@@ -152,12 +152,12 @@ class CanServoAxes:
         self._phase = _Phase.CONFIGURED
 
     def settings(self) -> tuple[DriveSetting, ...]:
-        """Return what the last `bring_up` required and read back, also when it failed."""
+        """Return the required and actual values of the last `bring_up`, even if it failed."""
         return tuple(setting for setup in self._setups for setting in setup.settings)
 
     @property
     def left_to_trial(self) -> tuple[str, ...]:
-        """The joints whose drive has no object that says how it reacts to this computer's death."""
+        """Joints whose drive has no object that defines its reaction to a failed computer."""
         return tuple(setup.joint for setup in self._setups if setup.left_to_trial)
 
     def exchange(self) -> float:
@@ -170,13 +170,13 @@ class CanServoAxes:
         """Send velocities [rad/s or m/s, joint side]; they act at the next SYNC.
 
         Returns:
-            False when an axis is not in Operation Enabled, or the axes were stopped: then a quick
-            stop is sent to all of them in place of the velocities.
+            False if an axis is not in Operation Enabled, or the axes were stopped: a quick stop is
+            then sent to all of them instead of the velocities.
 
         Raises:
             SafetyStop: A velocity is not finite or does not fit the drive; a quick stop was sent
                 instead.
-            TransportError: The bus does not take the frames.
+            TransportError: The bus does not accept the frames.
         """
         if self.cyclic.left_enabled or self._phase is not _Phase.ENABLED:
             self.quick_stop()
@@ -193,21 +193,21 @@ class CanServoAxes:
         return True
 
     def send_heartbeat(self, now_s: float, *, asking: bool = True) -> None:
-        """Send this computer's heartbeat when it is due at `now_s` [s].
+        """Send this computer's heartbeat if it is due at `now_s` [s].
 
-        Drives that are watched by life guarding are asked for their state with it; not `asking`
-        leaves them without, which is their silence to this computer and its silence to them.
+        It also requests the state of drives with life guarding. With `asking` False it does not, so
+        that both sides lose the connection.
         """
         if self._heartbeats.due(now_s):
             self.last_heartbeat_s = now_s
             self._link.send_frames((self._heartbeat, *(self._guarding if asking else ())))
 
     def take_events(self) -> tuple[DriveEvent, ...]:
-        """Return what the drives reported since the last call, at most 64 events."""
+        """Return the drives' reports since the last call, at most 64 events."""
         return self.watch.take_events()
 
     def bus_notes(self) -> tuple[str, ...]:
-        """Return who else sends on this bus, as far as it could be seen."""
+        """Return notes on other senders on this bus, if any were detected."""
         return self._power.bus_notes()
 
     def start(self) -> None:
@@ -229,9 +229,9 @@ class CanServoAxes:
         self.watch.expect_operational()
 
     def keep_alive(self, now_s: float) -> None:
-        """Send this computer's heartbeat when due at `now_s` [s], and Disable Voltage with it.
+        """Send this computer's heartbeat if due at `now_s` [s], and Disable Voltage with it.
 
-        Drives wait for commands too, as long as for the heartbeat (1400h:05).
+        Drives also have a timeout for commands, equal to that of the heartbeat (1400h:05).
         """
         self._expect(_Phase.STARTED, "be kept waiting", "start")
         self.send_heartbeat(now_s)
@@ -239,16 +239,16 @@ class CanServoAxes:
             self.cyclic.send_words([ControlWord.DISABLE_VOLTAGE] * len(self._axes))
 
     def enable(self) -> float:
-        """Lead every drive to Operation Enabled, one checked step a cycle, at velocity 0.
+        """Switch every drive to Operation Enabled, one checked step per cycle, at velocity 0.
 
         Returns:
-            Time of the last SYNC [s]: the next is due one cycle later.
+            Time of the last SYNC [s]; the next is due one cycle later.
 
         Raises:
-            DeviceTimeoutError: A drive does not get there, or does not follow its command (6041h
-                bit 12).
+            DeviceTimeoutError: A drive does not reach the state, or does not follow its command
+                (6041h bit 12).
             DeviceFaultError: A drive is in fault or reports one; a fault is never reset here.
-            SafetyStop: A stop was ordered: no drive is led on.
+            SafetyStop: A stop was ordered; no drive is switched further.
         """
         self._expect(_Phase.STARTED, "enable", "start")
         self._power.enable()
@@ -257,17 +257,17 @@ class CanServoAxes:
         return self.cyclic.sync_time_s
 
     def quick_stop(self) -> None:
-        """Send a quick stop to every axis by RPDO, acting at the next SYNC; no more motion follows.
+        """Send a quick stop to every axis by RPDO, acting at the next SYNC; motion then ends.
 
         Raises:
-            TransportError: The bus did not take a frame; every axis's was tried.
+            TransportError: The bus did not accept a frame; every axis was tried.
         """
         if self._phase >= _Phase.STARTED:
             self._phase = _Phase.STOPPED
         self.cyclic.send_words([ControlWord.QUICK_STOP] * len(self._axes))
 
     def halt(self) -> bool:
-        """Quick stop, and wait a limited time until no drive is powered or none moves any more.
+        """Quick stop, and wait a limited time until no drive is powered or all are at rest.
 
         Returns:
             Whether every axis was seen at rest or without power.
@@ -280,11 +280,12 @@ class CanServoAxes:
     def disable(self) -> tuple[str, ...]:
         """Disable voltage by RPDO, then NMT pre-operational and reset of the communication.
 
-        The reset ends the drives' watch on this computer, which would end in a fault when its
-        heartbeat stops. It is left out where a drive did not confirm: then that watch is needed.
+        The reset ends the drives' monitoring of this computer, which would cause a fault when the
+        heartbeat stops. It is omitted if a drive did not confirm, because the monitoring is then
+        needed.
 
         Returns:
-            The joints whose drive did not confirm in time that it is without power.
+            The joints whose drive did not confirm in time that its power is off.
         """
         if self._phase is _Phase.CLOSED:
             return ()
@@ -301,7 +302,7 @@ class CanServoAxes:
         return tuple(unconfirmed)
 
     def _run_cycle(self, words: Sequence[int]) -> None:
-        """Run a whole cycle one cycle time after the last SYNC, with velocity 0."""
+        """Run a cycle with velocity 0, one cycle time after the last SYNC."""
         self._clock.sleep_until(self.cyclic.sync_time_s + self._cell.cycle_time_s)
         self.exchange()
         self.send_heartbeat(self._clock.now_s())

@@ -1,8 +1,8 @@
-"""Where an axis's commands and answers lie in its frames, and several frames as one answer.
+"""Positions of an axis's commands and answers in its frames; joining of split answers.
 
-Most drives are told everything in one RPDO and tell everything in one TPDO. One whose PDOs are
-fixed has its signals in several; one whose torque fits no PDO is asked for it after every SYNC.
-`AnswerJoiner` makes one answer of the parts, so that whoever takes answers sees no difference.
+Most drives receive everything in one RPDO and send everything in one TPDO. A drive with fixed PDOs
+has its signals in several; a torque that fits no PDO is read by SDO after every SYNC.
+`AnswerJoiner` joins the parts to one answer, so that its users see no difference.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _INT16: Final = range(-(2**15), 2**15)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a signal lies: the frame's identifier, and the bytes."""
+    """Position of a signal: the frame's identifier, and the bytes."""
 
     cob_id: int
     start: int
@@ -40,7 +40,7 @@ class Place:
 
     @property
     def end(self) -> int:
-        """Where the frame's next object begins."""
+        """Position of the frame's next object."""
         return self.start + self.size
 
 
@@ -49,10 +49,11 @@ class AxisFrames:
     """One axis's frames of a cycle.
 
     Attributes:
-        commands: Identifier and data of what it is sent, with what never changes; zeros elsewhere.
-        places: Where the signals are. A torque that is asked for lies in the SDO answer.
-        asked: The object that is asked for after every SYNC.
-        answer_bytes: How long the frames are that a cycle brings at most, used or not.
+        commands: Identifier and data of the frames that are sent, with constant values filled in
+            and zeros elsewhere.
+        places: Positions of the signals. A torque that is read by SDO is in the SDO answer.
+        asked: The object that is read by SDO after every SYNC.
+        answer_bytes: Lengths of all frames that a cycle can bring, used or not.
     """
 
     commands: tuple[tuple[int, bytes], ...]
@@ -62,9 +63,9 @@ class AxisFrames:
 
     @classmethod
     def of_profile(cls, node_id: int, profile: ServoProfile) -> AxisFrames:
-        """Return those of a drive, each of whose PDOs comes in every cycle."""
+        """Return the frames of a drive, all of whose PDOs come in every cycle."""
         pdos = cyclic_pdos(node_id, "full", profile)
-        held = _held(profile)
+        held = _constant_values(profile)
         wanted: dict[tuple[int, int], Signal] = {
             signal_object(profile, "controlword"): "controlword",
             signal_object(profile, "target"): "target",
@@ -102,12 +103,12 @@ class AxisFrames:
 
     @property
     def sent_bytes(self) -> tuple[int, ...]:
-        """How long the frames are that a cycle sends to the drive."""
+        """Lengths of the frames that a cycle sends to the drive."""
         asked = () if self.asked is None else (_SDO_BYTES,)
         return (*(len(data) for _, data in self.commands), *asked)
 
 
-def _held(profile: ServoProfile) -> dict[tuple[int, int], int]:
+def _constant_values(profile: ServoProfile) -> dict[tuple[int, int], int]:
     held = {}
     for pdo in profile.pdos:
         for entry in pdo.objects:
@@ -125,7 +126,7 @@ def _starts(pdo: PdoMapping) -> Iterator[tuple[int, tuple[int, int, int]]]:
 
 
 class _Parts:
-    """What has come of one axis's answer in one cycle."""
+    """Received parts of one axis's answer in one cycle."""
 
     def __init__(self) -> None:
         self.first: dict[int, Arrival] = {}
@@ -134,16 +135,16 @@ class _Parts:
 
 
 class AnswerJoiner:
-    """The bus as `CyclicExchange` reads it: an axis's parts come as one answer, when all are there.
+    """The bus for `CyclicExchange`: an axis's parts are joined when all have arrived.
 
-    An answer is as old as its oldest part. A part that comes twice makes a second answer. Parts
-    from before the last SYNC are never joined with later ones.
+    The time of an answer is that of its oldest part. A part that comes twice makes a second answer.
+    Parts from before the last SYNC are never joined with later ones.
 
     Args:
         link: The bus.
         node_ids: The drives, base to flange.
-        frames: Theirs.
-        watch: Is told of parts that are too short.
+        frames: The drives' frames.
+        watch: Monitor that gets reports of parts that are too short.
     """
 
     def __init__(
@@ -181,19 +182,19 @@ class AnswerJoiner:
         self._before = [_Parts() for _ in node_ids]
 
     def begin(self, sync_s: float) -> None:
-        """Take notice of a SYNC [s]: what comes from now on belongs to it."""
+        """Note a SYNC [s]: parts that come from now on belong to it."""
         self._sync_s = sync_s
         self._before, self._now = self._now, [_Parts() for _ in self._now]
 
     def receive_all(self, until_s: float) -> Sequence[Arrival]:
-        """Return answers and every other frame, oldest first; as the link's own does."""
+        """Return answers and all other frames, oldest first, as `CanLink.receive_all` does."""
         for _ in range(MOST_READS):
             arrived = self._link.receive_all(until_s)
             if not arrived:
                 return ()
-            told = [answer for arrival in arrived for answer in self._take(arrival)]
-            if told:
-                return told
+            answers = [answer for arrival in arrived for answer in self._take(arrival)]
+            if answers:
+                return answers
         return ()
 
     def _take(self, arrival: Arrival) -> Iterator[Arrival]:
@@ -219,7 +220,7 @@ class AnswerJoiner:
             parts.again[arrival.cob_id] = arrival
 
     def _is_meant(self, arrival: Arrival) -> bool:
-        """Return whether an SDO answer is the one that was asked for."""
+        """Return whether an SDO answer is the one that was requested."""
         wanted = self._asked.get(arrival.cob_id)
         if wanted is None:
             return True
@@ -229,7 +230,7 @@ class AnswerJoiner:
         return data[1:_VALUE] == wanted and _VALUE + size >= self._ends[arrival.cob_id]
 
     def _joined(self, axis: int, parts: dict[int, Arrival]) -> Iterator[Arrival]:
-        """Yield the answer; nothing where the torque is beyond 16 bits: the axis did not answer."""
+        """Yield the answer; nothing if the torque exceeds 16 bits, as without an answer."""
         status, position, torque = [
             int.from_bytes(
                 parts[place.cob_id].data[place.start : place.end], "little", signed=number > 0

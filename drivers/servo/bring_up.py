@@ -1,4 +1,4 @@
-"""Bringing up all drives of a cell: is the bus ours, do they boot, are they as required."""
+"""Bring-up of all drives of a cell: other masters, boot-up messages, required settings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[Driv
     """Return the cell's axes in the order of the robot's joints.
 
     Raises:
-        ConfigError: A joint has no drive, or a drive moves a joint that the robot does not have.
+        ConfigError: A joint has no drive, or a drive moves a joint that is not the robot's.
     """
     by_joint = {axis.joint: axis for axis in cell.axes}
     missing = [name for name in robot.joint_names if name not in by_joint]
@@ -49,7 +49,7 @@ def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[Driv
 
 
 def bus_load(cell: CellConfig) -> float:
-    """Return the typical load of a cell's bus (1.0: full) by its cyclic exchange and heartbeats."""
+    """Return the typical load of a cell's bus (1.0: full) by cyclic exchange and heartbeats."""
     safety = cell.drive_safety
     trimmed = cell.exchange == "trimmed"
     more_bits = sum(_more_bits(axis.node_id, cell.servo_of(axis)) for axis in cell.axes)
@@ -65,7 +65,7 @@ def bus_load(cell: CellConfig) -> float:
 
 
 def _more_bits(node_id: int, profile: ServoProfile) -> int:
-    """Return how much longer a drive's frames of a cycle are than one there and one back [bit]."""
+    """Return the additional bits per cycle compared with one frame in each direction [bit]."""
     if not profile.spread:
         return 0
     frames = AxisFrames.of_profile(node_id, profile)
@@ -96,14 +96,14 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
     """Reset every drive's communication, and wait until each has booted.
 
     Raises:
-        LockedError: Another master was heard.
+        LockedError: Another master was detected.
         DeviceTimeoutError: A drive does not boot.
         ProtocolError: Two devices boot with the same node id.
     """
     for axis in axes:
         link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, axis.node_id))
     _listen(link, watch, BOOT_TIMEOUT_S, until_booted=True)
-    silent = _who(axes, (not count for count in watch.boot_ups))
+    silent = _names_of(axes, (not count for count in watch.boot_ups))
     if silent:
         raise DeviceTimeoutError(
             f"no boot-up message within {BOOT_TIMEOUT_S:g} s from {silent}; check power, node id,"
@@ -111,7 +111,7 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
             code="RID-DRIVE-SILENT",
         )
     _listen(link, watch, SETTLE_S, until_booted=False)
-    twice = _who(axes, (count > 1 for count in watch.boot_ups))
+    twice = _names_of(axes, (count > 1 for count in watch.boot_ups))
     if twice:
         raise ProtocolError(
             f"more than one boot-up message came from {twice}; two devices may share the node id,"
@@ -121,42 +121,42 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
 
 
 def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
-    """Raise `DeviceFaultError` where a drive has booted again since its setup began."""
-    restarted = _who(axes, map(bool, watch.boot_ups))
+    """Raise `DeviceFaultError` if a drive has booted again since its setup began."""
+    restarted = _names_of(axes, map(bool, watch.boot_ups))
     if restarted:
         raise DeviceFaultError(
             "a drive has booted again since its setup began, and lost its configuration:"
-            f" {restarted}; look at its supply, then run the command again",
+            f" {restarted}; check its supply, then run the command again",
             code="RID-DRIVE-RESTARTED",
         )
 
 
 def refuse_red(settings: Iterable[DriveSetting]) -> None:
-    """Raise `PreflightError`, naming every setting that is not as required."""
+    """Raise `PreflightError` that names every setting that is not as required."""
     red = [setting for setting in settings if setting.verdict == "red"]
-    told = [
+    problems = [
         f"{s.joint} (node {s.node_id}): {s.name} {s.object_name} is {s.found},"
         f" required: {s.required}" + (f" ({s.next_action})" if s.next_action else "")
         for s in red
     ]
     if red:
         raise PreflightError(
-            "; ".join(told) + ". Nothing is moved; correct the drive or the cell file",
+            "; ".join(problems) + ". Nothing is moved; correct the drive or the cell file",
             code=common_code(setting.code for setting in red),
         )
 
 
 def common_code(codes: Iterable[str]) -> str:
-    """Return the code that all of some red lines have; that of a red preflight if they differ."""
+    """Return the common code of some red lines, or that of a red preflight if they differ."""
     distinct = set(codes)
     return (distinct.pop() if len(distinct) == 1 else "") or "RID-PREFLIGHT-RED"
 
 
 def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
-    """Listen for as long as a master may be silent, before anything is sent.
+    """Listen for another master during a heartbeat timeout, before anything is sent.
 
     Raises:
-        LockedError: Another master was heard.
+        LockedError: Another master was detected.
     """
     timeout_s = cell.drive_safety.master_heartbeat_timeout_ms / 1000.0
     until_s = link.clock.now_s() + max(2.5 * cell.cycle_time_s, timeout_s)
@@ -174,7 +174,7 @@ def _listen(link: CanLink, watch: DriveWatch, duration_s: float, *, until_booted
             watch.handle(frame, link.last_time_s)
 
 
-def _who(axes: Sequence[DriveAxis], chosen: Iterable[bool]) -> str:
+def _names_of(axes: Sequence[DriveAxis], chosen: Iterable[bool]) -> str:
     return ", ".join(
         f"{axis.joint} (node {axis.node_id})" for axis, yes in zip(axes, chosen, strict=True) if yes
     )

@@ -24,9 +24,9 @@ DRIVE_PROFILE = 402
 FOLLOWS_COMMAND = 0x1000
 VOLTAGE_ENABLED = 0x0010
 PLAUSIBLE_RATED_TORQUE = (0.01, 30.0)
-"""A motor's rated torque at the joint, as a share of the joint's torque limit.
+"""Plausible rated torque of a motor at the joint, as a fraction of the joint's torque limit.
 
-A sound ratio is 0.1 to 3; a rating in mN m taken for N m is 1000 times as much.
+A plausible ratio is 0.1 to 3; a rating in mN m read as N m gives 1000 times as much.
 """
 
 
@@ -44,17 +44,17 @@ class PowerState(IntEnum):
 
     @property
     def words(self) -> str:
-        """The state's name for people."""
+        """The state's name in words."""
         return self.name.lower().replace("_", " ")
 
     @property
     def powered(self) -> bool:
-        """Whether the drive may move its motor in this state."""
+        """True if the drive can move its motor in this state."""
         return self in _POWERED
 
     @property
     def faulty(self) -> bool:
-        """Whether the drive has a fault, or is on its way there."""
+        """True if the drive has a fault, or is about to enter one."""
         return self in _FAULTY
 
 
@@ -81,10 +81,10 @@ class ControlWord(IntEnum):
 
 
 def state_of(statusword: int) -> PowerState:
-    """Return the state that 6041h shows (CiA 402-2, table 31).
+    """Return the state in 6041h (CiA 402-2, table 31).
 
-    A pattern that the table does not have is read as not ready to switch on: nothing is commanded
-    on the strength of it.
+    A pattern that is not in the table is read as not ready to switch on, so that no command follows
+    from it.
     """
     return _STATE_OF[statusword & 0x6F]
 
@@ -115,7 +115,7 @@ _STATE_OF = tuple(_decode(bits) for bits in range(0x70))
 def next_controlword(state: PowerState) -> ControlWord:
     """Return the command that brings a drive one step nearer to Operation Enabled.
 
-    A drive in Fault is left there: nothing resets a fault but a person (`FAULT_RESET`).
+    A drive in Fault stays there: only a person resets a fault (`FAULT_RESET`).
     """
     return _TOWARDS_ENABLED.get(state, ControlWord.DISABLE_VOLTAGE)
 
@@ -129,18 +129,19 @@ _TOWARDS_ENABLED = {
 
 
 def enabling_word(mode: Mode) -> ControlWord:
-    """Return the controlword that lets a drive follow its set-points in a mode."""
+    """Return the controlword that makes a drive follow its set-points in a mode."""
     if mode == "interpolated_position":
         return ControlWord.ENABLE_INTERPOLATION
     return ControlWord.ENABLE_OPERATION
 
 
 def after_controlword(state: PowerState, controlword: int, previous: int) -> PowerState:
-    """Return the state that a controlword takes a drive to (CiA 402-2, figure 9 and table 30).
+    """Return the state after a controlword (CiA 402-2, figure 9 and table 30).
 
     Args:
-        state: The state now. `NOT_READY_TO_SWITCH_ON` and `FAULT_REACTION_ACTIVE` are left by the
-            drive itself (T1, T14) and stay here; so does the end of a quick stop (T12).
+        state: The present state. The drive itself leaves `NOT_READY_TO_SWITCH_ON` and
+            `FAULT_REACTION_ACTIVE` (T1, T14), and ends a quick stop (T12); these transitions are
+            not modelled.
         controlword, previous: 6040h now and before: fault reset acts on a rising edge of bit 7.
     """
     if state in (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT_REACTION_ACTIVE):
@@ -159,7 +160,7 @@ def after_controlword(state: PowerState, controlword: int, previous: int) -> Pow
 
 
 def _after_low_bits(state: PowerState, low: int) -> PowerState:
-    """Apply a command whose enable-voltage and quick-stop bits are both set."""
+    """Return the state after a command with enable-voltage and quick-stop bits set."""
     if not low & 0x01:
         ready = PowerState.READY_TO_SWITCH_ON
         return state if state is PowerState.QUICK_STOP_ACTIVE else ready
@@ -179,10 +180,10 @@ def _after_low_bits(state: PowerState, low: int) -> PowerState:
 
 @dataclass(frozen=True, slots=True)
 class MotorRatings:
-    """What a drive, or the cell file, tells of a motor; None is what is not needed.
+    """Ratings of a motor from a drive or the cell file; None if not needed.
 
     Attributes:
-        increments: Units of 6064h in a motor revolution.
+        increments: Units of 6064h per motor revolution.
         torque_nm, current_a: Rated torque [N m] and rated current [A].
         nm_per_a: Torque constant [N m/A].
     """
@@ -194,7 +195,7 @@ class MotorRatings:
 
     @property
     def rated_nm(self) -> float | None:
-        """The rated torque [N m], by the rated current if need be; None if it is not known."""
+        """The rated torque [N m], from the rated current if necessary; None if unknown."""
         if self.torque_nm is None and self.current_a is not None and self.nm_per_a is not None:
             return self.current_a * self.nm_per_a
         return self.torque_nm
@@ -203,7 +204,7 @@ class MotorRatings:
         """Return the motor's torque per unit of a torque object [N m].
 
         Raises:
-            ConfigError: What the object is related to is not known.
+            ConfigError: The reference of the object is unknown.
         """
         whole, lacking = self.torque_nm, "rated_torque_nm"
         if of.of != "rated_torque":
@@ -214,21 +215,23 @@ class MotorRatings:
                 whole = amperes * self.nm_per_a
         if whole is None:
             raise ConfigError(
-                f"{of.object} cannot be told in N m: name {lacking} in the axis's servo",
+                f"cannot convert {of.object} to N m; set {lacking} in the axis's servo",
                 code="RID-SERVO-VALUE",
             )
         return whole / of.units
 
     def limit(self, of: TorqueObject, fraction: float) -> int:
-        """Return what a torque limit's object must hold for a fraction of the rated torque.
+        """Return the value of a torque limit's object for a fraction of the rated torque.
 
         Raises:
-            ConfigError: The rated current is needed and not known.
+            ConfigError: The rated current is needed but unknown.
         """
         if of.of == "ampere":
             if self.current_a is None:
                 raise ConfigError(
-                    f"{of.object}: name rated_current_a in the axis's servo", code="RID-SERVO-VALUE"
+                    f"cannot convert {of.object} to amperes; set rated_current_a in the axis's"
+                    " servo",
+                    code="RID-SERVO-VALUE",
                 )
             return round(fraction * self.current_a * of.units)
         return round(fraction * of.units)
@@ -236,19 +239,19 @@ class MotorRatings:
 
 @dataclass(frozen=True)
 class AxisUnits:
-    """Between a drive's numbers and the joint's: rad (or m), rad/s and N m at the link side.
+    """Conversion of a drive's numbers to the joint's: rad (or m), rad/s and N m at the link side.
 
     Attributes:
-        counts_per_rad: Encoder increments per radian (or metre) of the joint; negative where they
+        counts_per_rad: Encoder increments per radian (or metre) of the joint; negative if they
             count backwards.
         velocity_units_per_rad_s: Units of 60FFh per rad/s of the joint, same sign.
         acceleration_units_per_rad_s2: Units of 6085h per rad/s² of the joint, same sign.
-        nm_per_torque_unit: Joint torque per unit of the object that tells it, same sign: 0.1 % of
-            the rated motor torque with 6077h.
+        nm_per_torque_unit: Joint torque per unit of the torque object, same sign: 0.1 % of the
+            rated motor torque for 6077h.
         zero_counts: 6064h at joint position zero.
-        counter: How 6064h wraps.
-        middle_counts: From joint position zero to the middle of the joint's range: positions are
-            within half a round of the counter of it.
+        counter: Wrap-around of 6064h.
+        middle_counts: Counts from joint position zero to the middle of the joint's range; positions
+            are within half a revolution of the counter of it.
     """
 
     counts_per_rad: float
@@ -268,7 +271,8 @@ class AxisUnits:
         )
         if not all(math.isfinite(factor) and factor != 0.0 for factor in factors):
             raise ConfigError(
-                f"a drive's unit factors are {factors}: all must be finite, not 0",
+                f"a drive's unit factors are {factors}; all must be finite and not 0; correct the"
+                " axis's servo",
                 code="RID-SERVO-VALUE",
             )
 
@@ -281,13 +285,13 @@ class AxisUnits:
         direction: Literal[1, -1] = 1,
         zero_counts: int = 0,
     ) -> AxisUnits:
-        """Build the factors from what is known of a motor, and the units of its drive's family.
+        """Compute the factors from a motor's ratings and the units of its drive's family.
 
         `gear_ratio` is motor radians per joint radian; its sign is `direction`. Velocities in rpm
         are the motor's. Source: CiA 402-2, 608Fh, 6091h, 6076h.
 
         Raises:
-            ConfigError: The torque cannot be told in N m, or a factor is 0 or not finite.
+            ConfigError: The torque cannot be converted to N m, or a factor is 0 or not finite.
         """
         ratio = direction * abs(gear_ratio)
         per_rad = motor.increments / (2.0 * math.pi)
@@ -305,31 +309,31 @@ class AxisUnits:
         )
 
     def position(self, counts: int) -> float:
-        """Return the joint position of 6064h [rad or m]."""
+        """Return the joint position for a value of 6064h [rad or m]."""
         turned = self.counter.nearest(counts, self.zero_counts + self.middle_counts)
         return (turned - self.zero_counts) / self.counts_per_rad
 
     def counts(self, position: float) -> int:
-        """Return 6064h of a joint position, rounded to the nearest increment."""
+        """Return the value of 6064h for a joint position, rounded to the nearest increment."""
         return self.counter.shown(round(position * self.counts_per_rad) + self.zero_counts)
 
     def velocity(self, units: int) -> float:
-        """Return the joint velocity of 60FFh or 606Ch [rad/s]."""
+        """Return the joint velocity for a value of 60FFh or 606Ch [rad/s]."""
         return units / self.velocity_units_per_rad_s
 
     def torque_nm(self, units: int) -> float:
-        """Return the joint torque of the drive's number [N m], without the gear's losses."""
+        """Return the joint torque for the drive's number [N m], without the gear's losses."""
         return units * self.nm_per_torque_unit
 
 
 def torque_setting(
     axis: DriveAxis, joint: Joint, rated_nm: float, at_joint_nm: float
 ) -> DriveSetting:
-    """Return the line that compares a motor's rated torque with the joint's limit.
+    """Return the setting that compares a motor's rated torque with the joint's limit.
 
     Args:
         axis, joint: The drive, and the joint that it moves.
-        rated_nm, at_joint_nm: The motor's rated torque, and the same behind the gear [N m].
+        rated_nm, at_joint_nm: The motor's rated torque, and the same after the gear [N m].
     """
     limit = joint.limits.torque
     least, most = (share * limit for share in PLAUSIBLE_RATED_TORQUE)
@@ -342,7 +346,7 @@ def torque_setting(
         f"{least:.3g} to {most:.3g} N m",
         f"{at_joint_nm:.4g} N m",
         "ok" if good else "red",
-        f"the motor's rated torque is taken as {rated_nm:.4g} N m: correct rated_torque_nm"
+        f"the motor's rated torque is read as {rated_nm:.4g} N m; correct rated_torque_nm"
         " (N m, not mN m), rated_torque_units or torque_constant_nm_per_a in the axis's servo, or"
         f" the joint's torque limit, {limit:g} N m, in the robot file",
     )

@@ -1,7 +1,7 @@
-"""The frames that carry set-points and controlwords in a cycle: `FullCommands`, `TrimmedCommands`.
+"""Frames with the set-points and controlwords of a cycle: `FullCommands`, `TrimmedCommands`.
 
-`SpreadCommands` are those of drives whose PDOs are fixed.
-Buffers are made once and used again; what is returned is to be sent before the next call.
+`SpreadCommands` is for drives with fixed PDOs. Buffers are allocated once and reused; returned
+frames must be sent before the next call.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.servo.cia402 import ControlWord
 Frames = Sequence[tuple[int, bytearray]]
 
 REFRESH_CYCLES = 8
-"""How many cycles a controlword may be unchanged before it is sent once more."""
+"""Number of cycles after which an unchanged controlword is sent again."""
 
 _FULL = struct.Struct("<Hi")
 _VELOCITY = struct.Struct("<i")
@@ -50,22 +50,22 @@ class FullCommands:
         return self._frames
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
-        """Return controlwords with the set-points at rest."""
-        told = _told(words, self._enables)
-        for buffer, word, value in zip(self._buffers, told, rest, strict=True):
+        """Return controlwords with set-points at rest."""
+        own_words = _with_own_enable(words, self._enables)
+        for buffer, word, value in zip(self._buffers, own_words, rest, strict=True):
             _FULL.pack_into(buffer, 0, word, value)
         return self._frames
 
     def forget(self) -> None:
-        """Do nothing: every frame says everything."""
+        """Do nothing, because every frame is complete."""
 
 
 class SpreadCommands:
-    """Commands wherever the drives' PDOs have them, the controlword's before the velocity's.
+    """Commands at the positions that the drives' PDOs define, controlword before velocity.
 
     Args:
-        frames: The drives', base to flange.
-        enables: The controlword of each that enables its operation.
+        frames: The drives' frames, base to flange.
+        enables: The controlword of each drive that enables its operation.
     """
 
     def __init__(self, frames: Sequence[AxisFrames], enables: Sequence[int]) -> None:
@@ -90,11 +90,11 @@ class SpreadCommands:
         return self._filled(self._enables, values)
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
-        """Return controlwords with the set-points at rest."""
-        return self._filled(_told(words, self._enables), rest)
+        """Return controlwords with set-points at rest."""
+        return self._filled(_with_own_enable(words, self._enables), rest)
 
     def forget(self) -> None:
-        """Do nothing: every frame says everything."""
+        """Do nothing, because every frame is complete."""
 
     def _filled(self, words: Sequence[int], values: Sequence[int]) -> Frames:
         for (buffer, start), value in zip(self._targets, values, strict=True):
@@ -105,15 +105,15 @@ class SpreadCommands:
 
 
 class TrimmedCommands:
-    """RPDO 1 of 4 bytes, the velocity, every cycle; RPDO 2, the controlword, when it changes.
+    """RPDO 1 of 4 bytes, the velocity, every cycle; RPDO 2, the controlword, if it changes.
 
-    While controlwords are commanded they are refreshed too, one axis a cycle at most where there
-    are up to `REFRESH_CYCLES` axes, so that a lost frame does not stay lost and a full bus not get
-    fuller.
+    Controlwords are also repeated while they are commanded, so that a lost frame has no lasting
+    effect. With up to `REFRESH_CYCLES` axes at most one axis per cycle is repeated, so that a full
+    bus is not overloaded.
 
     Args:
         node_ids: The drives, base to flange.
-        enables: The controlword of each that enables its operation.
+        enables: The controlword of each drive that enables its operation.
     """
 
     def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
@@ -125,7 +125,7 @@ class TrimmedCommands:
         self._cycle = 0
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return set-points; with Enable Operation where that was not the last word.
+        """Return set-points; with Enable Operation if that was not the last controlword.
 
         Raises:
             struct.error: A value does not fit.
@@ -137,17 +137,17 @@ class TrimmedCommands:
         return [*self._changed(self._enables), *self._velocities]
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
-        """Return controlwords, as far as changed or due again, and the set-points at rest."""
+        """Return the controlwords that changed or are due again, and set-points at rest."""
         for (_, buffer), value in zip(self._velocities, rest, strict=True):
             _VELOCITY.pack_into(buffer, 0, value)
         self._cycle += 1
         for axis in range(len(self._sent)):
             if (self._cycle + axis) % REFRESH_CYCLES == 0:
                 self._sent[axis] = None
-        return [*self._changed(_told(words, self._enables)), *self._velocities]
+        return [*self._changed(_with_own_enable(words, self._enables)), *self._velocities]
 
     def forget(self) -> None:
-        """Send every controlword with the next frames: some may not have gone out."""
+        """Send every controlword with the next frames, because some may not have been sent."""
         self._sent = [None] * len(self._sent)
 
     def _changed(self, words: Sequence[int]) -> list[tuple[int, bytearray]]:
@@ -160,7 +160,7 @@ class TrimmedCommands:
         return frames
 
 
-def _told(words: Sequence[int], enables: Sequence[int]) -> list[int]:
+def _with_own_enable(words: Sequence[int], enables: Sequence[int]) -> list[int]:
     """Return controlwords with each drive's own word for Enable Operation."""
     return [
         enable if word == ControlWord.ENABLE_OPERATION else int(word)

@@ -1,9 +1,10 @@
-"""`CyclicExchange`: SYNC, the drives' answers and their set-points, every cycle, at little cost.
+"""`CyclicExchange`: SYNC, the drives' answers and their set-points in every cycle, efficiently.
 
-Cycle k: SYNC, at which every drive takes up the set-point of cycle k-1 and answers with statusword,
-position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. Where it is
-trimmed, controlword and statusword are frames of their own (RPDO 2, TPDO 2), sent when they change.
-Where a drive's PDOs are fixed, or its torque is asked for, its answer is joined of several frames.
+Cycle k: SYNC, at which every drive applies the set-point of cycle k-1 and answers with statusword,
+position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. In the
+trimmed exchange, controlword and statusword have their own frames (RPDO 2, TPDO 2), which are sent
+when they change. If a drive's PDOs are fixed, or its torque is read by SDO, its answer is joined
+from several frames.
 """
 
 from __future__ import annotations
@@ -31,50 +32,50 @@ from drivers.servo.position_counter import BITS_32, PositionTargets
 
 _TRIMMED_ANSWER = struct.Struct("<ih")
 _STATUS = struct.Struct("<H")
-_BARE_BITS = 47  # of a frame without data, intermission included, no stuff bit
+_BARE_BITS = 47  # length of a frame without data, with intermission, without stuff bits
 
 MOST_FRAMES = 1024
 LATE_CYCLES = 4
 WATCHED_CYCLES = 10
-"""For how many cycles `collect` waits for second answers once one came."""
+"""Number of cycles in which `collect` waits for second answers after one came."""
 
 LATER, EARLIER = 0.1, 0.02
-"""How fast `collect` learns that answers come later, or earlier, than it had expected."""
+"""Rates at which `collect` adapts to answers that come later, or earlier, than expected."""
 
 MOST_BURSTS = 1.5
 READING_S = 25e-6
-"""How long a frame takes from its time stamp until it can be read [s]."""
+"""Time from a frame's time stamp until it can be read [s]."""
 
-TELLING_S, TELLING_BURSTS = 300e-6, 1.2
-"""How long a quick stop takes from the last answer until it is on the bus: for this computer [s],
-and for the bus, in bursts of answers."""
+QUICK_STOP_LATENCY_S, QUICK_STOP_BURSTS = 300e-6, 1.2
+"""Time from the last answer until a quick stop is on the bus: the computer's part [s], and the
+bus's part in bursts of answers."""
 
 
 class CyclicExchange:
-    """The cyclic frames of all axes: messages and arrays are made once and used again.
+    """The cyclic frames of all axes; messages and arrays are allocated once and reused.
 
     Args:
         link: The bus; the constructor does not use it.
         node_ids: The drives, base to flange.
-        watch: Takes every frame that is not a TPDO of these drives.
-        coupling: What the motors do to the joints, where a wrist is coupled.
+        watch: Monitor of every frame that is not a TPDO of these drives.
+        coupling: Coupling of motors and joints, if a wrist is coupled.
         trimmed: Whether the cell's exchange is the trimmed one.
-        profiles: What each drive is told, and how; CiA 402's where it is left out.
-        cycle_time_s: How long a set-point acts [s]; of matter to drives that follow positions.
-        bitrate: Of the bus [bit/s]. In real time `collect` sleeps until all answers should have
-            come, instead of waking up for each; when that is, is learnt from their time stamps. 0
-            to look at once.
+        profiles: The drives' profiles; CiA 402's if left out.
+        cycle_time_s: Time for which a set-point acts [s]; for drives in a position mode.
+        bitrate: Bit rate of the bus [bit/s]. In real time `collect` sleeps until all answers should
+            have come, instead of waking up for each; it estimates this time from their time stamps.
+            0 disables the sleep.
 
     Attributes:
-        answers: What `collect` took last; counts, torque and status word are 6064h, 6077h and
-            6041h. An answer too many is a late one where its drive did not answer in one of the
-            `LATE_CYCLES` cycles before, otherwise a second one. What comes after `collect` has
-            returned belongs to the cycle before, whose first answer was used; the next
+        answers: The last answers of `collect`; counts, torque and status word are 6064h, 6077h and
+            6041h. A surplus answer is a late one if its drive did not answer in one of the
+            `LATE_CYCLES` cycles before, otherwise a second one. An answer after `collect` has
+            returned belongs to the previous cycle, whose first answer was used; the next
             `WATCHED_CYCLES` cycles wait for both.
-        duplicate_frames: How many second answers came; they are not used.
-        contradictions: Shape (n,). In how many cycles an identifier's answers differed: then
+        duplicate_frames: Number of second answers; they are not used.
+        contradictions: Shape (n,). Number of cycles in which an identifier's answers differed; then
             neither is used.
-        left_enabled: Whether an answer has shown another state than Operation Enabled; set here,
+        left_enabled: Whether an answer has shown a state other than Operation Enabled; set here,
             cleared by the owner.
         sync_time_s: Time of the last SYNC [s].
     """
@@ -104,9 +105,9 @@ class CyclicExchange:
         self.sync_time_s = -math.inf
         self._cycle = 0
         self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
-        self._data = [b""] * count  # of the last answers that came first in their cycle
-        self._status = [-1] * count  # the last status word of each; -1: none was seen
-        self._answered_in = [-1] * count  # which was this
+        self._data = [b""] * count  # the last first answers of a cycle
+        self._status = [-1] * count  # the last status words; -1: none was received
+        self._answered_in = [-1] * count  # cycles of the answers in `_data`
         self._doubled_in = [-1] * count  # the last cycle with a second answer
         self._contradicted_in = [-1] * count
         self._watched_until = -1
@@ -147,11 +148,13 @@ class CyclicExchange:
         bits = (len(sizes) + 1) * _BARE_BITS + 8 * sum(sizes)
         self._burst_s = bits / bitrate if bitrate and not link.simulated else 0.0
         self._expected_s = self._burst_s
-        self._telling_s = TELLING_S + (TELLING_BURSTS * bits / bitrate if bitrate else 0.0)
+        self._stop_latency_s = QUICK_STOP_LATENCY_S + (
+            QUICK_STOP_BURSTS * bits / bitrate if bitrate else 0.0
+        )
         self._stamped = link.simulated or link.time_stamped
 
     def use_units(self, units: Iterable[AxisUnits]) -> None:
-        """Take the drives' units, base to flange."""
+        """Set the drives' units, base to flange."""
         for axis, unit in enumerate(units):
             self._zero_counts[axis] = unit.zero_counts
             self.counters[axis] = unit.counter
@@ -167,8 +170,8 @@ class CyclicExchange:
     def sync(self) -> float:
         """Send SYNC; return its time on the link's clock [s].
 
-        Where frames bear no stamps that tell, what still waits from the cycle before is read first,
-        so that it is not taken for an answer to this SYNC.
+        If frames have no time stamps, the frames that wait from the cycle before are read first, so
+        that they are not taken for answers to this SYNC.
         """
         for axis, answered_in in enumerate(self._answered_in):
             if answered_in != self._cycle:
@@ -196,7 +199,7 @@ class CyclicExchange:
                     self._other_frame(arrival)
 
     def _take_surplus(self, axis: int, data: bytes, cycle: int) -> None:
-        """Take an answer too many: that of an earlier cycle that lacks one, or a second one."""
+        """Count a surplus answer as late, if an earlier cycle lacks one, or as a second one."""
         if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
             self._missed_in[axis] = -LATE_CYCLES - 1
             self.answers.late_frames += 1
@@ -210,22 +213,22 @@ class CyclicExchange:
             self._contradict(axis, data, cycle)
 
     def _contradict(self, axis: int, data: bytes, cycle: int) -> None:
-        """Note that two differ; one that shows a drive without power may be the true one."""
+        """Note that two answers differ; the one that shows a drive without power may be true."""
         if self._contradicted_in[axis] != cycle:
             self._contradicted_in[axis] = cycle
             self.contradictions[axis] += 1
         if not self._trimmed:
             for each in (data, self._data[axis]):
-                if len(each) == _ANSWER.size:  # what is read before SYNC was not looked at yet
+                if len(each) == _ANSWER.size:  # frames that are read before SYNC are unchecked
                     state = state_of(_STATUS.unpack_from(each)[0])
                     self.left_enabled |= state is not PowerState.OPERATION_ENABLED
 
     def collect(self, deadline_s: float) -> None:
         """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
 
-        An axis whose answer does not come, or comes twice and says two things, keeps its last
-        values and has `received` False. A drive's heartbeat counts as lost if its time-out will
-        have ended by the time that a quick stop which is sent now is on the bus.
+        An axis without an answer, or with two different ones, keeps its last values and has
+        `received` False. A drive's heartbeat counts as lost if its timeout will have ended by the
+        time at which a quick stop that is sent now is on the bus.
         """
         received = self.answers.received
         received.fill(False)
@@ -266,13 +269,13 @@ class CyclicExchange:
         if not missing:
             self._learn(last_s - sync_s)
         if (missing or cycle <= self._watched_until) and taken < MOST_FRAMES:
-            read_s = max(read_s, deadline_s)  # nothing more came until then
+            read_s = max(read_s, deadline_s)  # no frame came until then
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.answers.position)
-        self._watch.check(read_s if self._stamped else sync_s, self._telling_s)
+        self._watch.check(read_s if self._stamped else sync_s, self._stop_latency_s)
 
     def _learn(self, arrival_s: float) -> None:
-        """Follow how early the last answer comes after SYNC [s]: nobody need wake up before."""
+        """Track the delay of the last answer after SYNC [s], to avoid waking up earlier."""
         if self._burst_s and self._link.time_stamped:
             rate = LATER if arrival_s > self._expected_s else EARLIER
             expected_s = self._expected_s + rate * (arrival_s - self._expected_s)
@@ -294,7 +297,7 @@ class CyclicExchange:
         answers.torque_nm[axis] = torque * self._nm_per_unit[axis]
 
     def _take_status(self, axis: int, status: int) -> None:
-        """Take a status word that is another than the last."""
+        """Process a status word that differs from the last."""
         state = state_of(status)
         enabled = state is PowerState.OPERATION_ENABLED
         self._status[axis] = status
@@ -304,7 +307,7 @@ class CyclicExchange:
         self.left_enabled |= not enabled
 
     def _other_frame(self, arrival: Arrival) -> None:
-        """Take a frame that is no answer to SYNC: a statusword by itself, or for the watch."""
+        """Process a frame that is not an answer to SYNC: a separate statusword, or any other."""
         cob_id, data, time_s = arrival
         axis = self._status_slots.get(cob_id)
         if axis is None:
@@ -315,28 +318,28 @@ class CyclicExchange:
             self._watch.wrong_length(axis, len(data), time_s, _STATUS.size)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
-        """Send set-points [rad/s or m/s, joint side] with Enable Operation; all of them or none.
+        """Send set-points [rad/s or m/s, joint side] with Enable Operation, all or none.
 
         Raises:
-            ValueError, OverflowError, struct.error: A velocity is not finite or does not fit 60FFh:
+            ValueError, OverflowError, struct.error: A velocity is not finite or does not fit 60FFh;
                 nothing was sent.
-            TransportError: The bus does not take a frame.
+            TransportError: The bus does not accept a frame.
         """
         if self._coupling is not None:
             velocity = self._coupling.to_motors(velocity)
-        told = [
+        targets = [
             round(value * factor)
             for value, factor in zip(velocity.tolist(), self._units_per_rad_s, strict=True)
         ]
         if self._positions is not None:
-            told = self._positions.follow(told, self.counters)
-        self._send(self._commands.velocities(told))
+            targets = self._positions.follow(targets, self.counters)
+        self._send(self._commands.velocities(targets))
 
     def send_words(self, words: Sequence[int]) -> None:
-        """Send controlwords at rest, one an axis; every axis's is tried.
+        """Send controlwords at rest, one per axis; every axis is tried.
 
         Raises:
-            TransportError: The bus did not take one of the frames.
+            TransportError: The bus did not accept one of the frames.
         """
         if self._positions is not None:
             self._rest = self._positions.hold(

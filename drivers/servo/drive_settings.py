@@ -1,4 +1,4 @@
-"""Reading a drive's settings, and putting them back: over its `SdoPort`, without power."""
+"""Reading and restoring of a drive's settings, over its `SdoPort`, without power."""
 
 from __future__ import annotations
 
@@ -27,14 +27,13 @@ _MOST_SUBINDICES = 64
 
 @dataclass(frozen=True, slots=True)
 class RestoredSetting:
-    """One object of a drive that did not hold what was saved.
+    """An object of a drive that differed from its saved value.
 
     Attributes:
-        node_id, address: Which object of which drive.
-        saved: What it held when it was saved; None: that is not known.
-        before, after: What it held before and holds after it was written back; in words why that is
-            not known.
-        refusal: Why the drive did not take it; empty where it did, or was not asked.
+        node_id, address: The drive, and the object.
+        saved: The saved value; None if unknown.
+        before, after: Values before and after restoring; the reason in words if unknown.
+        refusal: Why the drive refused the value; empty if it did not, or nothing was written.
     """
 
     node_id: int
@@ -51,15 +50,15 @@ class RestoredSetting:
 
     @property
     def restored(self) -> bool:
-        """Whether it holds now what was saved."""
+        """True if its value is now the saved one."""
         return self.saved is not None and self.after == self.saved
 
 
 def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Address, bytes | str]]:
-    """Yield what a drive has of some objects, with the sub-indices in use, as read or why not.
+    """Yield a drive's values of some objects, with all sub-indices; the reason if unreadable.
 
     Raises:
-        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     for index in indices:
         value = _read(port, (index, 0))
@@ -74,10 +73,10 @@ def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Addres
 
 
 def read_drive(port: SdoPort, eds: ElectronicDataSheet | None) -> SavedDrive:
-    """Return every setting of a drive: by its data sheet, or those that the profiles know.
+    """Return every setting of a drive: by its data sheet, or those of the profiles.
 
     Raises:
-        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     found: Iterable[tuple[Address, bytes | str | None]]
     if eds is None:
@@ -95,16 +94,16 @@ def read_drive(port: SdoPort, eds: ElectronicDataSheet | None) -> SavedDrive:
 
 
 def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
-    """Refuse to write to a drive that is another one, or that may move its motor.
+    """Refuse to write to another drive, or to one that can move its motor.
 
     Raises:
         PreflightError: Its 1018h differs from the saved one, or it is powered.
-        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     differences = saved.identity.differences(port.identity())
     if differences:
         raise PreflightError(
-            f"node {port.node_id}: is another drive than the one that was saved:"
+            f"node {port.node_id}: is not the drive that was saved:"
             f" {', '.join(differences)}; nothing was written. Connect that drive, or set this one"
             " up anew",
             code="RID-DRIVE-OTHER",
@@ -121,23 +120,23 @@ def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
 def restore_drive(
     port: SdoPort, saved: SavedDrive, *, dry_run: bool
 ) -> tuple[RestoredSetting, ...]:
-    """Write back what differs from what was saved, and read it back.
+    """Write the values that differ from the saved ones, and read them back.
 
     Args:
         port: The drive, which is the one that was saved (`refuse_other_drive`).
-        saved: What it is to hold.
-        dry_run: Whether to say only what differs.
+        saved: The values to restore.
+        dry_run: Whether to only report differences.
 
     Returns:
-        What differed, or is not known. Entries of a PDO's mapping beyond the number of its objects
-        are written back too, but a drive need not take them: they say nothing. What the drive does
-        not have was not written either: it is left out.
+        The objects that differed or are unknown. Entries of a PDO's mapping beyond its number of
+        objects have no effect: they are written too, but a drive may refuse them. Objects that the
+        drive does not have are left out.
 
     Raises:
-        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     values = {a: value for a, value in saved.values.items() if is_setting(a[0])}
-    before = {address: _held(port, address) for address in values}
+    before = {address: _read_or_missing(port, address) for address in values}
     different = {address for address, value in values.items() if before[address] != value}
     refusals: dict[Address, str] = {}
     if not dry_run:
@@ -146,7 +145,9 @@ def restore_drive(
                 port.write(write.index, write.subindex, write.data)
             except SdoAbort as abort:
                 refusals[write.index, write.subindex] = abort_text(abort.code)
-    after = before if dry_run else {address: _held(port, address) for address in different}
+    after = (
+        before if dry_run else {address: _read_or_missing(port, address) for address in different}
+    )
     results = [
         RestoredSetting(
             saved.node_id,
@@ -168,37 +169,37 @@ def restore_drive(
 
 
 def store_settings(port: SdoPort) -> None:
-    """Let a drive keep what it holds beyond its power: 1010h, all parameters (CiA 301, 7.5.2.13).
+    """Make a drive store its settings permanently: 1010h, all parameters (CiA 301, 7.5.2.13).
 
     Raises:
         PreflightError: It refuses.
-        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     try:
         port.write(*STORE, STORE_WORD)
     except SdoAbort as abort:
         raise PreflightError(
             f"node {port.node_id}: does not store its settings: {abort_text(abort.code)}; store"
-            " them in the drive's own tool, or they are gone when its power is",
+            " them with the drive's own tool, or they are lost at power off",
             code="RID-DRIVE-SETTINGS",
         ) from abort
 
 
 def _read(port: SdoPort, address: Address) -> bytes | str | None:
-    """Return an object's bytes, or why it cannot be read; None where the drive does not have it."""
+    """Return an object's bytes, or why it cannot be read; None if the drive does not have it."""
     try:
         return port.read(*address)
     except SdoAbort as abort:
         return None if is_missing(abort) else abort_text(abort.code)
 
 
-def _held(port: SdoPort, address: Address) -> bytes | str:
+def _read_or_missing(port: SdoPort, address: Address) -> bytes | str:
     value = _read(port, address)
     return "not in this drive" if value is None else value
 
 
 def _unused(address: Address, values: dict[Address, bytes]) -> bool:
-    """Return whether an object is an entry of a PDO's mapping beyond the number of its objects."""
+    """Return whether an object is a mapping entry beyond the number of a PDO's objects."""
     index, subindex = address
     if not (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00):
         return False

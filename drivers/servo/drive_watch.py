@@ -1,4 +1,4 @@
-"""`DriveWatch`: what drives say outside the cyclic data, turned into events."""
+"""`DriveWatch`: monitor of the drives' frames outside the cyclic data; it produces events."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ MOST_NAMED = 4
 
 
 class DriveWatch:
-    """Judges heartbeats, boot-ups, emergencies and frames that nobody should send.
+    """Monitor of heartbeats, boot-ups, emergencies and unexpected frames.
 
-    It has no clock and no bus: it is given frames and times. Before `arm` only emergencies and
-    boot-ups are noted (a drive that has just been reset boots up), and another master is refused;
-    after it, everything counts, and another master is an event that ends the motion.
+    It has neither clock nor bus: it gets frames and times. Before `arm` only emergencies and
+    boot-ups are noted (a drive that has just been reset boots), and another master is refused.
+    After it, every frame is checked, and another master is an event that ends the motion.
 
     Args:
         joint_names, node_ids: The axes, base to flange.
         safety: The cell's time limits and the node id of this computer.
-        guarded: The drives that are asked for their state, and send no heartbeat by themselves.
+        guarded: The drives with life guarding, which send no heartbeat by themselves.
 
     Attributes:
-        boot_ups: How many boot-up messages each axis has sent since `forget` or
-            `expect_no_boot_up`.
-        heartbeats: One `HeartbeatConsumer` an axis.
-        unexpected_frames: How many frames came with an identifier that nobody in the cell has.
-        dropped_events: How many events were not kept because more than `MOST_EVENTS` were waiting.
+        boot_ups: Number of boot-up messages of each axis since `forget` or `expect_no_boot_up`.
+        heartbeats: One `HeartbeatConsumer` per axis.
+        unexpected_frames: Number of frames with an identifier that no node of the cell has.
+        dropped_events: Number of events that were dropped because more than `MOST_EVENTS` were
+            waiting.
     """
 
     def __init__(
@@ -87,39 +87,39 @@ class DriveWatch:
         self._events: list[DriveEvent] = []
 
     def forget(self) -> None:
-        """Begin anew, as before a reset of the drives: no events, not armed."""
+        """Reset, as before a reset of the drives: no events, not armed."""
         self._events.clear()
         self._seen.clear()
         self._armed = self._operational = False
         self.boot_ups = [0] * len(self.boot_ups)
 
     def expect_no_boot_up(self, axis: int) -> None:
-        """Count an axis's boot-ups from here on: each takes away what it is told from now on."""
+        """Count an axis's boot-ups from now on, because each would undo its configuration."""
         self.boot_ups[axis] = 0
 
     def arm(self, now_s: float) -> None:
-        """From now [s] on, every heartbeat is due and no boot-up is expected."""
+        """Expect heartbeats, and no boot-up, from now [s] on."""
         self._events.clear()
         self._armed = True
         for consumer in self.heartbeats:
             consumer.start(now_s)
 
     def expect_operational(self) -> None:
-        """From now on a drive that reports another NMT state has left the cyclic exchange."""
+        """Report drives with another NMT state from now on: they left the cyclic exchange."""
         self._operational = True
 
     def foreign_master(self, cob_id: int) -> str | None:
-        """Return what a frame is, if only a master sends it; None otherwise."""
+        """Return a description of a frame that only a master sends; None for other frames."""
         own = self._masters_own.get(cob_id)
         if own is None and SDO_REQUEST_BASE < cob_id < HEARTBEAT_BASE - 0x80:
             return f"SDO requests to node {cob_id - SDO_REQUEST_BASE}"
         return own
 
     def handle(self, frame: Frame, now_s: float) -> None:
-        """Take a frame that is not a TPDO of this cell.
+        """Process a frame that is not a TPDO of this cell.
 
         Raises:
-            LockedError: Another master was heard before `arm`.
+            LockedError: Another master was detected before `arm`.
         """
         cob_id, data = frame
         axis = self._heartbeat.get(cob_id)
@@ -135,7 +135,7 @@ class DriveWatch:
             self.refuse_foreign_master(cob_id)
 
     def refuse_foreign_master(self, cob_id: int) -> None:
-        """Raise `LockedError` where only another master can have sent a frame."""
+        """Raise `LockedError` if only another master can have sent a frame."""
         foreign = self.foreign_master(cob_id)
         if foreign is not None:
             raise LockedError(
@@ -144,36 +144,36 @@ class DriveWatch:
             )
 
     def wrong_length(self, axis: int, data_bytes: int, now_s: float, mapped: int = 8) -> None:
-        """Note a TPDO whose length is not what was mapped; its data are not used."""
+        """Note a TPDO whose length differs from its mapping; its data are not used."""
         self._note(
             EventKind.WRONG_LENGTH,
             axis,
             now_s,
-            f"sent a TPDO of {data_bytes} bytes where {mapped} are mapped; the frame was not used",
+            f"sent a TPDO of {data_bytes} bytes, but {mapped} are mapped; the frame was not used",
             data_bytes,
         )
 
-    def check(self, now_s: float, telling_s: float) -> None:
-        """Find the drives that will have been silent for too long when it can be told.
+    def check(self, now_s: float, reaction_s: float) -> None:
+        """Report drives whose silence will be too long by the time of a reaction.
 
         Args:
-            now_s: Until when every frame has been taken [s].
-            telling_s: How long it takes to tell the other drives [s].
+            now_s: Time until which all frames have been processed [s].
+            reaction_s: Time that a command to the other drives takes [s].
         """
         if not self._armed:
             return
         for axis, consumer in enumerate(self.heartbeats):
-            if consumer.expired(now_s + telling_s):
+            if consumer.expired(now_s + reaction_s):
                 self._note(EventKind.HEARTBEAT_LOST, axis, now_s, "stopped sending its heartbeat")
 
     @property
     def unexpected_identifiers(self) -> str:
-        """The first identifiers that nobody in the cell has, in words."""
+        """The first identifiers that no node of the cell has, in words."""
         named = ", ".join(f"{cob_id:03X}h" for cob_id in sorted(self._seen)[:MOST_NAMED])
         return named + (", …" if len(self._seen) > MOST_NAMED else "")
 
     def take_events(self) -> tuple[DriveEvent, ...]:
-        """Return and forget what happened."""
+        """Return and clear the events."""
         if not self._events:
             return ()
         events = tuple(self._events)
@@ -181,7 +181,7 @@ class DriveWatch:
         return events
 
     def faults(self) -> tuple[DriveEvent, ...]:
-        """Return the waiting events after which motion must not go on; they stay waiting."""
+        """Return the waiting events after which motion must not continue; they stay waiting."""
         return tuple(event for event in self._events if event.kind.is_fault)
 
     def _heartbeat_arrived(self, axis: int, data: bytes, now_s: float) -> None:
@@ -190,7 +190,7 @@ class DriveWatch:
                 EventKind.WRONG_LENGTH,
                 axis,
                 now_s,
-                f"sent a heartbeat of {len(data)} bytes where 1 is right",
+                f"sent a heartbeat of {len(data)} bytes instead of 1",
                 len(data),
             )
             return
@@ -217,7 +217,7 @@ class DriveWatch:
     def _unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
         self.unexpected_frames += 1
-        full = foreign is None and len(self._seen) >= MOST_EVENTS  # a master's are few
+        full = foreign is None and len(self._seen) >= MOST_EVENTS  # a master has few identifiers
         if full or cob_id in self._seen:
             return
         if foreign is not None:
@@ -225,9 +225,9 @@ class DriveWatch:
             text = f"another master is active on this bus: it sends {foreign}"
         else:
             kind = EventKind.UNEXPECTED_FRAME
-            text = f"a frame came with identifier {cob_id:03X}h, which nobody in the cell has"
+            text = f"a frame came with identifier {cob_id:03X}h, which no node of the cell has"
         kept = self._append(DriveEvent(kind, "", now_s, text, cob_id))
-        if kept or foreign is None:  # another master must be told, if not now then the next time
+        if kept or foreign is None:  # another master must be reported, if not now then later
             self._seen.add(cob_id)
 
     def _note(self, kind: EventKind, axis: int, now_s: float, text: str, code: int = 0) -> None:
@@ -235,7 +235,7 @@ class DriveWatch:
         self._append(DriveEvent(kind, joint, now_s, f"{joint}: the drive {text}", code))
 
     def _append(self, event: DriveEvent) -> bool:
-        """Keep an event where there is room; return whether there was."""
+        """Store an event if there is room; return whether there was."""
         room = len(self._events) < MOST_EVENTS
         if room:
             self._events.append(event)
@@ -254,14 +254,14 @@ def other_senders(
 
     Args:
         axes: The drives.
-        watch: Where frames with unknown identifiers are counted.
-        second_answers, contradictions: Shape (axes,). In how many cycles each drive's identifier
-            answered twice, and with other data.
+        watch: Monitor that counts frames with unknown identifiers.
+        second_answers, contradictions: Shape (axes,). Number of cycles in which each drive's
+            identifier answered twice, and with different data.
     """
     notes = [
         f"{axis.joint}: node {axis.node_id} answered twice in {cycles} cycle{'s' * (cycles != 1)},"
-        f" {differing} of them with other data: two devices send with its identifier, or a gateway"
-        " repeats it"
+        f" {differing} with different data: two devices send with its identifier, or a"
+        " gateway repeats it"
         for axis, cycles, differing in zip(
             axes, second_answers.tolist(), contradictions.tolist(), strict=True
         )
@@ -269,14 +269,14 @@ def other_senders(
     ]
     if watch.unexpected_frames:
         notes.append(
-            f"{watch.unexpected_frames} frames came with identifiers that nobody in the cell has"
+            f"{watch.unexpected_frames} frames came with identifiers that no node of the cell has"
             f" ({watch.unexpected_identifiers}): another device or program sends on this bus"
         )
     return tuple(notes)
 
 
-@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus says the same again and again
+@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus repeats its messages
 def _emergency(data: bytes) -> tuple[int, str]:
-    """Return an emergency message's code and what is told of it."""
+    """Return an emergency message's code and description."""
     emergency = parse_emcy(data)
     return emergency.code, f"reported: {printable(str(emergency), 160)}"

@@ -1,6 +1,6 @@
-"""What a drive's data sheet must know for it to be used here, and what it lacks: `EdsFinding`.
+"""Check of a drive's data sheet against the objects that are used: `EdsFinding`.
 
-Nothing is asked of the drive: this is told before anything is written to it.
+The drive itself is not contacted: the check runs before anything is written to it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _READ = (
 )
 _MODES = 0x6502
 _BY_TRIAL = ": the trial of the watches decides"
-_BY_UNITS = (0x6065, 0x6083, 0x6084, 0x6085)  # known when the drive has told its encoder
+_BY_UNITS = (0x6065, 0x6083, 0x6084, 0x6085)  # known only after the encoder was read
 _ANY_MOTOR = MotorRatings(1.0, 1.0, 1.0, 1.0)
 _ANY_UNITS = AxisUnits(1.0, 1.0, 1.0, 1.0)
 
@@ -41,10 +41,10 @@ Verdict = Literal["red", "allowed", "shown"]
 
 @dataclass(frozen=True, slots=True)
 class EdsFinding:
-    """One thing that an EDS does not say as it must; `line` 0 where it has no such object.
+    """One deviation of an EDS; `line` is 0 if it lacks the object.
 
-    Limits that a value is beyond are shown and no more: they are often wrong (0 to 65535 for a
-    number of 32 bits), and what a drive does not take is red when it is read back.
+    Limits that a value exceeds are only shown: they are often wrong (0 to 65535 for a number of 32
+    bits), and a value that a drive does not accept is red when it is read back.
     """
 
     object_name: str
@@ -58,17 +58,17 @@ class EdsFinding:
 def eds_findings(
     eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis
 ) -> tuple[EdsFinding, ...]:
-    """Return what a drive's data sheet lacks: objects, their size, access and mapping.
+    """Return the deviations of a drive's data sheet: objects, their size, access and mapping.
 
     Args:
         eds: The EDS that the axis names.
-        cell, axis: The cell, and the axis of it. What the drive may lack by
-            `allow_drive_without_watchdog` is a finding, but no red one.
+        cell, axis: The cell, and its axis. A deviation that `allow_drive_without_watchdog` allows
+            is a finding, but not a red one.
     """
     findings: list[EdsFinding] = []
     if eds.node_id is not None and eds.node_id != axis.node_id:
-        said = str(eds.node_id)
-        findings.append(EdsFinding("[DeviceComissioning]", "node id", f"{axis.node_id}", said, 0))
+        stated = str(eds.node_id)
+        findings.append(EdsFinding("[DeviceComissioning]", "node id", f"{axis.node_id}", stated, 0))
     allowed = axis.node_id in cell.drive_safety.allow_drive_without_watchdog
     profile = cell.servo_of(axis)
     for requirement in (
@@ -82,7 +82,7 @@ def eds_findings(
             found is None or _only_of_another_size(requirement, found)
         ):
             continue
-        lack = _lack(requirement, found)
+        lack = _deviation(requirement, found)
         beyond = _out_of_limits(requirement, found)
         if lack is not None:
             by_trial = found is None and requirement.lack == "trial"
@@ -91,7 +91,7 @@ def eds_findings(
             findings.append(_finding(requirement, *lack, found, verdict))
         elif beyond is not None:
             findings.append(_finding(requirement, *beyond, found, "shown"))
-    findings += _unknown(profile)
+    findings += _unknown_ratings(profile)
     for pdo in cyclic_pdos(axis.node_id, cell.exchange, profile):
         findings += _pdo_findings(eds, pdo, axis.node_id)
     if profile.torque.asked:
@@ -99,7 +99,7 @@ def eds_findings(
             *object_address(profile.torque.object), profile.torque.bits // 8, "torque, by SDO"
         )
         found = eds.get(torque.index, torque.subindex)
-        lack = _lack(torque, found)
+        lack = _deviation(torque, found)
         if lack is not None:
             findings.append(_finding(torque, *lack, found))
     if profile.referenced is not None:
@@ -107,36 +107,36 @@ def eds_findings(
             *object_address(profile.referenced.object), profile.referenced.bits // 8, "referenced"
         )
         found = eds.get(bits.index, bits.subindex)
-        lack = _lack(bits, found)
+        lack = _deviation(bits, found)
         if lack is not None:
             findings.append(_finding(bits, *lack, found))
     return tuple(findings)
 
 
 def _only_of_another_size(requirement: Requirement, found: EdsObject) -> bool:
-    """Return whether an object that is only read, as far as it is there, has another size."""
+    """Return whether an optional read-only object has another size."""
     sized = found.bits is not None and not found.faults and found.bits != 8 * requirement.size
     return sized and not requirement.written and requirement.index != _MODES
 
 
-def _unknown(profile: ServoProfile) -> Iterator[EdsFinding]:
-    """Yield what neither drive nor cell file tells: a torque constant, the encoder."""
+def _unknown_ratings(profile: ServoProfile) -> Iterator[EdsFinding]:
+    """Yield what neither drive nor cell file states: a torque constant, the encoder."""
     if profile.encoder_increments is None and profile.sets_increments:
-        said = "set by the profile, and no encoder_increments in the cell file"
-        yield EdsFinding("608Fh:01", "encoder increments", "told", said, 0)
+        stated = "set by the profile, and no encoder_increments in the cell file"
+        yield EdsFinding("608Fh:01", "encoder increments", "told", stated, 0)
     rated = profile.rated_torque_nm is not None and profile.rated_current_a is not None
     known = rated or profile.torque_constant_nm_per_a is not None
     if profile.torque.of != "rated_torque" and not known:
-        said = "a current, and no torque_constant_nm_per_a in the cell file"
-        yield EdsFinding(profile.torque.object, "torque of the motor", "in N m", said, 0)
+        stated = "a current, and no torque_constant_nm_per_a in the cell file"
+        yield EdsFinding(profile.torque.object, "torque of the motor", "in N m", stated, 0)
 
 
-def _lack(
+def _deviation(
     requirement: Requirement, found: EdsObject | None, node_id: int = 0
 ) -> tuple[str, str] | None:
-    """Return what is required and what is found instead; None where all is well.
+    """Return the requirement and the deviation; None if there is no deviation.
 
-    What is only read, and holds what is required when the drive is delivered, is well.
+    A read-only object whose factory value is the required one is accepted.
     """
     bits = 8 * requirement.size
     required = f"{bits} bit, writable" if requirement.written else f"{bits} bit"
@@ -149,28 +149,28 @@ def _lack(
     if (
         requirement.written
         and not found.writable
-        and not _delivered_right(requirement, found, node_id)
+        and not _is_factory_right(requirement, found, node_id)
     ):
-        return required, f"AccessType {found.access or 'not said'}"
+        return required, f"AccessType {found.access or 'not stated'}"
     if (
         requirement.index == _MODES
-        and _delivered(found)
-        and not _delivered_right(requirement, found)
+        and _factory_value(found)
+        and not _is_factory_right(requirement, found)
     ):
-        return requirement.name, f"{_delivered(found):X}h does not list it"
+        return requirement.name, f"{_factory_value(found):X}h does not list it"
     return None
 
 
-def _delivered(found: EdsObject, node_id: int = 0) -> int:
-    """Return the number that a drive has when it is delivered; 0 where that is not told."""
+def _factory_value(found: EdsObject, node_id: int = 0) -> int:
+    """Return an object's factory value; 0 if it is not stated."""
     content = 0 if found.default is None else found.default.of_node(node_id)
     return content if isinstance(content, int) else 0
 
 
-def _delivered_right(requirement: Requirement, found: EdsObject, node_id: int = 0) -> bool:
+def _is_factory_right(requirement: Requirement, found: EdsObject, node_id: int = 0) -> bool:
     mask = requirement.mask & (1 << 8 * requirement.size) - 1
-    told = found.default is not None
-    return told and not (_delivered(found, node_id) ^ (requirement.value or 0)) & mask
+    is_stated = found.default is not None
+    return is_stated and not (_factory_value(found, node_id) ^ (requirement.value or 0)) & mask
 
 
 def _out_of_limits(requirement: Requirement, found: EdsObject | None) -> tuple[str, str] | None:
@@ -192,7 +192,7 @@ def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping, node_id: int) -> It
         name = f"{title} configuration"
         requirement = Requirement(index, subindex, len(data), name, value, mask=mask)
         found = eds.get(index, subindex)
-        lack = _lack(requirement, found, node_id)
+        lack = _deviation(requirement, found, node_id)
         if lack is not None:
             yield _finding(requirement, *lack, found)
     if pdo.fixed:
@@ -203,7 +203,7 @@ def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping, node_id: int) -> It
 
 
 def _fixed_findings(eds: ElectronicDataSheet, pdo: PdoMapping, title: str) -> Iterator[EdsFinding]:
-    """Yield where the objects of a PDO are others than those that are not to be changed."""
+    """Yield the objects of a fixed PDO that differ from those of the profile."""
     for held in pdo.read_back():
         if held.index != pdo.mapping_index:
             continue
@@ -214,8 +214,8 @@ def _fixed_findings(eds: ElectronicDataSheet, pdo: PdoMapping, title: str) -> It
         required = requirement.words(value)
         if found is None:
             yield _finding(requirement, required, "not in the EDS", None)
-        elif not _delivered_right(requirement, found):
-            yield _finding(requirement, required, requirement.words(_delivered(found)), found)
+        elif not _is_factory_right(requirement, found):
+            yield _finding(requirement, required, requirement.words(_factory_value(found)), found)
 
 
 def _mapped_findings(
@@ -227,21 +227,21 @@ def _mapped_findings(
     if found is None:
         yield _finding(requirement, required, "not in the EDS", None)
     elif found.faults:
-        said = f"line {found.faults[0].line}: {found.faults[0].text}"
-        yield _finding(requirement, required, said, found)
+        stated = f"line {found.faults[0].line}: {found.faults[0].text}"
+        yield _finding(requirement, required, stated, found)
     elif found.bits != item.bits:
         yield _finding(requirement, required, _type_words(found), found)
     elif not found.mappable:
         yield _finding(requirement, required, "PDOMapping 0", found)
     elif not (found.receivable if pdo.direction == "rpdo" else found.sendable):
-        said = f"AccessType {found.access or 'not said'}"
-        yield _finding(requirement, required, said, found)
+        stated = f"AccessType {found.access or 'not stated'}"
+        yield _finding(requirement, required, stated, found)
 
 
 def _finding(
     requirement: Requirement,
     required: str,
-    said: str,
+    stated: str,
     found: EdsObject | None,
     verdict: Verdict = "red",
 ) -> EdsFinding:
@@ -250,7 +250,7 @@ def _finding(
         name = f"{name} ({printable(found.name, 40)})"
     line = 0 if found is None else found.line
     address = object_name(requirement.index, requirement.subindex)
-    return EdsFinding(address, name, required, said, line, verdict)
+    return EdsFinding(address, name, required, stated, line, verdict)
 
 
 def _type_words(found: EdsObject) -> str:

@@ -1,8 +1,8 @@
-"""`EdsFit`: what a cell file must say besides, so that a drive's data sheet has what is used.
+"""`EdsFit`: keys of the cell file that make a drive usable, from its data sheet.
 
-For each object that an EDS lacks there is a key of the axis's `servo`, or there is none: then the
-drive cannot be used. A number that no EDS has stands as `PLACEHOLDER`: a cell file with one is
-refused until a person has looked the number up.
+For an object that an EDS lacks, a key of the axis's `servo` may replace it; otherwise the drive
+cannot be used. A number that no EDS contains is written as `PLACEHOLDER`: a cell file with one is
+refused until a person has entered the number.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ LOOKED_UP: Final = MappingProxyType(
         "deceleration_rad_s2": "rad/s² of the joint, as the drive's own tool has it",
     }
 )
-"""Keys whose number no EDS has, and where a person finds it."""
+"""Keys whose number no EDS contains, and the place where a person finds it."""
 
 SAFETY_OBJECTS: Final = frozenset(
     ("100Ch:00", "100Dh:00", "1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00",
      "6041h:00", "6084h:00", "6085h:00")
 )  # fmt: skip
-"""What protects people: without one of these a drive is not used, whatever the cell file says."""
+"""Objects that protect people: without one of these a drive is never used."""
 
 _RAMP: Final = "6084h:00"
 _MODES: Final[tuple[Mode, ...]] = tuple(mode for mode in get_args(Mode) if mode != "makers")
@@ -49,14 +49,14 @@ _ACTUAL_WORDS = ("actual", "present", "feedback")
 
 @dataclass(frozen=True)
 class EdsFit:
-    """A profile for a data sheet, with what the cell file adds to it.
+    """A profile for a data sheet, with the keys that the cell file adds to it.
 
     Attributes:
-        base: The bundled profile; None for a drive that does all that CiA 402 says.
-        added: What is added: `added.model_fields_set`.
-        findings: What is still red.
-        mode: The mode that the drive would be used in.
-        torque: The object that would tell its torque.
+        base: The bundled profile; None for a drive that follows CiA 402 completely.
+        added: The added keys: `added.model_fields_set`.
+        findings: The deviations that are still red.
+        mode: The mode in which the drive would be used.
+        torque: The object with its torque.
     """
 
     base: str | None
@@ -67,19 +67,19 @@ class EdsFit:
 
     @property
     def accepted(self) -> bool:
-        """Whether the drive can be used, with few enough lines."""
+        """True if the drive can be used, with few enough lines."""
         return not self.findings and len(self.lines) <= MOST_LINES
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys of the axis's `servo`, as the cell file has them."""
+        """The keys of the axis's `servo`, as in the cell file."""
         base: dict[str, object] = {} if self.base is None else {"base": self.base}
         added = self.added.model_dump(mode="json", exclude_unset=True)
         return base | added | {name: PLACEHOLDER for name in LOOKED_UP if name in added}
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What stands in the cell file."""
+        """The lines of the cell file."""
         if not self.keys:
             return ()
         lines = []
@@ -90,27 +90,29 @@ class EdsFit:
 
     @property
     def reason(self) -> str:
-        """Why the drive cannot be used; empty for one that can be."""
+        """Why the drive cannot be used; empty if it can."""
         missing = [each for each in self.findings if self.protects(each)]
         if missing:
-            said = ", ".join(f"{each.object_name} ({each.name})" for each in missing)
-            return f"what protects people is missing, and nothing stands for it: {said}"
+            object_names = ", ".join(f"{each.object_name} ({each.name})" for each in missing)
+            return (
+                f"objects that protect people are missing, and no key replaces them: {object_names}"
+            )
         if self.torque in [each.object_name for each in self.findings]:
-            return "it tells neither torque nor current, which is what is identified from"
+            return "it reports neither torque nor current, which identification needs"
         if self.findings:
-            said = ", ".join(each.object_name for each in self.findings)
-            return f"what is told or commanded in every cycle is missing: {said}"
+            object_names = ", ".join(each.object_name for each in self.findings)
+            return f"objects of the cyclic exchange are missing: {object_names}"
         return "" if self.accepted else f"the cell file needs {len(self.lines)} lines"
 
     @property
     def concerns_safety(self) -> bool:
-        """Whether something that protects people is missing."""
+        """True if an object that protects people is missing."""
         return any(self.protects(each) for each in self.findings)
 
     def protects(self, finding: EdsFinding) -> bool:
-        """Return whether what is missing is there to protect people.
+        """Return whether a missing object is there to protect people.
 
-        In profile velocity a stop does not take 6084h, the ramp to the next set-point does.
+        In profile velocity 6084h is the ramp to the next set-point, and not that of a stop.
         """
         ramp = finding.object_name == _RAMP and self.mode in BY_RAMP
         return finding.object_name in SAFETY_OBJECTS and not ramp
@@ -126,29 +128,29 @@ def fit_eds(
 
     Args:
         eds: The data sheet.
-        cell, axis: What is asked of the drive.
-        profiles: The bundled profiles; those of other makers than the EDS's are not tried.
+        cell, axis: The requirements on the drive.
+        profiles: The bundled profiles; those of makers other than the EDS's are not tried.
     """
     makers = {
         name: profile
         for name, profile in profiles.items()
         if profile.vendor is not None and profile.vendor == eds.vendor
     }
-    fits = [_fitted(eds, cell, axis, name, profile) for name, profile in makers.items()]
-    fits.append(_fitted(eds, cell, axis, None, ServoProfile()))
+    fits = [_fit(eds, cell, axis, name, profile) for name, profile in makers.items()]
+    fits.append(_fit(eds, cell, axis, None, ServoProfile()))
     return min(fits, key=lambda fit: (len(fit.findings), fit.base is None, len(fit.keys)))
 
 
-def _fitted(
+def _fit(
     eds: ElectronicDataSheet,
     cell: CellConfig,
     axis: DriveAxis,
     base: str | None,
     profile: ServoProfile,
 ) -> EdsFit:
-    """Add keys until nothing is red that a key could help."""
+    """Add keys until no finding is red that a key could remove."""
     added: dict[str, object] = {}
-    torques = list(_torques(eds))
+    torques = list(_torque_candidates(eds))
     while True:
         own = ServoProfile.model_validate(added)
         drive = axis.model_copy(update={"servo": own.on(profile), "velocity_unit": None})
@@ -168,7 +170,7 @@ def _keys_for(
     eds: ElectronicDataSheet,
     torques: list[TorqueObject],
 ) -> dict[str, object]:
-    """Return the keys that stand for what a finding lacks; none where nothing does."""
+    """Return the keys that replace what a finding lacks; empty if no key can."""
     name, limit = finding.object_name, profile.torque_limit
     keys: dict[str, object] = {}
     if name in ("608Fh:01", "608Fh:02"):
@@ -198,7 +200,7 @@ def _keys_for(
 
 
 def _limit_keys(profile: ServoProfile, eds: ElectronicDataSheet) -> dict[str, object]:
-    """Return what stands for a limit that cannot be written: as its own, 6073h, or none."""
+    """Return keys for a limit that cannot be written: read-only, 6073h, or none."""
     limit = profile.torque_limit
     assert limit is not None
     if profile.torque_limit_written and _readable(eds, limit.object, limit.bits):
@@ -215,10 +217,10 @@ def _readable(eds: ElectronicDataSheet, name: str, bits: int) -> bool:
     return found is not None and found.bits == bits and not found.faults
 
 
-def _torques(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
-    """Yield what may tell the torque, the standard's first, then the maker's by its name.
+def _torque_candidates(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
+    """Yield candidates for the torque object, the standard's first, then others by their names.
 
-    What no PDO can carry comes last: it is asked for by SDO.
+    Objects that no PDO can carry come last: they are read by SDO.
     """
     standard = {0x6077: "rated_torque", 0x6078: "rated_current"}
     candidates = sorted(
@@ -236,11 +238,11 @@ def _torques(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
 
 
 def tells_torque(eds: ElectronicDataSheet) -> tuple[EdsObject, ...]:
-    """Return the objects that by their names hold an actual torque or current, of any size."""
-    return tuple(item for item in eds.objects if _named_so(item.name.lower()))
+    """Return the objects that, by their names, are an actual torque or current, of any size."""
+    return tuple(item for item in eds.objects if _is_actual_torque(item.name.lower()))
 
 
-def _named_so(words: str) -> bool:
+def _is_actual_torque(words: str) -> bool:
     named = any(word in words for word in _CURRENT_WORDS)
     return named and any(word in words for word in _ACTUAL_WORDS)
 

@@ -1,7 +1,7 @@
-"""Resetting a drive's fault: a person's command, never done by the program itself.
+"""Reset of a drive's fault: a person's command, never done by the program itself.
 
-By SDO, without power and before the cyclic exchange: bit 7 of 6040h rises once (CiA 402-2, T15).
-Nothing is enabled by it; motion needs the whole bring-up afterwards.
+It is done by SDO, without power and before the cyclic exchange: bit 7 of 6040h rises once (CiA
+402-2, T15). Nothing is enabled by it; motion needs the whole bring-up afterwards.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ LOOK_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class FaultReset:
-    """What a drive was, and what it is after it was told to reset its fault.
+    """A drive's states before and after the command to reset its fault.
 
     Attributes:
-        joint, node_id: Which drive.
-        before, after: Its power state; the same where it was not in fault and nothing was sent.
-        error: What it said of its fault; empty where there was none.
-        refusal: Why the command could not be written; empty where it could.
+        joint, node_id: The drive.
+        before, after: Its power state; the same if it was not in fault and nothing was sent.
+        error: Its report of the fault; empty if there was none.
+        refusal: Why the command could not be written; empty if it could.
     """
 
     joint: str
@@ -41,12 +41,12 @@ class FaultReset:
 
     @property
     def was_faulty(self) -> bool:
-        """Whether there was a fault."""
+        """True if there was a fault."""
         return self.before.faulty
 
     @property
     def is_faulty(self) -> bool:
-        """Whether there still is one."""
+        """True if there still is a fault."""
         return self.after.faulty
 
 
@@ -58,11 +58,11 @@ def reset_fault(
     Args:
         link: The bus.
         axis: The drive.
-        others: Takes the frames that are not this drive's SDO answers, with their time [s].
+        others: Handler of frames that are not this drive's SDO answers, with their time [s].
 
     Raises:
         DeviceTimeoutError: The drive does not answer.
-        TransportError: The bus is gone.
+        TransportError: The bus is lost.
     """
     port = SdoPort(link, axis.node_id, others)
     joint, node = axis.joint, axis.node_id
@@ -86,7 +86,7 @@ def reset_fault(
 
 
 def _settled(link: CanLink, port: SdoPort, others: Callable[[Frame, float], None]) -> PowerState:
-    """Return the state once it is no fault any more, or after `RESET_TIMEOUT_S`."""
+    """Return the state once it is no longer a fault, or after `RESET_TIMEOUT_S`."""
     until_s = link.clock.now_s() + RESET_TIMEOUT_S
     while (state := state_of(port.read_int(0x6041, 0))).faulty:
         if link.clock.now_s() >= until_s:

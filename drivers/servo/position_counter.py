@@ -1,11 +1,12 @@
-"""`PositionCounter`: how a drive's position counts and wraps; `PositionTargets`, counted so.
+"""`PositionCounter`: range and wrap-around of a drive's position; `PositionTargets` uses it.
 
-`reference_setting` says if its zero is known. CiA 402 has no bit for that outside homing mode: the
-drive's profile names the manufacturer's bits (`referenced`). A drive without them can have a zero
-that the cell file states (`position_zero_counts`), as with an absolute encoder.
+`reference_setting` reports whether the drive's zero is known. CiA 402 has no bit for that outside
+homing mode, so the drive's profile names the manufacturer's bits (`referenced`). A drive without
+them can have a zero that the cell file states (`position_zero_counts`), as with an absolute
+encoder.
 
-A drive without a velocity mode gets the sum of its velocities, from where its axis was when it was
-switched on. While it is not, its set-point is where it stands: power moves nothing.
+A drive without a velocity mode gets the sum of its velocities, starting at the axis's position at
+power on. While its power is off, its set-point is its position, so that power on moves nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _CORRECT = "correct `referenced` in the axis's servo by the drive's manual"
 
 @dataclass(frozen=True, slots=True)
 class PositionCounter:
-    """A counter that goes from its highest value to its lowest, and back.
+    """A counter that wraps from its highest value to its lowest, and back.
 
     Attributes:
         lowest, highest: The values between which 6064h and 607Ah count: those of 607Bh (CiA 402-2,
@@ -53,26 +54,26 @@ class PositionCounter:
 
     @classmethod
     def of_limits(cls, lowest: int, highest: int) -> PositionCounter:
-        """Return the counter of a drive's 607Bh; equal limits stand for no limit."""
+        """Return the counter for a drive's 607Bh; equal limits mean no limit."""
         return BITS_32 if lowest >= highest else cls(lowest, highest)
 
     @property
     def size(self) -> int:
-        """How many values it has."""
+        """Number of its values."""
         return self.highest - self.lowest + 1
 
     @property
     def wraps_early(self) -> bool:
-        """Whether it has fewer values than 32 bits."""
+        """True if it has fewer values than 32 bits."""
         return (self.lowest, self.highest) != _INT32
 
     def nearest(self, counts: int, to: int) -> int:
-        """Return the count, whole rounds of the counter added, that is nearest to another."""
+        """Return the count, plus whole ranges of the counter, that is nearest to another."""
         half = self.size // 2
         return (counts - to + half) % self.size - half + to
 
     def shown(self, counts: int) -> int:
-        """Return a count as the drive shows it, and takes it as a set-point."""
+        """Return a count in the drive's range, for reports and set-points."""
         return (counts - self.lowest) % self.size + self.lowest
 
 
@@ -81,7 +82,7 @@ BITS_32 = PositionCounter()
 
 
 def read_counter(port: SdoPort) -> PositionCounter:
-    """Return how a drive's position wraps: by 607Bh, or by 32 bits if it cannot be read."""
+    """Return the range of a drive's position: 607Bh, or 32 bits if that cannot be read."""
     try:
         lowest, highest = (port.read_int(POSITION_RANGE, n, signed=True) for n in (1, 2))
     except SdoAbort:
@@ -90,7 +91,7 @@ def read_counter(port: SdoPort) -> PositionCounter:
 
 
 def counter_setting(axis: DriveAxis, counter: PositionCounter, needed: float) -> DriveSetting:
-    """Return the line that compares a counter with the increments of the axis's whole reach."""
+    """Return the setting that compares a counter with the increments of the axis's reach."""
     return DriveSetting(
         axis.joint,
         axis.node_id,
@@ -106,15 +107,15 @@ def counter_setting(axis: DriveAxis, counter: PositionCounter, needed: float) ->
 def reference_setting(
     port: SdoPort, axis: DriveAxis, referenced: ReferencedBits | None
 ) -> DriveSetting:
-    """Return the line that says whether a drive is referenced.
+    """Return the setting that shows whether a drive is referenced.
 
     Args:
         port: The drive.
         axis: Its axis in the cell file.
-        referenced: The bits of its profile that say it; None if it has none.
+        referenced: The bits of its profile for that; None if it has none.
 
     Raises:
-        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is gone.
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     if referenced is None:
         stated = "position_zero_counts" in axis.model_fields_set
@@ -151,11 +152,11 @@ def reference_setting(
 
 
 class PositionTargets:
-    """What the axes are told in a cycle, those by position and those by velocity together.
+    """Set-points of the axes in a cycle, for position and velocity modes together.
 
     Args:
-        by_position: Which axes follow positions.
-        cycle_time_s: How long a set-point acts [s].
+        by_position: Which axes are in a position mode.
+        cycle_time_s: Time for which a set-point acts [s].
     """
 
     def __init__(self, by_position: Sequence[bool], cycle_time_s: float) -> None:
@@ -169,12 +170,12 @@ class PositionTargets:
         enabled: NDArray[np.bool_],
         counters: Sequence[PositionCounter],
     ) -> list[int]:
-        """Return the set-points at rest: of an axis without power where it stands.
+        """Return the set-points at rest; an axis without power gets its present position.
 
         Args:
             counts, enabled: Shape (axes,). 6064h of the last answers, and whether the drive is in
                 Operation Enabled.
-            counters: How the drives count, one an axis.
+            counters: The drives' counters, one per axis.
         """
         for axis, (at, powered) in enumerate(zip(counts.tolist(), enabled.tolist(), strict=True)):
             if not powered:
@@ -187,10 +188,10 @@ class PositionTargets:
         ]
 
     def follow(self, velocity: Sequence[int], counters: Sequence[PositionCounter]) -> list[int]:
-        """Return the set-points that velocities lead to, in 60FFh's units (here: counts/s)."""
-        told = []
+        """Return the set-points for velocities in 60FFh's units (here: counts/s)."""
+        targets = []
         for axis, (value, by_position) in enumerate(zip(velocity, self._by_position, strict=True)):
             self._targets[axis] += value * self._cycle_time_s
             target = counters[axis].shown(round(self._targets[axis]))
-            told.append(target if by_position else value)
-        return told
+            targets.append(target if by_position else value)
+        return targets

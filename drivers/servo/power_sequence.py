@@ -1,6 +1,6 @@
-"""`PowerSequence`: leads drives through their power states, cycle by cycle, at velocity 0.
+"""`PowerSequence`: switches drives through their power states, cycle by cycle, at velocity 0.
 
-Every wait is limited; what a drive does not do in time is told with the state that it is in.
+Every wait is limited; an error about a timeout names the drive's present state.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _WITHOUT_POWER = frozenset(
 
 
 class AxisAnswer(NamedTuple):
-    """One axis in one cycle: whether it answered, and its statusword 6041h."""
+    """One axis's answer in one cycle: whether it came, and its statusword 6041h."""
 
     joint: str
     received: bool
@@ -56,17 +56,16 @@ class AxisAnswer(NamedTuple):
 
 
 class PowerSequence:
-    """Which controlwords come next, and whether the drives do in time what they say.
+    """Controlwords for the next states, with checks that the drives follow in time.
 
     Args:
         axes: The drives, base to flange.
         cell, robot: Cycle time, decelerations of a quick stop, largest velocities.
         clock: The clock of the bus.
-        exchange: Where their answers are, and where words go that no cycle follows.
-        watch: What the drives say by themselves.
-        run_cycle: Runs the next cycle: SYNC, answers, then the controlwords that it is given, with
-            velocity 0.
-        stopped: Whether a stop was ordered: then no drive is led on to power.
+        exchange: Source of the answers; it also sends controlwords without a following cycle.
+        watch: Monitor of the drives' other frames.
+        run_cycle: Runs the next cycle: SYNC, answers, then the given controlwords, with velocity 0.
+        stopped: Whether a stop was ordered; no drive is then switched on.
     """
 
     def __init__(
@@ -96,10 +95,10 @@ class PowerSequence:
         self._halt_s = longest_ramp_s(cell, robot) + HALT_MARGIN_S
 
     def wait_until_operational(self) -> None:
-        """Wait until every drive answers SYNC and says that it is operational.
+        """Wait until every drive answers SYNC and reports that it is operational.
 
         Raises:
-            DeviceTimeoutError: A drive does not, in `START_TIMEOUT_S`.
+            DeviceTimeoutError: A drive does not within `START_TIMEOUT_S`.
             DeviceFaultError: A drive reports a fault meanwhile.
             SafetyStop: A stop was ordered.
         """
@@ -114,11 +113,11 @@ class PowerSequence:
             ]
 
     def enable(self) -> None:
-        """Lead every drive to Operation Enabled, one checked step a cycle.
+        """Switch every drive to Operation Enabled, one checked step per cycle.
 
         Raises:
-            DeviceTimeoutError: A drive does not get there in its `enable_timeout_s`, or does not
-                say that it follows its command (6041h bit 12).
+            DeviceTimeoutError: A drive does not reach it within its `enable_timeout_s`, or does not
+                report that it follows its command (6041h bit 12).
             DeviceFaultError: A drive is in fault or reports one, or has left Operation Enabled.
             SafetyStop: A stop was ordered.
         """
@@ -145,8 +144,8 @@ class PowerSequence:
     def rest(self) -> bool:
         """Quick stop until no drive is powered or none moves; return whether that was seen.
 
-        The wait ends after the time that the slowest ramp takes, `LONGEST_STOP_S` at most,
-        and `HALT_MARGIN_S`.
+        The wait is limited to the time of the slowest ramp, `LONGEST_STOP_S` at most, plus
+        `HALT_MARGIN_S`.
         """
         until_s = self._clock.now_s() + self._halt_s
         words = [ControlWord.QUICK_STOP] * len(self._axes)
@@ -185,7 +184,7 @@ class PowerSequence:
         return unconfirmed
 
     def bus_notes(self) -> tuple[str, ...]:
-        """Return who else sends on this bus, as far as it could be seen."""
+        """Return notes on other senders on this bus, if any were detected."""
         exchange = self._exchange
         return other_senders(
             self._axes, self._watch, exchange.answers.second_answers, exchange.contradictions
@@ -194,7 +193,7 @@ class PowerSequence:
     def _step(
         self, words: Sequence[int], until_s: float, verb: str, waiting: Sequence[str]
     ) -> None:
-        """Run a cycle; refuse faults, orders to stop, and waiting beyond `until_s` [s]."""
+        """Run a cycle; refuse faults, ordered stops, and waiting beyond `until_s` [s]."""
         if self._stopped():
             raise SafetyStop(
                 f"a stop was ordered before the drives could {verb}", code="RID-STOP-ORDERED"
@@ -213,7 +212,7 @@ class PowerSequence:
             )
 
     def _advice(self, waiting: Sequence[str]) -> str:
-        """Return what to do about drives that do not get there in time."""
+        """Return advice about drives that do not reach their state in time."""
         without_bit = [
             answer.joint
             for answer in self._answers()
@@ -222,12 +221,12 @@ class PowerSequence:
         if without_bit:
             return (
                 "6041h bit 12 (follows the command) is missing: check mode 6060h and the drive's"
-                " own limits; or, if its manual says that it never sets that bit, name follows_bit:"
+                " own limits; or, if its manual says that it never sets that bit, set follows_bit:"
                 " false in the axis's servo"
             )
         return (
             "check supply, brakes, enable inputs and emergency stop; or, if the drive needs longer"
-            f" than {self._enable_s:g} s, name enable_timeout_s in the axis's servo"
+            f" than {self._enable_s:g} s, set enable_timeout_s in the axis's servo"
         )
 
     def _answers(self) -> list[AxisAnswer]:
@@ -241,7 +240,7 @@ class PowerSequence:
 
 
 def _refuse_fault(answers: Sequence[AxisAnswer], enabled: set[str]) -> None:
-    """Refuse a drive in fault and one of `enabled` that is not any more; add those that now are."""
+    """Refuse a drive in fault, or one that left Operation Enabled; add newly enabled ones."""
     for answer in answers:
         if not answer.received:
             continue

@@ -1,8 +1,8 @@
-"""What a drive must hold before motion: `Requirement`, the safety settings and the two PDOs.
+"""Values that a drive needs before motion: `Requirement`, the safety settings and the PDOs.
 
-The heartbeat consumer (1016h) with abort connection (6007h) is what stops a drive when this
-computer dies; the RPDO's event timer (1400h:05) does it once more where a drive has it. A drive
-without 1016h may have life guarding in its place (100Ch, 100Dh): it is always tried before motion.
+If this computer fails, the heartbeat consumer (1016h) with abort connection (6007h) stops a drive.
+The RPDO's event timer (1400h:05) is a second protection, if a drive has it. A drive without 1016h
+may have life guarding instead (100Ch, 100Dh), which is always tested before motion.
 """
 
 from __future__ import annotations
@@ -56,23 +56,23 @@ TARGETS: Final[dict[Mode, tuple[int, int]]] = {
     "cyclic_position": (0x607A, 0),
     "interpolated_position": (0x60C1, 1),
 }
-"""What the set-points are written to; in a mode of the maker's, what its PDOs say."""
+"""Objects of the set-points; in a manufacturer's mode the PDOs define them."""
 INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
 GUARD_TIME, LIFE_TIME_FACTOR = (0x100C, 0), (0x100D, 0)
 RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)
 
 _MILLI = 1000.0
 _STEEPER = 4.0
-"""How many times steeper than the joint's acceleration a drive's own ramp to a set-point is."""
+"""Steepness of a drive's own ramp to a set-point, in multiples of the joint's acceleration."""
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One object that must hold a value; `value` None: it is only read and shown.
+    """One object that must hold a value; with `value` None it is only read and shown.
 
-    `write` False leaves it to the drive to be right. `watchdog` ones may be wrong where the cell
-    file allows it. `lack` says what follows where a drive does not have it at all: it is red; it is
-    shown; or the trial of the watches shows what the drive does without it.
+    With `write` False the value is only checked. A wrong `watchdog` requirement is accepted if the
+    cell file allows it. `lack` is the result if a drive does not have the object: it is red, it is
+    shown, or the watchdog test shows what the drive does without it.
     """
 
     index: int
@@ -89,15 +89,15 @@ class Requirement:
 
     @property
     def written(self) -> bool:
-        """Whether it is written, where the drive lets it be."""
+        """True if the object is to be written."""
         return self.write and self.value is not None
 
     def words(self, value: int) -> str:
-        """Return a value as it is shown."""
+        """Return a value in decimal or hexadecimal text."""
         return f"{value & (1 << 8 * self.size) - 1:X}h" if self.hexadecimal else str(value)
 
     def encoded(self, value: int) -> bytes:
-        """Return a value as it is written.
+        """Return a value as bytes.
 
         Raises:
             ConfigError: It does not fit.
@@ -106,7 +106,7 @@ class Requirement:
             return value.to_bytes(self.size, "little", signed=self.signed)
         except OverflowError:
             raise ConfigError(
-                f"{self.name}: the cell asks for {value}, which does not fit the"
+                f"{self.name}: {value} in the cell file does not fit the"
                 f" {8 * self.size} bits of {self.index:04X}h; correct the cell file",
                 code="RID-SERVO-VALUE",
             ) from None
@@ -115,7 +115,7 @@ class Requirement:
 def identity_requirement(
     subindex: int, name: str, value: int | None, mask: int = -1
 ) -> Requirement:
-    """Return what a part of 1018h must be; nothing, if `value` is None, and then it may miss."""
+    """Return the requirement on a part of 1018h; with `value` None it is optional."""
     return Requirement(
         0x1018,
         subindex,
@@ -130,16 +130,16 @@ def identity_requirement(
 
 
 def mode_words(mode: Mode) -> str:
-    """Return a mode's name: cyclic synchronous velocity."""
+    """Return a mode's name, such as cyclic synchronous velocity."""
     return mode.replace("cyclic_", "cyclic synchronous ").replace("_", " ")
 
 
 def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
-    """Return what says that a device is a servo drive that follows velocities."""
+    """Return the requirements that identify a servo drive with the profile's mode."""
     device = Requirement(
         0x1000, 0, 4, "device profile", DRIVE_PROFILE, mask=0xFFFF, write=False
     )  # fmt: skip
-    if profile.mode == "makers":  # 6502h has no bit for it
+    if profile.mode == "makers":  # it has no bit in 6502h
         return (device,)
     bit = 1 << MODES[profile.mode] - 1
     return (
@@ -152,7 +152,7 @@ def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
 
 
 def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
-    """Return what is read of the motor, as far as the profile does not say it."""
+    """Return the motor's ratings that are read because the profile does not state them."""
     used, limit = {profile.torque.of}, profile.torque_limit
     if limit is not None:
         used.add(limit.of)
@@ -174,7 +174,7 @@ def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
 
 
 def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
-    """Return what is known of the motor: by the profile, or by what its drive holds."""
+    """Return the motor's ratings, from the profile or from its drive."""
     increments = profile.encoder_increments
     if increments is None:
         increments = held[INCREMENTS] / held[REVOLUTIONS]
@@ -190,7 +190,7 @@ def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
 
 
 def signal_object(profile: ServoProfile, signal: Signal) -> tuple[int, int]:
-    """Return the object that carries a signal: that of the fixed PDOs, or CiA 402's."""
+    """Return the object that carries a signal, from the fixed PDOs or from CiA 402."""
     fixed = object_of(profile.pdos, signal)
     if fixed is not None:
         return fixed
@@ -206,8 +206,8 @@ def cyclic_pdos(
 ) -> tuple[PdoMapping, ...]:
     """Return the PDOs of a drive in a cell's `exchange`, full or trimmed.
 
-    Those with a SYNC are taken up and sent at every SYNC. In the trimmed exchange the statusword
-    comes when it changes, and every `STATUS_EVENT_MS`. Where the drive's are fixed, these are they.
+    Synchronous PDOs are applied and sent at every SYNC. In the trimmed exchange the statusword is
+    sent when it changes, and every `STATUS_EVENT_MS`. Fixed PDOs are returned as they are.
     """
     profile = profile or ServoProfile()
     if profile.pdos:
@@ -219,10 +219,10 @@ def cyclic_pdos(
     position = MappedObject(*signal_object(profile, "position"), 32)
     torque = MappedObject(*signal_object(profile, "torque"), 16)
     if exchange == "full":
-        told = (status, position) if profile.torque.asked else (status, position, torque)
+        answer = (status, position) if profile.torque.asked else (status, position, torque)
         return (
             PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, target), acts),
-            PdoMapping("tpdo", 1, tpdo_cob_id(node_id), told),
+            PdoMapping("tpdo", 1, tpdo_cob_id(node_id), answer),
         )
     return (
         PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (target,), acts),
@@ -250,13 +250,13 @@ def safety_requirements(
     units: AxisUnits,
     acceleration: float,
 ) -> tuple[Requirement, ...]:
-    """Return what every drive of a cell must be told: monitoring, reactions, limits, mode.
+    """Return the settings of every drive of a cell: monitoring, reactions, limits, mode.
 
-    A drive knows its motor alone: with a coupled wrist its following error and its deceleration are
-    the motor's, over its gear ratio. `acceleration` is the joint's largest [rad/s² or m/s²].
+    A drive knows only its motor: with a coupled wrist its following error and its deceleration are
+    the motor's, divided by its gear ratio. `acceleration` is the joint's largest [rad/s² or m/s²].
 
     Raises:
-        ConfigError: The torque limit cannot be said in the numbers of its object.
+        ConfigError: The torque limit cannot be converted to the units of its object.
     """
     safety, mode = cell.drive_safety, profile.mode
     return (
@@ -309,7 +309,7 @@ def safety_requirements(
 
 
 def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
-    """Yield what makes drive and computer notice each other's silence.
+    """Yield the settings by which drive and computer detect each other's failure.
 
     A node that sends its heartbeat is not guarded (CiA 301, 7.2.8.3): 1017h must be 0 then.
     """
@@ -332,7 +332,7 @@ def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
 def _ramps(
     cell: CellConfig, profile: ServoProfile, units: AxisUnits, acceleration: float
 ) -> Iterator[Requirement]:
-    """Yield the decelerations of a stop; and the ramps to each set-point, which must not limit."""
+    """Yield the decelerations of a stop, and ramps to set-points that must not limit motions."""
     factor = abs(units.acceleration_units_per_rad_s2)
     deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
     if profile.deceleration_rad_s2 is None:
@@ -341,8 +341,10 @@ def _ramps(
     if profile.by_ramp:
         steep = round(max(deceleration, _STEEPER * acceleration) * factor)
         yield Requirement(0x6083, 0, 4, "profile acceleration", steep)
-        told = None if object_name(*PROFILE_DECELERATION) in profile.read_only else steep
-        yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", told, lack="shown")
+        steep_or_none = None if object_name(*PROFILE_DECELERATION) in profile.read_only else steep
+        yield Requirement(
+            *PROFILE_DECELERATION, 4, "profile deceleration", steep_or_none, lack="shown"
+        )
     elif uses_profile_deceleration(cell):
         value = round(deceleration * factor)
         yield Requirement(*PROFILE_DECELERATION, 4, "profile deceleration", value)

@@ -1,4 +1,4 @@
-"""`SdoPort`: one node's objects, read and written over a `CanLink` before the cyclic exchange."""
+"""`SdoPort`: access to one node's objects over a `CanLink` before the cyclic exchange."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ MISSING = (SdoCode.NO_OBJECT, SdoCode.NO_SUBINDEX)
 
 
 class SdoPort:
-    """Blocking SDO with one node; every other frame of the bus goes to `others`.
+    """Blocking SDO with one node; every other frame of the bus is passed to `others`.
 
     Args:
         link: The bus.
         node_id: The drive.
-        others: Called with each frame that is not an answer of this node's SDO server, and its time
+        others: Handler of each frame that is not an answer of this node's SDO server, with its time
             [s].
-        timeout_s: How long to wait for each answer. Nothing is asked twice.
-        write_log: Where what is written is kept first, with what was there.
+        timeout_s: Time limit of each answer [s]. No request is repeated.
+        write_log: Log of the values that are written, and of the previous ones.
     """
 
     def __init__(
@@ -49,15 +49,15 @@ class SdoPort:
         Raises:
             SdoAbort: The drive refuses.
             DeviceTimeoutError: The drive does not answer.
-            TransportError: The bus is gone.
+            TransportError: The bus is lost.
         """
         return self._run(self._client.upload(index, subindex, self._link.clock.now_s()))
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object; raises as `read` does.
+        """Write an object; raise errors as `read` does.
 
         Raises:
-            RecordingError: The write log cannot be written; the object was not.
+            RecordingError: The write log cannot be written; the object was not written.
         """
         if self._write_log is not None:
             try:
@@ -68,18 +68,18 @@ class SdoPort:
         self._run(self._client.download(index, subindex, data, self._link.clock.now_s()))
 
     def read_int(self, index: int, subindex: int, *, signed: bool = False) -> int:
-        """Return an integer object of 1 to 8 bytes; raises as `read` does."""
+        """Return an integer object of 1 to 8 bytes; raise errors as `read` does."""
         data = self.read(index, subindex)
         if not 1 <= len(data) <= 8:
             raise ProtocolError(
-                f"node {self.node_id}: object {object_name(index, subindex)} has {len(data)} bytes"
-                " where a number was expected",
+                f"node {self.node_id}: object {object_name(index, subindex)} has {len(data)} bytes,"
+                " but a number was expected",
                 code="RID-DRIVE-DATA-SIZE",
             )
         return int.from_bytes(data, "little", signed=signed)
 
     def identity(self) -> DriveIdentity:
-        """Return 1018h, as far as the drive has it; raises as `read` does, but for refusals."""
+        """Return the parts of 1018h that the drive has; raise errors as `read`, except refusals."""
         parts: dict[str, int] = {}
         for subindex, name in enumerate(("vendor", "product", "revision", "serial"), start=1):
             with contextlib.suppress(SdoAbort):
@@ -89,7 +89,7 @@ class SdoPort:
     def note_change(
         self, write_log: WriteLog, address: Address, old: bytes | str, new: bytes | None
     ) -> None:
-        """Put a change into a write log, before it the drive; raises as `read` and `write` do."""
+        """Log a change before it reaches the drive; raise errors as `read` and `write` do."""
         if not write_log.knows(self.node_id):
             write_log.add_drive(self.node_id, self.identity())
         write_log.add_change(self.node_id, address, old, new)
@@ -112,5 +112,5 @@ class SdoPort:
 
 
 def is_missing(abort: SdoAbort) -> bool:
-    """Return whether an abort says that the drive does not have the object at all."""
+    """Return whether an abort means that the drive does not have the object."""
     return abort.code in MISSING

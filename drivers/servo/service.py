@@ -1,4 +1,4 @@
-"""`DriveService`: what is asked of the drives one by one, outside the cyclic exchange."""
+"""`DriveService`: requests to single drives, outside the cyclic exchange."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from drivers.settings.write_log import WriteLog
 
 
 class DriveService:
-    """Questions and orders by SDO that switch no power on.
+    """Reads and commands by SDO that switch no power on.
 
     Args:
         link, cell: The open bus and its cell. The constructor does not use the bus.
         axes: The drives, in the order of the robot's joints.
-        watch: Takes what else comes from the drives meanwhile.
-        write_log: Where what is written is kept, with what was there.
+        watch: Monitor of the drives' other frames.
+        write_log: Log of the values that are written, and of the previous ones.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class DriveService:
         self._write_log = write_log
 
     def claim_bus(self) -> None:
-        """Make sure that no other master is on the bus, before anything is asked or told.
+        """Make sure that no other master is on the bus, before anything is sent.
 
         Raises:
             LockedError: Another master is active.
@@ -52,21 +52,21 @@ class DriveService:
         listen_for_masters(self._link, self._cell, self._watch)
 
     def ports(self, timeout_s: float = 0.5) -> list[SdoPort]:
-        """Return the drives' ports, which wait so long for each answer [s]."""
+        """Return the drives' ports, with a time limit of each answer [s]."""
         return [
             SdoPort(self._link, axis.node_id, self._watch.handle, timeout_s, self._write_log)
             for axis in self._axes
         ]
 
     def leave_operational(self) -> None:
-        """Send every drive into NMT pre-operational: PDOs are configured there."""
+        """Switch every drive to NMT pre-operational, in which PDOs are configured."""
         for axis in self._axes:
             self._link.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, axis.node_id))
 
     def note_before_reset(self) -> None:
-        """Keep in the write log what a reset of the communication takes away; once a write log.
+        """Log the values that a reset of the communication discards; once per write log.
 
-        What a silent drive holds cannot be kept; its bring-up ends without a boot-up message.
+        Values of a drive that does not answer cannot be logged; its bring-up will fail.
         """
         for port in self.ports():
             if self._write_log is None or self._write_log.knows(port.node_id):
@@ -76,31 +76,31 @@ class DriveService:
                     port.note_change(self._write_log, address, value, None)
 
     def reset_faults(self) -> tuple[FaultReset, ...]:
-        """Reset the drives that are in fault, as a person has asked; no power, no motion.
+        """Reset the drives that are in fault, on a person's request; no power, no motion.
 
         Raises:
             LockedError: Another master is active on the bus.
             DeviceTimeoutError: A drive does not answer.
-            TransportError: The bus is gone.
+            TransportError: The bus is lost.
         """
         self.claim_bus()
         return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
 
     def power_states(self) -> tuple[PowerState, ...]:
-        """Ask every drive for its state.
+        """Return every drive's power state.
 
         Raises:
-            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is gone.
+            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.
         """
         return tuple(state_of(port.read_int(0x6041, 0)) for port in self.ports())
 
     def silence_drives(self) -> None:
-        """Switch the drives' own heartbeats off until the next bring-up: a trial of our watch.
+        """Switch the drives' heartbeats off until the next bring-up, to test our monitoring.
 
-        Those that are asked for their state are silent when nobody asks.
+        Drives with life guarding are silent when no request is sent.
 
         Raises:
-            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is gone.
+            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.
         """
         for port, consumer in zip(self.ports(), self._watch.heartbeats, strict=True):
             if not consumer.guarded:

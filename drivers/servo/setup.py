@@ -1,7 +1,7 @@
-"""`DriveSetup`: what one drive must be told before motion, written and read back.
+"""`DriveSetup`: settings of one drive before motion, written and read back.
 
-A drive without a watch on this computer (1016h, 6007h) is refused unless the cell file names it in
-allow_drive_without_watchdog.
+A drive that does not monitor this computer (1016h, 6007h) is refused unless the cell file names it
+in allow_drive_without_watchdog.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ Verdict = Literal["ok", "red", "allowed", "shown"]
 
 @dataclass(frozen=True, slots=True)
 class SetupResult:
-    """What was found out about one drive; `units` is None where they could not be read.
+    """Result of one drive's setup; `units` is None if they could not be read.
 
-    `left_to_trial` are the objects of its reactions that it does not have, and that of life
-    guarding: what it does is not known before its watches were tried.
+    `left_to_trial` lists the reaction objects that it lacks, and that of life guarding: its
+    reaction is unknown until the watchdog test.
     """
 
     joint: str
@@ -68,17 +68,18 @@ class SetupResult:
 
 
 class DriveSetup:
-    """Configures one drive over SDO and collects what it found; nothing it reads is trusted.
+    """Configures one drive over SDO and collects the results; no answer is trusted.
 
-    A refused or ignored write shows as a red setting and the rest is still done, so that one run
-    names everything that is wrong. Only a drive that stops answering, or a lost bus, raises.
+    A refused or ignored write becomes a red setting and the setup continues, so that one run shows
+    every problem. Only a drive that stops answering, or a lost bus, raises an error.
 
     Args:
         link: The bus.
         axis, joint, cell: The drive, the joint that it moves and the cell's limits.
-        reach: The lowest and highest position of the drive's motor over its gear ratio [rad or m].
-        others: Takes the frames that are not this drive's SDO answers, with their time [s].
-        write_log: Where what is written is kept, with what was there.
+        reach: The lowest and highest position of the drive's motor divided by its gear ratio [rad
+            or m].
+        others: Handler of frames that are not this drive's SDO answers, with their time [s].
+        write_log: Log of the values that are written, and of the previous ones.
     """
 
     def __init__(
@@ -97,20 +98,20 @@ class DriveSetup:
         self._reach = reach
         self._profile = cell.servo_of(axis)
         self._left_to_trial: list[str] = []
-        if self._profile.watch == "life_guarding":  # what it does is for the maker to choose
+        if self._profile.watch == "life_guarding":  # its reaction is manufacturer-specific
             self._left_to_trial.append(object_name(*LIFE_TIME_FACTOR))
         self._port = SdoPort(link, axis.node_id, others, write_log=write_log)
         self._settings: list[DriveSetting] = []
-        self._held: dict[tuple[int, int], int] = {}
+        self._values: dict[tuple[int, int], int] = {}
 
     def run(self) -> SetupResult:
         """Identify, configure and read back the drive.
 
-        Nothing is written to one that is another than the cell file or its data sheet says.
+        Nothing is written to a drive that differs from the cell file or its data sheet.
 
         Raises:
             DeviceTimeoutError: The drive stopped answering.
-            TransportError: The bus is gone.
+            TransportError: The bus is lost.
         """
         self._identify()
         if not self._is_expected():
@@ -133,13 +134,13 @@ class DriveSetup:
         for requirement in safety_requirements(self._cell, self._profile, motor, units, steepest):
             self._require(requirement)
         if self._profile.deceleration_rad_s2 is not None:
-            said = f"{self._profile.deceleration_rad_s2:g} rad/s² or m/s², by the cell file"
-            self._note(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "", said, "shown")
-        self._settings += stop_settings(self._cell, axis, joint, motor, units, self._held)
+            found_text = f"{self._profile.deceleration_rad_s2:g} rad/s² or m/s², by the cell file"
+            self._note(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "", found_text, "shown")
+        self._settings += stop_settings(self._cell, axis, joint, motor, units, self._values)
         if self._profile.torque.asked:
             torque = object_address(self._profile.torque.object)
-            said = "asked for after every SYNC: once a cycle, as old as the drive's answer"
-            self._note(*torque, "torque", "", said, "shown")
+            found_text = "asked for after every SYNC: once a cycle, as old as the drive's answer"
+            self._note(*torque, "torque", "", found_text, "shown")
         pdos = cyclic_pdos(axis.node_id, self._cell.exchange, self._profile)
         for pdo in pdos:
             self._configure_pdo(pdo)
@@ -157,7 +158,7 @@ class DriveSetup:
             self._require(requirement)
 
     def _is_expected(self) -> bool:
-        """Read 1018h; return whether it is as the cell file, or the drive's EDS, says."""
+        """Read 1018h; return whether it agrees with the cell file or the drive's EDS."""
         wanted = self._axis.identity or DeviceIdentity()
         begun = len(self._settings)
         for subindex, text, value in (
@@ -176,11 +177,11 @@ class DriveSetup:
         wanted = rating_requirements(self._profile)
         known = [self._positive(requirement) for requirement in wanted]
         if self._profile.encoder_increments is None and all(known):
-            known.append(self._tells_encoder())
+            known.append(self._describes_encoder())
         gear = self._gear_ratio()
         if gear is None or not all(known):
             return None, None
-        motor = ratings_of(self._profile, self._held)
+        motor = ratings_of(self._profile, self._values)
         try:
             units = AxisUnits.of_motor(
                 motor, self._profile, gear, self._axis.direction, self._axis.position_zero_counts
@@ -195,7 +196,7 @@ class DriveSetup:
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:
-        """Return units that know how 6064h wraps, within the motor's reach."""
+        """Return units with the wrap-around of 6064h, within the motor's reach."""
         counter = read_counter(self._port)
         ends = [units.counts_per_rad * end for end in self._reach]
         if counter.wraps_early:
@@ -203,9 +204,9 @@ class DriveSetup:
             self._settings.append(counter_setting(self._axis, counter, needed))
         return replace(units, counter=counter, middle_counts=round(0.5 * sum(ends)))
 
-    def _tells_encoder(self) -> bool:
-        """Judge 608Fh: a drive whose units are scaled by it says 1, whatever its encoder has."""
-        increments = ratings_of(self._profile, self._held).increments
+    def _describes_encoder(self) -> bool:
+        """Return whether 608Fh describes the encoder; a drive with scaled units may report 1."""
+        increments = ratings_of(self._profile, self._values).increments
         good = increments >= LEAST_INCREMENTS and not self._profile.sets_increments
         if not good:
             required = f"≥ {LEAST_INCREMENTS}, the encoder's"
@@ -215,14 +216,14 @@ class DriveSetup:
         return good
 
     def _positive(self, requirement: Requirement) -> bool:
-        """Read what must be above 0; return whether it is."""
+        """Read a value that must be above 0; return whether it is."""
         index, subindex, name = requirement.index, requirement.subindex, requirement.name
         try:
             value = self._port.read_int(index, subindex)
         except SdoAbort as abort:
             self._note(index, subindex, name, "a number", _refused(abort), "red")
             return False
-        self._held[index, subindex] = value
+        self._values[index, subindex] = value
         good = value > 0
         self._note(
             index, subindex, name, "" if good else "above 0", str(value), "shown" if good else "red"
@@ -230,10 +231,10 @@ class DriveSetup:
         return good
 
     def _gear_ratio(self) -> float | None:
-        """Return motor per joint revolutions: the robot file's, checked against 6091h.
+        """Return motor per joint revolutions from the robot file, checked against 6091h.
 
-        A drive that says 1:1, or has no 6091h, does not know the gear; a prismatic joint's ratio
-        (rad/m) cannot stand there at all.
+        A drive that reports 1:1, or has no 6091h, does not know the gear; a prismatic joint's ratio
+        (rad/m) cannot be stored there.
         """
         wanted = abs(self._joint.gear_ratio)
         try:
@@ -253,7 +254,7 @@ class DriveSetup:
         return motor / shaft if good else None
 
     def _require(self, requirement: Requirement) -> None:
-        """Write an object where it is to be written, read it back and judge it."""
+        """Write an object if required, read it back and compare it."""
         r = requirement
         refusal = ""
         if r.write and r.value is not None:
@@ -274,7 +275,7 @@ class DriveSetup:
                     text += ": the trial of the watches decides"
             self._note(r.index, r.subindex, r.name, required, text, verdict)
             return
-        self._held[r.index, r.subindex] = found
+        self._values[r.index, r.subindex] = found
         if r.value is None:
             verdict = "shown"
         else:
@@ -293,7 +294,7 @@ class DriveSetup:
                 self._port.write(write.index, write.subindex, write.data)
             except SdoAbort as abort:
                 if abort.code == SdoCode.READ_ONLY and write.index == pdo.communication_index:
-                    continue  # what is read back below decides
+                    continue  # the values that are read back below decide
                 wanted = write.data[::-1].hex().upper() + "h"
                 found = f"refused: {abort_text(abort.code)}"
                 self._note(write.index, write.subindex, f"{title} mapping", wanted, found, "red")
@@ -313,7 +314,7 @@ class DriveSetup:
             )
 
     def _switch_off_other_pdos(self, used: set[int]) -> None:
-        """Switch off what is not used: the bus load is computed without it."""
+        """Switch unused PDOs off, because the bus load is computed without them."""
         for index in _other_pdos(used):
             try:
                 entry = self._port.read_int(index, 1)
@@ -329,7 +330,7 @@ class DriveSetup:
                 self._note(index, 1, "unused PDO", "off", f"{entry:X}h", "red")
 
     def _check_state(self) -> None:
-        """Refuse a drive in fault: a person must reset it. What it says of itself is shown."""
+        """Refuse a drive in fault, which a person must reset; show its error register."""
         self._require(Requirement(0x1001, 0, 1, "error register", hexadecimal=True))
         try:
             state = state_of(self._port.read_int(0x6041, 0))

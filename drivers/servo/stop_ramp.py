@@ -1,7 +1,7 @@
-"""`StopRamp`: how far an axis gets until it rests, by what its drive holds; what is too far is red.
+"""`StopRamp`: stopping distance and time of an axis, from the values in its drive; too long is red.
 
-Judged is what the drive reads back. A deceleration that rounds to nothing in the drive's units, or
-a limit that lets an axis run through its whole range before anything acts, is a stop that is none.
+The values that the drive reads back are used. A deceleration that rounds to 0 in the drive's units
+does not stop the axis. A limit may let an axis run through its whole range before it acts.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Held = Mapping[tuple[int, int], int]
 
 
 class _Delay(NamedTuple):
-    """What passes between a fault and the ramp: travel besides that at top speed, and time."""
+    """Delay between a fault and the ramp: time at top speed, and additional travel."""
 
     after: str
     time_s: float
@@ -44,11 +44,11 @@ class _Delay(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StopRamp:
-    """An axis on its ramp, from the largest velocity that it is let have.
+    """The ramp of an axis from its largest allowed velocity.
 
     Attributes:
-        velocity: The joint's limit with the margin at which the motion is stopped [rad/s or m/s].
-        deceleration: As the drive holds it [rad/s² or m/s²]; 0 where it holds none.
+        velocity: The joint's limit plus the margin at which the motion is stopped [rad/s or m/s].
+        deceleration: The drive's value [rad/s² or m/s²]; 0 if it has none.
     """
 
     velocity: float
@@ -56,28 +56,28 @@ class StopRamp:
 
     @property
     def time_s(self) -> float:
-        """How long the ramp takes [s]; infinite without a deceleration."""
+        """Duration of the ramp [s]; infinite without a deceleration."""
         return self.velocity / self.deceleration if self.deceleration > 0.0 else math.inf
 
     @property
     def distance(self) -> float:
-        """How far the axis gets on it [rad or m]."""
+        """Distance that the axis moves on the ramp [rad or m]."""
         return 0.5 * self.velocity * self.time_s
 
 
 def quick_stop_decelerations(cell: CellConfig, robot: RobotDescription) -> list[float]:
-    """Return how fast a quick stop slows each axis down, base to flange [rad/s² or m/s²].
+    """Return the deceleration of a quick stop of each axis, base to flange [rad/s² or m/s²].
 
-    It is what the cell file states of a drive without a 6085h that could be set, and for all others
-    what they are told.
+    For a drive without a 6085h to set, it is the value in the cell file; for all others, the value
+    that is written to them.
     """
     stated = {axis.joint: cell.servo_of(axis).deceleration_rad_s2 for axis in cell.axes}
-    told = cell.drive_safety.quick_stop_deceleration_rad_s2
-    return [stated[name] or told for name in robot.joint_names]
+    written = cell.drive_safety.quick_stop_deceleration_rad_s2
+    return [stated[name] or written for name in robot.joint_names]
 
 
 def longest_ramp_s(cell: CellConfig, robot: RobotDescription) -> float:
-    """Return what the longest quick stop takes [s]: from top speed, `LONGEST_STOP_S` at most."""
+    """Return the duration of the longest quick stop [s], at most `LONGEST_STOP_S`."""
     decelerations = quick_stop_decelerations(cell, robot)
     ramps = (
         StopRamp(joint.limits.velocity, deceleration)
@@ -87,7 +87,7 @@ def longest_ramp_s(cell: CellConfig, robot: RobotDescription) -> float:
 
 
 def uses_profile_deceleration(cell: CellConfig) -> bool:
-    """Return whether a stop of a cell's drives takes 6084h and not 6085h (CiA 402-2, 605Ah)."""
+    """Return whether a stop of a cell's drives uses 6084h, not 6085h (CiA 402-2, 605Ah)."""
     safety = cell.drive_safety
     return (
         safety.quick_stop_option in _QUICK_STOPS_BY_PROFILE
@@ -103,17 +103,17 @@ def stop_settings(
     units: AxisUnits,
     held: Held,
 ) -> Iterator[DriveSetting]:
-    """Judge what one drive holds by where its axis comes to rest.
+    """Compare the stopping distances and times of one drive's axis with its limits.
 
     Args:
         cell, axis, joint, motor, units: The limits, the drive, its joint, its motor, and the
             drive's numbers in the joint's units. With a coupled wrist everything is the motor's,
-            over its gear ratio.
-        held: What was read back, by index and subindex; an object that could not be read is left
-            out, and red already.
+            divided by its gear ratio.
+        held: Values that were read back, by index and subindex; objects that could not be read are
+            missing, and already red.
 
     Yields:
-        The ordered stop, the farthest way to rest after a fault, and the torque for it.
+        The ordered stop, the longest way to rest after a fault, and the torque for it.
     """
     ramp = _ramp(cell, axis, joint, units, held)
     if ramp is not None:
@@ -136,7 +136,7 @@ def stop_settings(
 def _ramp(
     cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held
 ) -> StopRamp | None:
-    """Return the longest ramp that a stop may take; None where a deceleration was not read."""
+    """Return the longest possible ramp of a stop; None if a deceleration was not read."""
     velocity = joint.limits.velocity * (1.0 + cell.supervision.limit_margin_fraction)
     stated = cell.servo_of(axis).deceleration_rad_s2
     if stated is not None:
@@ -151,7 +151,7 @@ def _ramp(
 
 
 def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) -> DriveSetting:
-    """Judge a stop that is ordered at top speed: its command acts at the SYNC after the next."""
+    """Check a stop that is ordered at top speed; its command acts at the SYNC after the next."""
     before_s = 2.0 * cell.cycle_time_s
     time_s = before_s + ramp.time_s
     distance = ramp.velocity * before_s + ramp.distance
@@ -174,7 +174,7 @@ def _ordered(cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp) ->
 def _after_a_fault(
     cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held, ramp: StopRamp
 ) -> DriveSetting:
-    """Judge the farthest way to rest after a fault that somebody has to notice first."""
+    """Check the longest way to rest after a fault that must first be detected."""
     delays = list(_delays(cell, units, held, ramp.velocity))
     far = [ramp.velocity * each.time_s + each.travel + ramp.distance for each in delays]
     late = [each.time_s + ramp.time_s for each in delays]
@@ -230,7 +230,7 @@ def _delays(cell: CellConfig, units: AxisUnits, held: Held, velocity: float) -> 
 
 
 def _torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> DriveSetting:
-    """Judge whether the torque that the drive may make is what motions take [N m or N]."""
+    """Check whether the drive may produce the torque that motions use [N m or N]."""
     wanted = LEAST_TORQUE_SHARE * joint.limits.torque
     good = allowed >= wanted
     unit = "N m" if joint.type == "revolute" else "N"
@@ -245,7 +245,7 @@ def _torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> DriveS
         ""
         if good
         else "raise drive_safety.torque_limit_fraction, or lower the joint's"
-        " limits.torque in the robot file to what the drive may make",
+        " limits.torque in the robot file to the drive's torque",
     )
 
 

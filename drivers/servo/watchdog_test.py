@@ -1,9 +1,9 @@
-"""`WatchTrial`: both heartbeat watches let run out once, with the axes at rest, to see them act.
+"""`WatchTrial`: both heartbeat timeouts are tested once, with the axes at rest.
 
-A setting that reads back right is a promise; this sees it kept. First each drive's heartbeat is
-switched off, and none is asked for its state: this computer must notice. Then this computer's own
-is withheld, and its questions, while everything else goes on: each drive must leave its state by
-itself, a quick stop where it was powered.
+A correct setting alone does not prove that a drive reacts, so this test observes it. First each
+drive's heartbeat is switched off and no guarding request is sent: this computer must detect it.
+Then this computer's heartbeat and requests are withheld while everything else continues: each drive
+must leave its state by itself, by a quick stop if it was powered.
 """
 
 from __future__ import annotations
@@ -24,16 +24,15 @@ HEARTBEAT_LOST = 0x8130
 
 @dataclass(frozen=True, slots=True)
 class WatchTrial:
-    """What one drive did.
+    """Result of one drive.
 
     Attributes:
-        joint, node_id: Which drive.
-        noticed_s: How long this computer took to notice that the drive fell silent [s]; NaN: it did
-            not.
-        acted_s: How long the drive took to act after this computer's last heartbeat [s]; NaN: it
-            did not.
-        how: What it did, in words.
-        powered: Whether it was switched on, so that what was seen was its quick stop.
+        joint, node_id: The drive.
+        noticed_s: Time until this computer detected the drive's silence [s]; NaN if it did not.
+        acted_s: Time from this computer's last heartbeat until the drive's reaction [s]; NaN if it
+            did not react.
+        how: The reaction, in words.
+        powered: Whether the drive was switched on, so that its quick stop was observed.
     """
 
     joint: str
@@ -45,21 +44,21 @@ class WatchTrial:
 
 
 def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[WatchTrial, ...]:
-    """Let both watches run out once; the drives are configured before, between and after.
+    """Let both timeouts expire once; the drives are configured before, between and after.
 
-    With `drive_safety.trip_watchdog_with_power`, or where a drive's reactions are left to this
-    trial, the drives are switched on for the second part, at velocity 0, so that their quick stop
-    is seen: nobody may be in the cell. Otherwise it is their emergency message. A fault that a
-    drive is in by this trial is reset.
+    With `drive_safety.trip_watchdog_with_power`, or if a drive's reactions are known only by this
+    test, the drives are switched on for the second part, at velocity 0, so that their quick stop
+    can be observed: no person may be in the cell. Otherwise their emergency message is observed. A
+    fault that this test causes is reset.
 
     Raises:
-        LockedError, PreflightError, DeviceTimeoutError, DeviceFaultError, TransportError: As of
+        LockedError, PreflightError, DeviceTimeoutError, DeviceFaultError, TransportError: As
             `bring_up`, `start` and `enable`.
     """
-    noticed = _silent_drives(axes, clock, cell)
+    noticed = _silence_drives(axes, clock, cell)
     axes.bring_up()
     powered = takes_power(axes, cell)
-    acted = _silent_computer(axes, clock, cell, powered=powered)
+    acted = _withhold_heartbeat(axes, clock, cell, powered=powered)
     axes.bring_up()
     return tuple(
         WatchTrial(axis.joint, axis.node_id, noticed[axis.joint], *acted[axis.joint], powered)
@@ -73,18 +72,19 @@ def takes_power(axes: CanServoAxes, cell: CellConfig) -> bool:
 
 
 def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
-    """Before motion, see every drive stop without this computer, where that is known by trial only.
+    """Test before motion that every drive stops without this computer, if only a test can show it.
 
-    The drives are configured before and after; nothing is done where all have told how they react.
+    The drives are configured before and after. Nothing is done if all drives have objects that
+    define their reactions.
 
     Raises:
-        PreflightError: A drive went on, or was too late.
-        LockedError, DeviceTimeoutError, DeviceFaultError, TransportError: As of `bring_up`, `start`
+        PreflightError: A drive did not stop, or was too late.
+        LockedError, DeviceTimeoutError, DeviceFaultError, TransportError: As `bring_up`, `start`
             and `enable`.
     """
     if not axes.left_to_trial:
         return
-    acted = _silent_computer(axes, clock, cell, powered=True)
+    acted = _withhold_heartbeat(axes, clock, cell, powered=True)
     allowed = cell.drive_safety.allow_drive_without_watchdog
     bad = [
         f"{axis.joint} (node {axis.node_id}): {acted[axis.joint][1]}"
@@ -93,20 +93,20 @@ def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
     ]
     if bad:
         raise PreflightError(
-            f"without this computer a drive does not stop in time: {'; '.join(bad)}. It must not be"
-            " moved; `rid-daq check` shows the trial",
+            f"without this computer a drive does not stop in time: {'; '.join(bad)}; do not move"
+            " it. `rid-daq check` shows the test",
             code="RID-DRIVE-WATCHDOG",
         )
     axes.bring_up()
 
 
 def acts_within_s(cell: CellConfig) -> float:
-    """Return how long a drive may take to act after this computer's last heartbeat [s]."""
+    """Return the time limit for a drive's reaction to this computer's last heartbeat [s]."""
     return 1e-3 * cell.drive_safety.master_heartbeat_timeout_ms + 2.0 * cell.cycle_time_s
 
 
-def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[str, float]:
-    """Switch the drives' heartbeats off; return how long it took to notice each [s]."""
+def _silence_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[str, float]:
+    """Switch the drives' heartbeats off; return the time until each was detected [s]."""
     noticed = dict.fromkeys(axes.joint_names, math.nan)
     reported: dict[str, set[int]] = {joint: set() for joint in axes.joint_names}
     axes.bring_up()
@@ -118,7 +118,7 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
     while clock.now_s() < since_s + patience_s and any(map(math.isnan, noticed.values())):
         due_s = _cycle(axes, clock, cell, due_s)
         axes.send_heartbeat(clock.now_s(), asking=False)
-        axes.quick_stop()  # the drives watch for set-points; this one moves nothing
+        axes.quick_stop()  # prevents the drives' command timeout; it moves nothing
         for event in axes.take_events():
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):
                 noticed[event.joint] = event.time_s - since_s
@@ -129,9 +129,9 @@ def _silent_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[s
 
 
 def _reset_unasked(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None:
-    """Reset drives that are in fault since nobody asked for their state, and nothing else is wrong.
+    """Reset drives that are in fault only because no guarding request was sent.
 
-    What else a drive has reported meanwhile stays, for the next `bring_up` to name.
+    A drive with another fault is not reset, so that the next `bring_up` reports it.
     """
     states = zip(axes.joint_names, axes.service.power_states(), strict=True)
     faulty = [reported[joint] for joint, state in states if state.faulty]
@@ -139,24 +139,24 @@ def _reset_unasked(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None
         axes.service.reset_faults()
 
 
-def _silent_computer(
+def _withhold_heartbeat(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, *, powered: bool
 ) -> dict[str, tuple[float, str]]:
-    """Withhold this computer's heartbeat; return when each drive acted [s], and how.
+    """Withhold this computer's heartbeat; return each drive's reaction time [s] and reaction.
 
-    With power that is when it stopped, without when it sent its emergency message.
+    With power the reaction is the stop, without power the emergency message.
     """
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()
     since_s = axes.last_heartbeat_s
     until_s = since_s + 3e-3 * cell.drive_safety.master_heartbeat_timeout_ms
     if not powered:
-        told_s = _hear_emergencies(axes, clock, cell, due_s, until_s)
+        emergency_s = _await_emergencies(axes, clock, cell, due_s, until_s)
         return {
             joint: (time_s - since_s, "nothing" if math.isnan(time_s) else "emergency 8130h")
-            for joint, time_s in told_s.items()
+            for joint, time_s in emergency_s.items()
         }
-    left_s = _see_stops(axes, clock, cell, due_s, until_s)
+    left_s = _observe_stops(axes, clock, cell, due_s, until_s)
     states = dict(zip(axes.joint_names, axes.service.power_states(), strict=True))
     axes.disable()
     if any(state.faulty for state in states.values()):
@@ -170,30 +170,30 @@ def _silent_computer(
     }
 
 
-def _hear_emergencies(
+def _await_emergencies(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
 ) -> dict[str, float]:
-    """Run cycles until every drive has sent 8130h, `until_s` at most; return when [s], or NaN."""
-    told_s = dict.fromkeys(axes.joint_names, math.nan)
-    while clock.now_s() < until_s and any(map(math.isnan, told_s.values())):
+    """Run cycles until every drive has sent 8130h or `until_s`; return the times [s], or NaN."""
+    emergency_s = dict.fromkeys(axes.joint_names, math.nan)
+    while clock.now_s() < until_s and any(map(math.isnan, emergency_s.values())):
         due_s = _cycle(axes, clock, cell, due_s)
         for event in axes.take_events():
             lost = event.kind is EventKind.EMERGENCY and event.code == HEARTBEAT_LOST
-            if lost and math.isnan(told_s[event.joint]):
-                told_s[event.joint] = event.time_s
+            if lost and math.isnan(emergency_s[event.joint]):
+                emergency_s[event.joint] = event.time_s
         axes.quick_stop()
-    return told_s
+    return emergency_s
 
 
-def _see_stops(
+def _observe_stops(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
 ) -> dict[str, float]:
-    """Run cycles until no drive follows any more, `until_s` at most; return when [s], or NaN.
+    """Run cycles until no drive follows or `until_s`; return the times [s], or NaN.
 
-    A report is no stop: its time counts only where the next answer shows that the drive has left
-    Operation Enabled, or where none comes any more. Only a drive whose answer shows it is told to
-    stay without power, and none to stop: what this computer or another drive did would be taken
-    for its own act.
+    A report is not a stop: its time counts only if the next answer shows that the drive has left
+    Operation Enabled, or if no answer comes. Only a drive whose answer shows it gets Disable
+    Voltage, and none gets a stop: a command of this computer, or another drive's act, would
+    otherwise be taken for its own reaction.
     """
     left_s = dict.fromkeys(axes.joint_names, math.nan)
     words = dict.fromkeys(axes.joint_names, ControlWord.ENABLE_OPERATION)
@@ -223,7 +223,7 @@ def _see_stops(
 
 
 def _cycle(axes: CanServoAxes, clock: Clock, cell: CellConfig, before_s: float) -> float:
-    """Do SYNC and collect one cycle after another; return the time of SYNC [s]."""
+    """Run the next cycle in time; return the time of SYNC [s]."""
     due_s = max(before_s + cell.cycle_time_s, clock.now_s())
     clock.sleep_until(due_s)
     return axes.exchange()

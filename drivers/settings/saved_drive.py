@@ -30,7 +30,7 @@ class DriveIdentity(DeviceIdentity):
     serial: Unsigned32 | None = None
 
     def differences(self, other: DriveIdentity) -> tuple[str, ...]:
-        """Return the differences of two drives; only the upper 16 bits of the revision count."""
+        """Return the differences of two drives; only upper 16 bits of revisions are compared."""
         pairs = {
             "vendor": (self.vendor, other.vendor),
             "product": (self.product, other.product),

@@ -165,7 +165,7 @@ def test_an_answer_of_the_wrong_length_stops_the_motion(
 ) -> None:
     script = {"kind": "wrong_length", "joint": "axis2", "at_cycle": AT, "length": 5}
     run = serve(bus=[script]).move(motion)
-    assert "5 bytes where 8 are mapped" in run.reason.text
+    assert "5 bytes, but 8 are mapped" in run.reason.text
     assert run.quick_stop_cycle() == AT
     run.assert_at_rest()
     measured("a short answer: quick stop in its cycle")

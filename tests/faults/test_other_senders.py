@@ -97,7 +97,7 @@ def test_two_answers_that_differ_once_cost_their_row_and_nothing_else(
     assert run.reason is None
     assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
     (note,) = run.notes
-    assert note.startswith("axis1: node 1 answered twice in 1 cycle, 1 of them with other data")
+    assert note.startswith("axis1: node 1 answered twice in 1 cycle, 1 with different data")
     measured("a single pair that differs: 1 marked value, reported at the end")
 
 
@@ -110,7 +110,7 @@ def test_frames_of_nobody_are_told_at_the_end(
     run = serve(bus=[strange]).move(motion)
     assert run.reason is None
     (note,) = run.notes
-    assert note.startswith("40 frames came with identifiers that nobody in the cell has (3F1h)")
+    assert note.startswith("40 frames came with identifiers that no node of the cell has (3F1h)")
     measured("40 unknown frames: reported at the end")
 
 

@@ -208,7 +208,7 @@ class TestCycle:
         assert event.kind is EventKind.WRONG_LENGTH
         assert event.kind.is_fault
         assert event.text == (
-            "elbow: the drive sent a TPDO of 6 bytes where 8 are mapped; the frame was not used"
+            "elbow: the drive sent a TPDO of 6 bytes, but 8 are mapped; the frame was not used"
         )
 
     def test_a_late_answer_is_not_taken_for_the_next_one(self, bench: Bench) -> None:

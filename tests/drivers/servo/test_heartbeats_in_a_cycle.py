@@ -11,7 +11,7 @@ from config.cell.cell import DriveSafety
 from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
-from drivers.servo.cyclic_exchange import TELLING_S, CyclicExchange
+from drivers.servo.cyclic_exchange import QUICK_STOP_LATENCY_S, CyclicExchange
 from drivers.servo.drive_watch import DriveWatch
 
 TIMEOUT_S = 0.1
@@ -89,7 +89,7 @@ def test_silence_is_judged_by_when_it_can_be_told(after_s: float, lost: bool) ->
     exchange, watch = exchange_on(computer)
     computer.now = 0.099
     exchange.sync()
-    answered_s = TIMEOUT_S - TELLING_S - 0.0001 + after_s
+    answered_s = TIMEOUT_S - QUICK_STOP_LATENCY_S - 0.0001 + after_s
     computer.waiting = [(0x181, ANSWER, answered_s)]
     exchange.collect(0.106)
     events = watch.take_events()

@@ -136,7 +136,7 @@ def test_a_temperature_that_no_motor_has_is_not_believed(workshop: Workshop) -> 
     )
     with open_modbus(config) as link:
         reading = ModbusDriveMonitor(link, (9,), wrong).read()
-    assert "1000.0 °C: check register, type and scale" in reading.problems[0]
+    assert "check register, type and scale" in reading.problems[0]
 
 
 def test_a_gateway_that_is_switched_off_is_told_from_drives_that_are_silent(
