@@ -1,14 +1,14 @@
-"""`PlateOffset`: a force plate's offsets, told from the moment of gravity by turning axis 1.
+"""`PlateOffset`: offsets of a force plate, separated from the moment of gravity by turning axis 1.
 
-The robot cannot be lifted off. At rest, forces across and the moment about the vertical are zero,
-the weight is the same everywhere, and the moment of gravity m turns with axis 1 (thesis, 4.4). With
+The robot cannot be lifted off. At rest, horizontal forces and the moment about the vertical are
+zero, the weight is constant, and the moment of gravity m turns with axis 1 (thesis, 4.4). With
 poses A and B, axis 1 at -d/2 and +d/2 from the middle, J the quarter turn about axis 1 and mu the
 moment in the middle, the readings are
 
     r_A = o + cos(d/2) mu - sin(d/2) J mu        r_B = o + cos(d/2) mu + sin(d/2) J mu
 
-so that o = (r_A + r_B) / 2 + cot(d/2) / 2 * J (r_B - r_A): the half-sum after half a turn. Going
-back to A for a third reading tells a linear drift from all that.
+so that o = (r_A + r_B) / 2 + cot(d/2) / 2 * J (r_B - r_A): half the sum after half a turn. A third
+reading, in A again, separates a linear drift.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ READINGS = 3
 
 @dataclass(frozen=True, eq=False)
 class ZeroTurn:
-    """How axis 1 is turned.
+    """Turn of axis 1.
 
     Attributes:
-        first, second: Shape (joints,). The two poses [rad or m]; they differ in axis 1 alone.
-        turn_rad: From the first to the second.
-        axis: Shape (3,). Axis 1 in the base frame, in the sense of positive angles.
+        first, second: Shape (joints,). The two poses [rad or m]; they differ in axis 1 only.
+        turn_rad: Angle from the first to the second.
+        axis: Shape (3,). Axis 1 in the base frame, in the direction of positive angles.
     """
 
     first: FloatArray
@@ -57,22 +57,23 @@ class ZeroTurn:
 
     @property
     def is_half(self) -> bool:
-        """Whether it is half a turn, so that half-sum and half-difference are all."""
+        """True for half a turn; half-sum and half-difference are then sufficient."""
         return math.isclose(self.turn_rad, HALF_TURN_RAD)
 
 
 @dataclass(frozen=True, eq=False)
 class PlateOffset:
-    """What the turn has shown; standard deviations are those of the readings' noise.
+    """Result of the turn; standard deviations are those of the readings' noise.
 
     Attributes:
-        offset_n, offset_sigma_n: Shape (8,). What each channel shows without the robot's moment, at
+        offset_n, offset_sigma_n: Shape (8,). Reading of each channel without the robot's moment, at
             the end of the last reading [N].
         drift_n_s, drift_sigma_n_s: Shape (8,). Linear drift of each channel [N/s].
-        rest_n: Shape (8,). What the channels show in the first pose beyond the offset [N].
-        gravity, gravity_sigma: Shape (6,). That as a wrench on the robot's base [N, N m]: its
-            moments across are gravity's; forces and the moment about axis 1 should be zero.
-        seconds: From the first reading to the end of the last [s].
+        rest_n: Shape (8,). Reading in the first pose minus the offset [N].
+        gravity, gravity_sigma: Shape (6,). The same as a wrench on the robot's base [N, N m]: its
+            horizontal moments are those of gravity; forces and the moment about axis 1 should be
+            zero.
+        seconds: Time from the first reading to the end of the last [s].
     """
 
     offset_n: FloatArray
@@ -95,12 +96,12 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
 
     Args:
         robot: Joints and limits.
-        reference: Shape (joints,). The pose in the middle of the turn [rad or m]; the middle of
-            every range if not given.
+        reference: Shape (joints,). Pose in the middle of the turn [rad or m] (default: the middle
+            of every range).
 
     Raises:
-        ConfigError: The pose is outside the limits, axis 1 does not turn about the vertical, or not
-            far enough to tell offset and gravity apart.
+        ConfigError: The pose is outside the limits, axis 1 is not vertical, or its turn is too
+            small to separate offset and gravity.
     """
     lowest = np.array([joint.limits.position_min for joint in robot.joints])
     highest = np.array([joint.limits.position_max for joint in robot.joints])
@@ -124,8 +125,8 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
     if turn_rad < SMALLEST_TURN_RAD:
         raise ConfigError(
             f"{robot.joints[0].name} can turn by {math.degrees(max(turn_rad, 0.0)):.0f} degrees"
-            f" about {middle[0]:g} rad; offset and gravity are told apart from"
-            f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees on: choose a reference pose nearer to"
+            f" about {middle[0]:g} rad; separating offset and gravity needs"
+            f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees: choose a reference pose nearer to"
             " the middle of its range",
             code="RID-PLATE-ZERO-POSE",
         )
@@ -138,7 +139,7 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
 def rest_samples(
     robot: RobotDescription, pose: FloatArray, seconds: float, sample_period_s: float
 ) -> MotionSamples:
-    """Return a motion that stands still in a pose (joints,), which the loop approaches before."""
+    """Return a motion that rests in a pose (joints,); the position loop approaches it before."""
     rows = max(2, math.ceil(seconds / sample_period_s))
     return MotionSamples(
         robot.joint_names, sample_period_s, *standstill(pose, rows), np.full(rows, Phase.HOLD)
@@ -152,13 +153,13 @@ def turn_samples(
     read_s: float,
     sample_period_s: float,
 ) -> tuple[MotionSamples, tuple[range, ...]]:
-    """Return the motion through first, second and first pose, and the rows to read in each.
+    """Return the motion through first, second and first pose, and the rows of the readings.
 
     Args:
         robot: Joints and limits.
         turn: The poses.
         settle_s, read_s: Rest before, and during, each reading [s].
-        sample_period_s: The cell's cycle time [s].
+        sample_period_s: Cycle time of the cell [s].
 
     Raises:
         ConfigError: A pose is outside the limits.
@@ -191,22 +192,22 @@ def find_offset(
     channels_n: FloatArray,
     valid: BoolArray,
 ) -> PlateOffset:
-    """Tell each channel's offset from gravity and drift.
+    """Separate each channel's offset from gravity and drift.
 
     Blocks of a quarter of a second count as one reading each; their scatter about two levels and
     one slope is the noise.
 
     Args:
-        geometry: The plate.
-        turn: How axis 1 was turned.
+        geometry: Geometry of the plate.
+        turn: Turn of axis 1.
         time_s: Shape (samples,). Times of the samples [s].
-        reading: Shape (samples,). 0, 1 or 2: the first, second and again the first pose; anything
-            else is not used.
-        channels_n: Shape (samples, 8). What the channels show [N].
-        valid: Shape (samples, 8). False where a channel was overloaded or is missing.
+        reading: Shape (samples,). 0, 1 or 2: the first, second and again the first pose; other rows
+            are not used.
+        channels_n: Shape (samples, 8). Channel values [N].
+        valid: Shape (samples, 8). False if a channel was overloaded or is missing.
 
     Raises:
-        DataQualityError: A channel was overloaded, or a reading holds too little.
+        DataQualityError: A channel was overloaded, or a reading is too short.
     """
     times, levels, numbers = _blocks(time_s, reading, channels_n, valid)
     end_s = float(time_s[np.isin(reading, range(READINGS))].max())
@@ -235,7 +236,7 @@ def find_offset(
 
 
 def _vertical_axis(robot: RobotDescription) -> FloatArray:
-    """Return axis 1 in the base frame (3,), which must be along gravity."""
+    """Return axis 1 in the base frame (3,); it must be along gravity."""
     first = robot.joints[0]
     row = robot.kinematics.modified_rows()[0]
     ca, sa, cb, sb = (f(x) for x in (row.alpha_rad, row.beta_rad) for f in (math.cos, math.sin))
@@ -244,15 +245,15 @@ def _vertical_axis(robot: RobotDescription) -> FloatArray:
     off = math.atan2(float(np.linalg.norm(np.cross(axis, gravity))), abs(float(axis @ gravity)))
     if first.type != "revolute" or not np.any(gravity) or off > VERTICAL_RAD:
         raise ConfigError(
-            f"{first.name} does not turn about the vertical, so that turning it does not tell the"
-            " plate's offset from the moment of gravity: this robot's plate cannot be zeroed so",
+            f"{first.name} does not turn about the vertical, so the plate's offset cannot be"
+            " separated from gravity: this robot's plate cannot be zeroed in this way",
             code="RID-PLATE-ZERO-POSE",
         )
     return axis
 
 
 def _offset_maps(geometry: PlateGeometry, turn: ZeroTurn) -> tuple[FloatArray, FloatArray]:
-    """Return what takes the readings in the first and the second pose to the offset, 2 x (8, 8)."""
+    """Return the maps from the readings in the first and second pose to the offset, 2 x (8, 8)."""
     half = 0.5 * np.eye(CHANNELS)
     if turn.is_half:
         return half, half
@@ -284,8 +285,8 @@ def _blocks(
         if len(bad) and spoilt.mean() > 0.02:
             raise DataQualityError(
                 f"reading {number + 1} of {READINGS}: {', '.join(bad)} of the force plate was"
-                " overloaded or delivered nothing: choose a larger plate.amplifier.range_n, or"
-                " look at the line",
+                " overloaded or sent nothing: choose a larger plate.amplifier.range_n, or check"
+                " the line",
                 code="RID-PLATE-CHANNEL",
             )
         rows = rows[valid[rows].all(axis=1)]
@@ -294,8 +295,8 @@ def _blocks(
         kept = [block for block in kept if len(block) and 2 * len(block) > len(kept[0])]
         if len(kept) < FEWEST_BLOCKS:
             raise DataQualityError(
-                f"reading {number + 1} of {READINGS} lasts less than {FEWEST_BLOCKS * BLOCK_S:g} s:"
-                " read longer",
+                f"reading {number + 1} of {READINGS} takes less than {FEWEST_BLOCKS * BLOCK_S:g}"
+                " s: read longer",
                 code="RID-RECORDING-SHORT",
             )
         times += [time_s[block].mean() for block in kept]

@@ -1,4 +1,4 @@
-"""Recordings to means: periods, smoothing, alignment of plate and axes.
+"""Recordings to mean periods: periods, smoothing, alignment of plate and axes.
 
 Nothing is estimated here. Begin with `periods.py`.
 """

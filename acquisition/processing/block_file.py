@@ -1,4 +1,4 @@
-"""`BlockFile`: arrays of one shape by number, on the disk and not in memory."""
+"""`BlockFile`: numbered arrays of one shape, on disk instead of in memory."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from config.errors import RecordingError
 
 
 class BlockFile:
-    """Keeps arrays in a file without a name, which is gone when this object is.
+    """Arrays in an unnamed file, which disappears with this object.
 
     Args:
-        shape: Rows and columns of every array.
+        shape: Rows and columns of each array.
 
     Raises:
-        RecordingError: There is no room for temporary files; so does setting an array.
+        RecordingError: There is no space for temporary files; setting an array can raise it too.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -38,11 +38,11 @@ class BlockFile:
         return iter(self._places)
 
     def __getitem__(self, number: int) -> FloatArray:
-        """Return an array, all zero where none was set."""
+        """Return an array; all zero if none was set."""
         return self.rows(number, slice(None))
 
     def rows(self, number: int, rows: slice) -> FloatArray:
-        """Return neighbouring rows of an array; no others are read."""
+        """Return neighbouring rows of an array without reading others."""
         first, end, _ = rows.indices(self.shape[0])
         if number not in self._places:
             return np.zeros((end - first, self.shape[1]))
@@ -63,7 +63,7 @@ class BlockFile:
 
 def _no_room(reason: str | None) -> RecordingError:
     return RecordingError(
-        f"{tempfile.gettempdir()}: there is no room for the periods of a recording ({reason}); make"
-        " room, or set TMPDIR to another folder",
+        f"{tempfile.gettempdir()}: no space for the periods of a recording ({reason}); free some,"
+        " or set TMPDIR to another folder",
         code="RID-SYSTEM-DISK-FULL",
     )

@@ -1,4 +1,4 @@
-"""`dead_torques`: joints that move while their torque is always the same."""
+"""`dead_torques`: joints that move with a constant recorded torque."""
 
 from __future__ import annotations
 
@@ -12,13 +12,10 @@ SAME = 1e-9
 
 
 def dead_torques(measured: Recording | PeriodAverage) -> dict[str, float]:
-    """Return the joints of which no torque was measured, with the value that stands there.
+    """Return the joints without a measured torque, with the recorded constant.
 
-    No robot moves by more than 0.01 rad or m with one and the same torque [N m or N]: its column is
-    another one, or nothing was logged.
-
-    Args:
-        measured: What was measured.
+    No robot moves by more than 0.01 rad or m with a constant torque [N m or N]: the column is
+    wrong, or nothing was logged.
     """
     whole = measured.valid if isinstance(measured, Recording) else slice(None)
     position, torque_nm = measured.position[whole], measured.torque_nm[whole]

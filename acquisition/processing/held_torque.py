@@ -1,8 +1,8 @@
-"""`HeldTorques`: torques that their source renews more seldom than the rows are recorded.
+"""`HeldTorques`: torques whose source updates them less often than rows are recorded.
 
-A drive that renews its torque at 25 Hz and a logger that writes at 500 Hz leave a staircase: every
-value stands for twenty rows, and is late by up to nineteen. What is known of it is the value at its
-first row, so that a model's columns are held for the same rows.
+A drive that updates its torque at 25 Hz and a logger that writes at 500 Hz produce a staircase:
+each value is repeated for twenty rows and is up to nineteen rows late. Each value is valid in its
+first row, so the model's columns are held over the same rows.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ MOVED_SHARE: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class HeldTorques:
-    """Rows for which each joint's torque is held, and where each value was new.
+    """Number of rows for which each joint's torque is held, and the row of each update.
 
     Attributes:
-        rows: Shape (n,). Rows for which a torque stays the same; 1 if every row has a new one.
-        renewed: Shape (samples, n). The row in which each row's torque was new.
+        rows: Shape (n,). Rows for which a torque stays the same; 1 if each row has a new one.
+        renewed: Shape (samples, n). Row of the last update for each row.
     """
 
     rows: IntArray
@@ -43,10 +43,10 @@ class HeldTorques:
 
 
 def held_torques(position: FloatArray, torque_nm: FloatArray) -> HeldTorques | None:
-    """Return which torques are held, None if every row has new ones.
+    """Return the held torques; None if each row has new ones.
 
     Args:
-        position, torque_nm: Shape (samples, n). Rows without those that are not valid.
+        position, torque_nm: Shape (samples, n). Valid rows only.
     """
     held = np.array([_held(position, own) for own in torque_nm.T])
     if np.all(held == 1):
@@ -57,12 +57,12 @@ def held_torques(position: FloatArray, torque_nm: FloatArray) -> HeldTorques | N
         starts = np.concatenate([[0], changed])
         rows = np.arange(len(torque_nm))
         since = rows - starts[np.searchsorted(starts, rows, side="right") - 1]
-        renewed[:, j] = rows - since % held[j]  # the same value twice is two values
+        renewed[:, j] = rows - since % held[j]  # two equal values count as two updates
     return HeldTorques(held, renewed)
 
 
 def held_sentence(recording: Recording) -> str:
-    """Say which torques are held, at which rates and what becomes of it; empty if none is."""
+    """Return a sentence on held torques, their rates and the consequence; empty without any."""
     found = held_torques(recording.position[recording.valid], recording.torque_nm[recording.valid])
     if found is None:
         return ""
@@ -73,19 +73,19 @@ def held_sentence(recording: Recording) -> str:
         if rows > 1
     ]
     told = (
-        f"torques are renewed more seldom than the rows, which come at {1.0 / step_s:.3g} Hz, and"
+        f"torques are updated less often than rows are recorded, at {1.0 / step_s:.3g} Hz, and"
         f" held in between: {', '.join(own)}"
     )
     if recording.samples_per_period is None:
-        return f"{told}. The model's torques are held alike"
+        return f"{told}. The model's torques are held in the same way"
     return (
-        f"{told}. Mean periods do not undo that: torques are late by half of it, and friction and"
-        " inertia are biased. Record torques at the rate of the rows"
+        f"{told}. Mean periods do not correct this: torques are late by half of the hold time,"
+        " and friction and inertia are biased. Record torques at the rate of the rows"
     )
 
 
 def _held(position: FloatArray, torque_nm: FloatArray) -> int:
-    """Return for how many rows a joint's torque is held; 1 if it is not."""
+    """Return the number of rows for which a joint's torque is held; 1 if it is not."""
     steps = np.diff(torque_nm)
     changed = np.flatnonzero(steps)
     if len(changed) < FEWEST_CHANGES:
@@ -96,7 +96,7 @@ def _held(position: FloatArray, torque_nm: FloatArray) -> int:
     if shortest < 2 or np.median(sizes) < COARSE_STEPS * np.quantile(sizes, SELDOM_SHARE):
         return 1
     held = int(np.bincount(lengths).argmax())
-    usual = np.repeat(lengths <= 2 * held, lengths)  # at rest a torque may stay for longer
+    usual = np.repeat(lengths <= 2 * held, lengths)  # at rest a torque may stay constant for longer
     rows = np.arange(changed[0], changed[-1])[usual]
     same = rows[steps[rows] == 0.0]
     moved = np.any(position[same + 1] != position[same], axis=1)

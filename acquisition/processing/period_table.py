@@ -1,4 +1,4 @@
-"""`PeriodTable`: the main periods of a recording, cut where they begin, as their rows come."""
+"""`PeriodTable`: main periods of a recording, cut while its rows arrive."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ MISSING_FRACTION_LIMIT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PeriodTable:
-    """Positions and torques of every main period as they are; memory hardly grows with them.
+    """Positions and torques of each main period; memory hardly grows with their number.
 
     Attributes:
         joint_names: Base to flange.
         sample_period_s: Time between rows [s].
-        torque_filter: The analog filter that the torques passed.
-        each_joint: Whether joints have valid rows of their own.
+        torque_filter: Analog filter of the torques.
+        each_joint: True if each joint has valid rows of its own.
         start: Row of the motion at which the first period begins.
-        warm: Whether the drives' temperatures were measured.
-        blocks: Each period's rows: positions, torques, whether they are there, and temperatures
-            [K]; zero where they are not.
-        present: Shape (periods, K, n). Which rows of which joints are there.
+        warm: True if the drives' temperatures were measured.
+        blocks: Rows of each period: positions, torques, validity, and temperatures [K]; zero for
+            missing rows.
+        present: Shape (periods, K, n). Rows present, per joint.
     """
 
     joint_names: tuple[str, ...]
@@ -44,19 +44,19 @@ class PeriodTable:
 
     @property
     def samples(self) -> int:
-        """Rows of a period, K."""
+        """Rows per period, K."""
         return int(self.present.shape[1])
 
     def values(self, period: int, rows: slice = slice(None)) -> FloatArray:
-        """Return positions, then torques, of a period, (K, 2 n), or of neighbouring rows of it."""
+        """Return positions, then torques, of a period, (K, 2 n), or of neighbouring rows in it."""
         return self.blocks.rows(period, rows)[:, : 2 * len(self.joint_names)]
 
     def of_joint(self, joint: int) -> str:
-        """Return whose rows are spoken of, where joints have rows of their own."""
+        """Return a prefix that names the joint, if joints have rows of their own."""
         return f"joint {self.joint_names[joint]!r}: " if self.each_joint else ""
 
     def places(self, recording: Recording) -> tuple[IntArray, IntArray]:
-        """Return the main rows of the recording, and where each stands from the first period on."""
+        """Return the main rows of the recording and their index, counted from the first period."""
         rows = np.flatnonzero(_is_main(recording))
         return rows, recording.sample_index[rows] - self.start
 
@@ -73,7 +73,7 @@ class PeriodTable:
 
 
 class PeriodCutter:
-    """Cuts a periodic recording that comes in parts, or as a whole."""
+    """Cuts a periodic recording, in parts or as a whole, into periods."""
 
     def __init__(self) -> None:
         self._first: Recording | None = None
@@ -85,7 +85,7 @@ class PeriodCutter:
         self._after: int | None = None
 
     def add(self, part: Recording) -> None:
-        """Put the main rows of the next part in their places; one that is not periodic has none."""
+        """Sort in the main rows of the next part; a recording that is not periodic has none."""
         self._first = self._first or part
         if part.samples_per_period is None:
             return
@@ -124,7 +124,7 @@ class PeriodCutter:
 
     @property
     def periods(self) -> int:
-        """Main periods so far, begun ones too."""
+        """Number of main periods so far, including incomplete ones."""
         if self._origin is None:
             return 0
         return -(-(self._main[1] - self._main[0] + 1) // self._samples)
@@ -133,16 +133,16 @@ class PeriodCutter:
         """Return the periods so far.
 
         Args:
-            start: Row of the motion at which the first period begins, where that is known.
+            start: Row of the motion at which the first period begins, if known.
 
         Raises:
             DataQualityError: The recording is not periodic, more than 2 % of a joint's rows are
-                missing, or where a period starts is not known.
+                missing, or the start of a period is unknown.
         """
         samples = self._samples
         if self._first is None or self._origin is None or self._blocks is None:
             raise DataQualityError(
-                "the recording holds no row of the main periods: it ended before",
+                "the recording has no row of the main periods: it ended before them",
                 code="RID-RECORDING-PERIODS",
             )
         if start is None:
@@ -171,14 +171,14 @@ class PeriodCutter:
     def _samples(self) -> int:
         if self._first is None or self._first.samples_per_period is None:
             raise DataQualityError(
-                "the recording is not periodic, so there are no periods to average; `rid-daq"
-                " identify` uses it as it is",
+                "the recording is not periodic and cannot be averaged; `rid-daq identify` uses"
+                " it directly",
                 code="RID-RECORDING-NOT-PERIODIC",
             )
         return self._first.samples_per_period
 
     def _first_row(self) -> int:
-        """Return the row at which the first main period starts, even where that row was lost."""
+        """Return the row at which the first main period starts, even if that row was lost."""
         first, last = self._main
         earliest = self._before + 1 if self._before >= 0 else first
         latest = first
@@ -188,14 +188,14 @@ class PeriodCutter:
             latest = min(latest, self._after - length)
         if earliest != latest:
             raise DataQualityError(
-                f"the first main period starts between rows {earliest} and {latest} of the motion,"
-                " but the rows around it were lost: record again",
+                f"the first main period starts between rows {earliest} and {latest} of the"
+                " motion, and the rows around it are lost: record again",
                 code="RID-RECORDING-ROWS-LOST",
             )
         return latest
 
     def _moved(self, blocks: BlockFile, shift: int) -> BlockFile:
-        """Cut again, every row so many rows later."""
+        """Cut again with every row later by `shift` rows."""
         samples = self._samples
         moved = BlockFile(blocks.shape)
         for number in blocks:
@@ -213,19 +213,19 @@ class PeriodCutter:
 
 
 def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatArray, BoolArray]:
-    """Return positions and torques of the main periods as they are, and which rows are there.
+    """Return positions and torques of the main periods, and the rows present.
 
     Args:
-        recording: Of a periodic motion, K rows a period.
-        start: Row of the motion at which its first period begins, where that is known.
+        recording: A periodic recording with K rows per period.
+        start: Row of the motion at which its first period begins, if known.
 
     Returns:
-        `values`, shape (periods, K, 2 n). Positions, then torques; zero where a row is not there.
-        `present`, shape (periods, K, n). Which rows of which joints are.
+        `values`, shape (periods, K, 2 n). Positions, then torques; zero for missing rows.
+        `present`, shape (periods, K, n). Rows present, per joint.
 
     Raises:
-        DataQualityError: More than 2 % of a joint's rows are missing, or where a period starts is
-            not known.
+        DataQualityError: More than 2 % of a joint's rows are missing, or the start of a period is
+            unknown.
     """
     cutter = PeriodCutter()
     cutter.add(recording)
@@ -244,7 +244,7 @@ def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
 
 
 def running_sum(so_far: FloatArray | None, values: FloatArray, axis: int = 0) -> FloatArray:
-    """Return a sum along an axis with more values, in the order of one sum over all of them."""
+    """Add values to a sum along an axis, in the order of one sum over all values."""
     if so_far is not None:
         values = np.concatenate([np.expand_dims(so_far, axis), values], axis=axis)
     return np.asarray(values.sum(axis=axis))
@@ -255,10 +255,10 @@ def _is_main(recording: Recording) -> BoolArray:
 
 
 def _refuse_gaps(table: PeriodTable, reached: int) -> None:
-    """Refuse periods of which too many rows are missing.
+    """Refuse periods with too many missing rows.
 
     Raises:
-        DataQualityError: They are; the text names the joint and the periods.
+        DataQualityError: Too many rows are missing; the message names the joint and the periods.
     """
     samples = table.samples
     there = table.present.sum(axis=1)
@@ -267,15 +267,15 @@ def _refuse_gaps(table: PeriodTable, reached: int) -> None:
     if missing[worst] > MISSING_FRACTION_LIMIT * reached:
         where = np.flatnonzero(samples - there[:, worst] > MISSING_FRACTION_LIMIT * samples)
         raise DataQualityError(
-            f"{table.of_joint(worst)}{missing[worst]} of {reached} rows of the main periods"
-            f" are missing or not valid; more than {MISSING_FRACTION_LIMIT:.0%} is too much (it is"
-            f" more in {_listed(where + 1)}): look for lost frames on the bus",
+            f"{table.of_joint(worst)}{missing[worst]} of {reached} rows of the main periods are"
+            f" missing or invalid; the limit is {MISSING_FRACTION_LIMIT:.0%} (exceeded in"
+            f" {_listed(where + 1)}): check for lost frames on the bus",
             code="RID-RECORDING-ROWS-LOST",
         )
 
 
 def _listed(periods: IntArray) -> str:
-    """Name periods by their numbers, those in sequence together."""
+    """Return the numbers of periods in words, consecutive ones as ranges."""
     runs = np.split(periods, np.flatnonzero(np.diff(periods) > 1) + 1)
     words = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
     return ("periods " if len(periods) > 1 else "period ") + ", ".join(words)

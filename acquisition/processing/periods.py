@@ -1,4 +1,4 @@
-"""`PeriodAverage`: the mean period of a periodic recording, its noise, and what was rejected."""
+"""`PeriodAverage`: mean period of a periodic recording, its noise, and the rejected periods."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ BLOCK_VALUES = 1 << 18
 
 @dataclass(frozen=True)
 class RejectedPeriod:
-    """A period that was not averaged in; `index` counts the main periods from 0."""
+    """A period that is not part of the average; `index` counts the main periods from 0."""
 
     index: int
     reason: str
 
     @property
     def number(self) -> int:
-        """The period as people count, from 1."""
+        """Number of the period, counted from 1."""
         return self.index + 1
 
 
@@ -50,8 +50,8 @@ class RejectedPeriod:
 class PeriodAverage:
     """Mean period and noise of K samples and n joints, over `periods_kept` periods.
 
-    Bins are `numpy.fft.rfft(x, axis=0) / K`, bin k at k / (K T): a sine of amplitude A at
-    harmonic k has a bin of magnitude A / 2. Variances are those of a single period; the mean's are
+    Bins are `numpy.fft.rfft(x, axis=0) / K`, bin k at k / (K T): a sine of amplitude A at harmonic
+    k has a bin of magnitude A / 2. Variances are those of a single period; those of the mean are
     smaller by `periods_kept`.
 
     Attributes:
@@ -60,15 +60,14 @@ class PeriodAverage:
         position, torque_nm: Shape (K, n). Mean period [rad or m], [N m or N].
         position_variance, torque_variance: Shape (n,). Noise variance per channel (3.9, 3.10).
         position_bin_variance, torque_bin_variance: Shape (K // 2 + 1, n). Noise spectrum: variance
-            E|N|^2 of each complex bin, freedom M - 1 complex pairs.
-        periods_kept: Periods averaged, M.
-        rejected: What was left out, and why.
-        missing_samples: Single rows without valid data inside the kept periods; left out of the
-            mean.
-        torque_filter: The analog filter that the torques passed; not yet divided out.
-        temperature_k: Shape (n,). Mean temperature of each drive over the kept periods [K], where
-            it was recorded.
-        reaction: The mean period of a force plate's channels, over the same periods.
+            E|N|^2 of each complex bin, with M - 1 complex degrees of freedom.
+        periods_kept: Number of averaged periods, M.
+        rejected: Rejected periods, with reasons.
+        missing_samples: Single rows without valid data in the kept periods; left out of the mean.
+        torque_filter: Analog filter of the torques; not yet removed.
+        temperature_k: Shape (n,). Mean temperature of each drive over the kept periods [K], if
+            recorded.
+        reaction: Mean period of a force plate's channels, over the same periods.
     """
 
     joint_names: tuple[str, ...]
@@ -96,7 +95,7 @@ class PeriodAverage:
         freeze(self, DataQualityError, bins, "position_bin_variance", "torque_bin_variance")
         if self.periods_kept < 2:
             raise DataQualityError(
-                f"{self.periods_kept} periods have no noise variance, 2 do",
+                f"{self.periods_kept} periods have no noise variance: at least 2 are needed",
                 code="RID-RECORDING-PERIODS",
             )
 
@@ -107,27 +106,27 @@ class PeriodAverage:
 
     @property
     def period_s(self) -> float:
-        """The period [s]."""
+        """Period [s]."""
         return self.samples_per_period * self.sample_period_s
 
 
 def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMIT) -> PeriodAverage:
     """Return the mean of the main periods of a recording, and the noise around it (3.9, 3.10).
 
-    Rows are put in their place by `sample_index`, so that a lost row shifts nothing. Run-in,
-    transient periods and run-out are left out. A period is rejected where it is incomplete, misses
-    more than 2 % of a joint's rows or more than 3 in sequence, or is out of family: its deviation
-    from the median period (RMS or peak, any channel) is more than twice, and 6 robust standard
-    deviations above, what is common among the periods, and more than a ten thousandth of how the
-    channel changes (of a joint at rest, of how the others change). A single row of a good period
-    that any joint misses is left out of the mean at its place.
+    Rows are sorted by `sample_index`, so that a lost row does not shift others. Run-in, transient
+    periods and run-out are left out. A period is rejected if it is incomplete, lacks more than 2 %
+    of a joint's rows or more than 3 in sequence, or is an outlier. An outlier's deviation from the
+    median period (RMS or peak, any channel) is more than twice the common one and 6 robust standard
+    deviations above it, and more than 1e-4 of the channel's variation (for a joint at rest, of the
+    variation of the others). A single row of a good period that any joint lacks is left out of the
+    mean.
 
     Args:
-        recording: Of a periodic motion.
-        rejected_limit: More rejected periods than this make the recording useless.
+        recording: A periodic recording.
+        rejected_limit: Largest number of rejected periods.
 
     Raises:
-        DataQualityError: The recording is not periodic, misses more than 2 % of a joint's rows, has
+        DataQualityError: The recording is not periodic, lacks more than 2 % of a joint's rows, has
             too many rejected periods or fewer than two good ones.
     """
     cutter = PeriodCutter()
@@ -138,12 +137,12 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
 def average_table(
     table: PeriodTable, recording: Recording | None = None, *, rejected_limit: int = REJECTED_LIMIT
 ) -> PeriodAverage:
-    """Return the mean of periods that were cut already, as `average_periods` does.
+    """Return the mean of cut periods, as `average_periods` does.
 
     Args:
         table: The periods.
-        recording: The whole recording, where a force plate was recorded too.
-        rejected_limit: More rejected periods than this make the recording useless.
+        recording: The whole recording, if a force plate was recorded too.
+        rejected_limit: Largest number of rejected periods.
 
     Raises:
         DataQualityError: As `average_periods`.
@@ -192,7 +191,7 @@ def average_table(
             " periods: record more periods",
             code="RID-RECORDING-PERIODS",
         )
-    # Periods are summed one after the other: memory does not grow with their number.
+    # Periods are summed one by one: memory does not grow with their number.
     mean = sum_of(table.values(m) * present[m][:, np.newaxis] for m in used)
     mean /= count[:, np.newaxis]
     squares = power = None
@@ -203,7 +202,7 @@ def average_table(
         power = bins if power is None else power + bins
     assert squares is not None
     assert power is not None
-    # sum_k (count_k - 1) is K (M - 1) where no row is missing: (3.10).
+    # sum_k (count_k - 1) is K (M - 1) if no row is missing: (3.10).
     freedom = (count - 1).sum()
     variance = squares / freedom
     bin_variance = power * table.samples / freedom
@@ -231,7 +230,7 @@ def _without(rejected: Container[int], periods: int) -> BoolArray:
 
 
 def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[int, str]:
-    """Return the periods that are not yet rejected and in which the force plate failed."""
+    """Return the periods in which the force plate failed and that are not rejected yet."""
     names = [f"channel {name} of the force plate" for name in plate.reaction.channel_names]
     unfit: dict[int, str] = {}
     for k, name in enumerate(names):
@@ -240,8 +239,8 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
     for period, k in np.argwhere(plate.too_fast_n_s != 0.0).tolist():
         unfit.setdefault(
             period,
-            f"{names[k]} drifted by {plate.too_fast_n_s[period, k]:.3g} N/s,"
-            f" {plate.reaction.drift_limit_n_s:g} N/s is the limit",
+            f"{names[k]} drifted by {plate.too_fast_n_s[period, k]:.3g} N/s, the limit is"
+            f" {plate.reaction.drift_limit_n_s:g} N/s",
         )
     good = np.array([m not in rejected and m not in unfit for m in range(len(plate.values))])
     used = np.flatnonzero(plate.used)
@@ -253,7 +252,7 @@ def _unfit_reaction(plate: ReactionPeriods, rejected: dict[int, str]) -> dict[in
 
 
 def _lost(table: PeriodTable) -> dict[int, str]:
-    """Return the periods that miss too much of any joint, with the reason."""
+    """Return the periods that lack too many rows of any joint, with the reason."""
     present = table.present
     rejected = _incomplete(np.asarray(present.any(axis=2)))
     for joint in range(present.shape[2]):
@@ -263,7 +262,7 @@ def _lost(table: PeriodTable) -> dict[int, str]:
 
 
 def _incomplete(present: BoolArray) -> dict[int, str]:
-    """Return the periods that miss too much, (periods, K), with the reason."""
+    """Return the periods that lack too many rows, (periods, K), with the reason."""
     rejected = {}
     periods, samples = present.shape
     for period in range(periods):
@@ -290,11 +289,11 @@ def _out_of_family(
     *,
     alike: int,
 ) -> dict[int, str]:
-    """Return the complete periods that differ from the others far more than those do, with why.
+    """Return the complete periods that are outliers, with the reason.
 
-    What is negligible against a channel's own change never counts. One at rest, which changes
-    negligibly against the largest of its `alike` neighbours, is held to what is negligible against
-    that one: a joint at rest creeps, and its encoder's last digit turns over.
+    Deviations that are negligible against a channel's own variation never count. A channel at rest
+    is compared with the largest variation of its `alike` neighbours instead: a joint at rest
+    creeps, and the last digit of its encoder changes.
     """
     indices = np.flatnonzero(good).tolist()
     if len(indices) < 3:
@@ -331,6 +330,6 @@ def _out_of_family(
             channel = int(np.argmax(measure[row] / limit))
             rejected[int(period)] = (
                 f"{channels[channel]} differs from the median period by"
-                f" {measure[row, channel]:.3g} ({words}), common is {common[channel]:.3g}"
+                f" {measure[row, channel]:.3g} ({words}); {common[channel]:.3g} is common"
             )
     return rejected

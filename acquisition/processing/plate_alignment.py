@@ -1,6 +1,6 @@
-"""A force plate's rows beside a recording: from `PlateRows` to `Reaction`, stream by stream.
+"""Alignment of a force plate's rows with a recording: from `PlateRows` to `Reaction`, per stream.
 
-Each stream, from the amplifier's start to a loss of its line, has a clock of its own.
+Each stream, from the amplifier's start to a loss of its line, has its own clock.
 """
 
 from __future__ import annotations
@@ -27,28 +27,27 @@ BITS_A_BYTE = 10
 FEWEST_EDGES = 10
 GLITCH_SHARE = 0.25
 SETTLING_CYCLES = 4.0
-"""How long the amplifier's low-pass remembers an overload, in periods of its corner."""
+"""Settling time of the amplifier's low-pass after an overload, in periods of its corner."""
 
 
 def with_plate(recording: Recording, rows: PlateRows) -> Recording:
-    """Return a recording with what a force plate measured during it.
+    """Return a recording with the force plate's measurements.
 
-    The amplifier's clock is put on the recording's: by the edges of its trigger where SYNC is
-    wired to it, else by its rows' arrivals, or by marks there and back where they tell it better.
-    In simulated time, what arrived after the last SYNC is left out: how much that is depends on the
-    computer.
+    The amplifier's clock is mapped to the recording's: by trigger edges if SYNC is wired to it,
+    else by the arrivals of its rows, or by marks if they are more accurate. In simulated time, rows
+    that arrived after the last SYNC are left out, because their number depends on the computer.
 
     Args:
-        recording: The robot's side.
-        rows: The plate's side, of the same run.
+        recording: Recording of the robot.
+        rows: Rows of the plate, from the same run.
 
     Raises:
-        DataQualityError: No stream of rows is long enough to be put in its place.
+        DataQualityError: No stream of rows is long enough for alignment.
     """
     if rows.header.simulated_time and len(recording):
         rows = rows.until(float(recording.time_s[-1]))
     parts: list[Reaction] = []
-    reason = "it holds no row"
+    reason = "it has no row"
     for stream in np.unique(rows.stream):
         try:
             parts.append(_aligned(recording, rows, rows.stream == stream, int(stream)))
@@ -69,7 +68,7 @@ def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceCl
     """Return the amplifier's clock during one of its streams.
 
     Raises:
-        DataQualityError: The stream is too short, or its clock is none that a quartz could be.
+        DataQualityError: The stream is too short, or its clock is impossible for a quartz.
     """
     use = rows.stream == stream
     amplifier = rows.header.plate.amplifier
@@ -95,13 +94,13 @@ def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceCl
 
 
 def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
-    """Return the reaction that one stream shows.
+    """Return the reaction of one stream.
 
     Raises:
-        DataQualityError: It is too short.
+        DataQualityError: The stream is too short.
     """
     device_s = rows.device_s[use]
-    ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row that came twice counts once
+    ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row received twice counts once
     amplifier = rows.header.plate.amplifier
     over = _settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
     valid = ~over & rows.operating[use][:, np.newaxis]
@@ -116,6 +115,6 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
 
 
 def _settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
-    """Return which rows (rows, 8) are overloaded, or were within the settling time before."""
+    """Return which rows (rows, 8) are overloaded, or within the settling time after an overload."""
     last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
     return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

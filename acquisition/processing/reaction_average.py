@@ -1,8 +1,9 @@
-"""`ReactionAverage`: the mean period of a force plate's channels, their noise and their drift.
+"""`ReactionAverage`: mean period of a force plate's channels, with noise and drift.
 
-A charge amplifier drifts and jumps when it is switched to operate, so that the constant part of a
-channel says little; what repeats from period to period is what the robot does. A channel that is
-in overload again and again is left out whole, one that is so now and then costs those periods.
+A charge amplifier drifts, and jumps when it is switched to operate, so the constant part of a
+channel is meaningless. The part that repeats from period to period is caused by the robot. A
+channel that is often overloaded is left out completely; an occasional overload only rejects those
+periods.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ DRIFT_SIGMAS = 6.0
 
 @dataclass(frozen=True, eq=False)
 class ReactionAverage:
-    """Mean period of K samples and c channels, beside a `PeriodAverage`.
+    """Mean period of K samples and c channels, in addition to a `PeriodAverage`.
 
     Bins are those of `PeriodAverage`.
 
     Attributes:
-        channel_names: The channels.
+        channel_names: Names of the channels.
         channels_n: Shape (K, c). Mean period, linear drift removed [N].
         bin_covariance: Shape (K // 2 + 1, c, c). Covariance of a single period's complex bins
             between channels, real part of E N N^H [N^2].
         used: Shape (c,). False for a channel that was left out; its values are zero.
-        drift_n_s, drift_sigma_n_s: Shape (c,). Linear drift that was found and removed, with its
-            standard deviation [N/s].
+        drift_n_s, drift_sigma_n_s: Shape (c,). Linear drift that was removed, and its standard
+            deviation [N/s].
         base_wrench_matrix: Shape (6, c). See `Reaction`.
-        low_pass: The filter that the channels passed; not yet divided out.
+        low_pass: Filter of the channels; not yet removed.
     """
 
     channel_names: tuple[str, ...]
@@ -60,23 +61,24 @@ class ReactionAverage:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """The channels that were left out."""
+        """Channels that were left out."""
         return tuple(n for n, used in zip(self.channel_names, self.used, strict=True) if not used)
 
 
 @dataclass(frozen=True, eq=False)
 class ReactionPeriods:
-    """A plate's channels cut into periods, with drift and each period's own mean removed.
+    """Channels of a plate cut into periods, with drift and the mean of each period removed.
 
     Attributes:
-        reaction: Where they come from.
-        values: Shape (periods, K, c). Without drift and mean; zero where not valid or left out.
+        reaction: Source of the channels.
+        values: Shape (periods, K, c). Without drift and mean; zero if not valid or left out.
         level_n: Shape (c,). Mean of the channels over all periods [N].
-        present: Shape (periods, K, c). Which values are valid; all of a channel that is left out.
+        present: Shape (periods, K, c). True for valid values; all true for a channel that is left
+            out.
         used: Shape (c,). False for a channel that is left out.
         drift_n_s, drift_sigma_n_s: Shape (c,). See `ReactionAverage`.
-        too_fast_n_s: Shape (periods, c). Drift of each period in which it is beyond the limit; zero
-            elsewhere [N/s].
+        too_fast_n_s: Shape (periods, c). Drift of each period beyond the limit; zero otherwise
+            [N/s].
     """
 
     reaction: Reaction
@@ -92,7 +94,7 @@ class ReactionPeriods:
         """Return the mean of the good periods.
 
         Raises:
-            DataQualityError: A sample of the period is valid in fewer than two of them.
+            DataQualityError: A sample of the period is valid in fewer than two good periods.
         """
         values, present = self.values[good], self.present[good]
         count = present.sum(axis=0)
@@ -122,12 +124,12 @@ class ReactionPeriods:
 
 @dataclass(frozen=True)
 class GapLimits:
-    """How much of a period may be missing, and how many periods may be rejected.
+    """Limits of missing samples and rejected periods.
 
     Attributes:
-        longest_gap: Samples in sequence that a period may miss.
-        missing: Share of its samples that it may miss.
-        rejected: Periods that may be rejected.
+        longest_gap: Largest number of missing consecutive samples of a period.
+        missing: Largest share of missing samples.
+        rejected: Largest number of rejected periods.
     """
 
     longest_gap: int
@@ -144,18 +146,18 @@ def cut_reaction(
     sample_period_s: float,
     limits: GapLimits,
 ) -> ReactionPeriods | None:
-    """Cut a plate's channels into periods; None where too few channels are left to say anything.
+    """Cut a plate's channels into periods; return None if too few channels are left.
 
-    A channel is left out where more of the good periods than the limits allow, or a quarter of
-    them, miss too many of its samples, or drift faster than the plate's limit.
+    A channel is left out if it lacks too many samples, or drifts faster than the plate's limit, in
+    more of the good periods than the limits allow or in a quarter of the good periods.
 
     Args:
-        reaction: The plate.
-        rows, place: Rows of the recording in the main periods, and the place of each in them.
-        good: Shape (periods,). The periods that are not rejected for other reasons.
-        samples: Samples of a period, K.
+        reaction: Measurement of the plate.
+        rows, place: Rows of the recording in the main periods, and the index of each in them.
+        good: Shape (periods,). Periods that are not rejected for other reasons.
+        samples: Samples per period, K.
         sample_period_s: Time between samples [s].
-        limits: What `average_periods` bears.
+        limits: Limits of `average_periods`.
     """
     c, periods = len(reaction.channel_names), len(good)
     flat, there = np.zeros((periods * samples, c)), np.zeros((periods * samples, c), np.bool_)
@@ -187,7 +189,7 @@ def cut_reaction(
 
 
 def _misses(present: BoolArray, longest_gap: int, missing_limit: float) -> bool:
-    """Return whether a channel misses too much of a period."""
+    """Return True if a channel lacks too many samples of a period."""
     missing = np.flatnonzero(~present)
     if len(missing) == 0:
         return False
@@ -201,8 +203,8 @@ def _drift(
 ) -> tuple[FloatArray, FloatArray]:
     """Return each channel's linear drift and its standard deviation, (c,) [N/s].
 
-    The median of the steps of the mean from period to period: one jump of the zero in between
-    does not count as drift.
+    The median of the steps of the mean from period to period: a single jump of the zero does not
+    count as drift.
     """
     c = values.shape[2]
     drift, sigma = np.zeros(c), np.zeros(c)
@@ -221,11 +223,11 @@ def _drift(
 def _too_fast(
     values: FloatArray, present: BoolArray, limit_n_s: float, period_s: float
 ) -> FloatArray:
-    """Return each period's drift where it is beyond a limit, zero elsewhere, (periods, c) [N/s].
+    """Return each period's drift if it exceeds a limit, zero otherwise, (periods, c) [N/s].
 
-    What repeats cancels between the beginnings of a period and of the next one; for the last
-    period, between its end and that of the one before. Where periods are so short that the noise of
-    that difference is larger than the limit, the noise is the limit.
+    Repeated values cancel between the beginnings of a period and of the next one; for the last
+    period, between its end and that of the previous one. If short periods make the noise of this
+    difference larger than the limit, the noise is the limit.
     """
     periods, samples, c = values.shape
     if periods < 2:

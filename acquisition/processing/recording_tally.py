@@ -1,4 +1,4 @@
-"""`RecordingTally`: how long a recording is, how far it went and what it has lost."""
+"""`RecordingTally`: duration, range and losses of a recording."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from config.arrays import FloatArray, IntArray
 
 
 class RecordingTally:
-    """Counts the rows of a recording as its parts come; its memory does not grow with them.
+    """Statistics of a recording that arrives in parts; the memory does not grow.
 
     Args:
-        first: The first part, or the whole.
+        first: The first part, or the whole recording.
 
     Attributes:
-        head: What all parts say of themselves, without a row.
-        cutter: Its periods, where it is periodic.
-        rows, valid_rows: All rows, and those with a valid answer.
+        head: Common data of all parts, without rows.
+        cutter: Its periods, if it is periodic.
+        rows, valid_rows: Numbers of all rows, and of rows with a valid answer.
         position_min, position_max, speed, torque: Shape (joints,). Lowest and highest position,
             largest speed and torque of the valid rows [rad or m, per second, N m or N].
-        following_error: Shape (joints,). The largest after the approach [rad or m]; None where
-            there are no set-points.
-        last_row: The last row of the motion; -1 before it.
-        motion_rows: Rows of the motion up to there that were driven: an early end leaves some out.
-        last_phase: That of this row.
+        following_error: Shape (joints,). Largest following error after the approach [rad or m];
+            None without set-points.
+        last_row: Last row of the motion; -1 before it.
+        motion_rows: Driven rows of the motion up to there; an early end leaves some out.
+        last_phase: Phase of the last row.
     """
 
     def __init__(self, first: Recording) -> None:
@@ -61,12 +61,12 @@ class RecordingTally:
 
     @property
     def lost(self) -> tuple[int, ...]:
-        """How many rows of the motion hold no valid answer, of each joint."""
+        """Number of rows of the motion without a valid answer, per joint."""
         return tuple((self.motion_rows - self._answered).tolist())
 
     @property
     def motion_rows(self) -> int:
-        """How many rows of the motion were driven, up to its last."""
+        """Number of driven rows of the motion, up to its last."""
         return self.last_row + 1 - self._undriven
 
     def _add_valid(self, part: Recording) -> None:
@@ -89,7 +89,7 @@ class RecordingTally:
             self.following_error = np.maximum(self.following_error, error.max(axis=0, initial=0.0))
 
     def _add_motion(self, part: Recording) -> None:
-        """Count which rows of the motion were answered, once each: its end is waited for."""
+        """Count the answered rows of the motion once each; the last row repeats during the wait."""
         driven = part.sample_index >= 0
         if not driven.any():
             return
@@ -107,7 +107,7 @@ class RecordingTally:
         self.last_row, self.last_phase = last, Phase(int(part.phase[driven][-1]))
 
     def _add_undriven(self, index: IntArray, time_s: FloatArray) -> None:
-        """Count periods that were passed over without the time that they take."""
+        """Count periods that were skipped without the time they take."""
         samples = self.head.samples_per_period
         if self.head.sample_period_s is None or samples is None:
             return

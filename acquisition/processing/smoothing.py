@@ -1,8 +1,8 @@
 """`SmoothedSignals`: a recording that is not periodic, on a uniform time base, low-passed.
 
-The time stamps are the truth: position and torque are interpolated from them, low-passed forwards
-and backwards (no phase shift), and differentiated as splines. Where stamps leave a gap the
-recording is cut in segments; nothing is invented inside a gap.
+Time stamps are taken as correct: position and torque are interpolated from them, low-passed
+forwards and backwards (no phase shift), and differentiated as splines. A gap in the stamps divides
+the recording into segments; nothing is interpolated across a gap.
 """
 
 from __future__ import annotations
@@ -39,18 +39,17 @@ class SmoothedSignals:
         time_s: Shape (samples,). Uniform within a segment [s].
         position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
             second squared.
-        torque_nm: Shape (samples, joints). Torque, low-passed alike [N m or N].
-        segment: Shape (samples,). Number of the segment that a row belongs to.
+        torque_nm: Shape (samples, joints). Torque with the same low-pass [N m or N].
+        segment: Shape (samples,). Segment number of each row.
         sample_period_s: Time between rows of a segment [s].
-        cutoff_hz: Where the low-pass reaches -3 dB. Rows are not independent of each other: a
-            signal limited to this band is worth about 2 cutoff_hz values a second.
-        temperature_k: Shape (samples, joints). Temperature of each drive [K], where it was
-            recorded.
-        channel: Delay and filter of the torque before it was recorded, if they are known: the
-            model's torque passes them too.
-        unfiltered: The same recording at its full rate before the low-pass; None of a mean period,
+        cutoff_hz: -3 dB frequency of the low-pass. Rows are correlated: a signal limited to this
+            band has about 2 cutoff_hz independent values per second.
+        temperature_k: Shape (samples, joints). Temperature of each drive [K], if recorded.
+        channel: Delay and filter of the recorded torque, if known; they are applied to the model's
+            torque too.
+        unfiltered: The same recording at its full rate before the low-pass; None for a mean period,
             which is known below the cut-off only.
-        unfiltered_row: Shape (samples,). Each row's place in it.
+        unfiltered_row: Shape (samples,). Index of each row in it.
     """
 
     joint_names: tuple[str, ...]
@@ -88,22 +87,22 @@ class _Segment(NamedTuple):
 
 
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
-    """Return uniformly sampled values low-passed without phase shift, -3 dB at `cutoff_hz`.
+    """Return uniform samples with a low-pass without phase shift, -3 dB at `cutoff_hz`.
 
     A Butterworth filter of order 4 runs forwards and backwards; time is the first axis.
 
     Raises:
-        ConfigError: The cut-off is not well below half the sampling frequency.
+        ConfigError: The cut-off is not well below half the sampling rate.
     """
     if not 0.0 < cutoff_hz < 0.45 / sample_period_s:
         step = sample_period_s
         every = f"{step:.4g} s" if step >= 1.0 else f"{1e3 * step:.4g} ms"
         raise ConfigError(
-            f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {every}: choose one between"
-            f" 0 and {0.45 / step:.4g} Hz",
+            f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {every}: choose one"
+            f" between 0 and {0.45 / step:.4g} Hz",
             code="RID-RECORDING-CUTOFF",
         )
-    from dynamics.kernels.low_pass import filter_both_ways  # it loads the compiler
+    from dynamics.kernels.low_pass import filter_both_ways  # importing it loads the compiler
 
     sections, start = _sections(cutoff_hz * sample_period_s)
     padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
@@ -117,12 +116,12 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
 
 @lru_cache(maxsize=64)
 def _sections(cutoff: float) -> tuple[FloatArray, FloatArray]:
-    """Return the sections for a cut-off in parts of the sampling frequency, and how they begin."""
+    """Return second-order sections for a relative cut-off, and their initial states."""
     # Forwards and backwards the gain is squared: 1 / (1 + (g(f) / g(f0))^8), g(f) = tan(pi f T) by
     # the bilinear transform. f0 is where that makes -3 dB at the cut-off.
     warped = np.tan(np.pi * cutoff)
     warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
-    from scipy import signal  # slow to import, and few commands filter
+    from scipy import signal  # a slow import that few commands need
 
     sections = signal.butter(FILTER_ORDER, np.arctan(warped) / np.pi, fs=1.0, output="sos")
     before, start = 1.0, np.zeros((len(sections), 2))
@@ -138,28 +137,26 @@ def smooth_nonperiodic(
 ) -> SmoothedSignals:
     """Return a recording resampled from its time stamps, low-passed and differentiated.
 
-    Rows that are not valid are left out. A gap of more than 5 median steps cuts the recording; of
-    each segment 2 / `cutoff_hz` is left out at both ends, where the filter has no past or future,
-    and a segment shorter than 6 / `cutoff_hz` is left out as a whole. Temperatures, which change
-    slowly and in the steps of their sensor, are interpolated by straight lines. The signals before
-    the low-pass are kept beside; see `UnfilteredSignals`.
+    Invalid rows are left out. A gap of more than 5 median steps divides the recording. Each segment
+    loses 2 / `cutoff_hz` at both ends, at which the filter has no past or future, and a segment
+    shorter than 6 / `cutoff_hz` is left out. Temperatures change slowly and in steps of their
+    sensor, so they are interpolated linearly. The signals before the low-pass are kept; see
+    `UnfilteredSignals`.
 
     Args:
-        recording: What was measured.
-        cutoff_hz: -3 dB frequency of the zero-phase low-pass, for position and torque alike [Hz].
-        torque_limit_hz: Where the unfiltered torque is low-passed all the same: nothing above it is
-            known.
+        cutoff_hz: -3 dB frequency of the zero-phase low-pass, for position and torque [Hz].
+        torque_limit_hz: Low-pass of the unfiltered torque, which is unknown above [Hz].
 
     Raises:
-        ConfigError: The cut-off does not fit the sampling.
+        ConfigError: The cut-off does not fit the sampling rate.
         DataQualityError: No segment is long enough.
     """
-    from scipy import interpolate  # large, and periodic runs do without
+    from scipy import interpolate  # a large import that periodic runs do not need
 
     time_s = recording.time_s[recording.valid]
     if len(time_s) < 2:
         raise DataQualityError(
-            f"{len(time_s)} valid rows are too few to smooth", code="RID-RECORDING-SHORT"
+            f"{len(time_s)} valid rows are too few for smoothing", code="RID-RECORDING-SHORT"
         )
     position = recording.position[recording.valid]
     torque = recording.torque_nm[recording.valid]
@@ -199,7 +196,7 @@ def smooth_nonperiodic(
         segments.append(_Segment(grid[kept], *signals))
     if not segments:
         raise DataQualityError(
-            f"no stretch of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
+            f"no part of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
             f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording",
             code="RID-RECORDING-CUTOFF",
         )
@@ -226,7 +223,7 @@ def smooth_nonperiodic(
 
 
 def _rows_at(stamps: FloatArray, time_s: FloatArray) -> IntArray:
-    """Return the last row of some stamps that is no later than each time, to half a step."""
+    """Return the last row whose stamp is not later than each time, to half a step."""
     slack_s = 0.5 * float(np.median(np.diff(time_s)))
     return np.asarray(np.maximum(np.searchsorted(stamps, time_s + slack_s) - 1, 0))
 
@@ -236,12 +233,12 @@ def _joined(segments: Sequence[_Segment]) -> _Segment:
 
 
 def _numbers(segments: Sequence[_Segment]) -> IntArray:
-    """Return each row's segment."""
+    """Return the segment number of each row."""
     return np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments])
 
 
 def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
-    """Return the drives' temperatures at other times, (times, joints); no joints where unknown."""
+    """Return the drives' temperatures at other times, (times, joints); no columns if unknown."""
     if recording.temperature_k is None:
         return np.empty((len(time_s), 0))
     stamps, measured = recording.time_s[recording.valid], recording.temperature_k[recording.valid]
@@ -249,17 +246,17 @@ def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
 
 
 def resample_periods(recording: Recording, period_s: float) -> Recording:
-    """Return a periodic recording with stamps of any kind on a grid that divides its period.
+    """Return a periodic recording with any time stamps on a grid that divides its period.
 
-    The first row is the start of the first period; rows after the last whole period are left out.
-    A grid row further than 5 median steps from a measured row is marked not valid.
+    The first row is the start of the first period; rows after the last whole period are left out. A
+    grid row further than 5 median steps from a measured row is marked invalid.
 
     Args:
         recording: Whole periods from its first row on.
-        period_s: The period [s]; known, not estimated.
+        period_s: Period [s]; known, not estimated.
 
     Raises:
-        DataQualityError: The recording holds less than two whole periods.
+        DataQualityError: The recording has fewer than two whole periods.
     """
     from scipy import interpolate
 
@@ -268,7 +265,7 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
     periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
     if periods < 2 or period_s < 4.0 * step_s:
         raise DataQualityError(
-            f"the recording holds {periods} whole periods of {period_s:g} s, averaging needs at"
+            f"the recording has {periods} whole periods of {period_s:g} s, averaging needs at"
             " least 2: correct period_s and rows in the map, or leave period_s out",
             code="RID-IMPORT-RANGE",
         )

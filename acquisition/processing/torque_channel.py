@@ -1,8 +1,8 @@
 """`TorqueChannel`: delay and filter between a joint's torque and its recorded value.
 
-A drive samples, filters and sends its torque on its own: the recorded torque may be late by a
-fraction of a sample, and low-passed before it was recorded. The channel is applied to the model's
-columns or to the predicted torque. The recorded torque is never deconvolved.
+A drive samples, filters and sends its torque independently: the recorded torque can be late by a
+fraction of a sample, and low-passed. The channel is applied to the model's columns or to the
+predicted torque. The recorded torque is never deconvolved.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ ComplexArray = NDArray[np.complex128]
 ChannelKind = Literal["none", "delay", "lag", "zero-phase", "delay + lag"]
 
 LAG_PERIODS: Final = 7.0
-"""Time constants after which a first-order filter has forgotten an event: 0.1 % are left."""
+"""Time constants after which 0.1 % of an event remains in a first-order filter."""
 WIDTH_PERIODS: Final = 4.0
 ADVANCE_PERIODS: Final = 2.0
-"""Widths after and before an event that a zero-phase filter spreads most of it over."""
+"""Widths after and before an event over which a zero-phase filter spreads most of it."""
 PADDING_S: Final = 0.5
 """Shortest time that a signal is extended by at its end before it is filtered."""
 
@@ -70,7 +70,7 @@ class TorqueChannel:
 
     @property
     def kind(self) -> ChannelKind:
-        """The kind of channel that any joint has."""
+        """Kind of channel that any joint has."""
         if np.any(self.width_s):
             return "zero-phase"
         if np.any(self.lag_s):
@@ -89,18 +89,18 @@ class TorqueChannel:
 
     @property
     def passed_s(self) -> FloatArray:
-        """Longest standstill that a filter makes small in every later torque, shape (n,) [s]."""
+        """Longest standstill that the filter smooths out of every later torque, shape (n,) [s]."""
         return np.maximum(self.lag_s, self.width_s)
 
     @property
     def after_s(self) -> FloatArray:
-        """How long after an event the recorded torque depends on it, shape (n,) [s]."""
+        """Time after an event for which the recorded torque depends on it, shape (n,) [s]."""
         filters_s = np.maximum(LAG_PERIODS * self.lag_s, WIDTH_PERIODS * self.width_s)
         return np.asarray(np.maximum(self.delay_s, 0.0) + filters_s)
 
     @property
     def before_s(self) -> FloatArray:
-        """How long before an event the recorded torque depends on it, shape (n,) [s]."""
+        """Time before an event for which the recorded torque depends on it, shape (n,) [s]."""
         return np.asarray(np.maximum(-self.delay_s, 0.0) + ADVANCE_PERIODS * self.width_s)
 
     def response(self, frequency_hz: FloatArray) -> ComplexArray:
@@ -113,12 +113,12 @@ class TorqueChannel:
         return np.asarray(np.exp(-s * self.delay_s) / filters)
 
     def undelayed_period(self, average: PeriodAverage) -> PeriodAverage:
-        """Return a mean period whose torque is in time with its position.
+        """Return a mean period whose torque is synchronous with its position.
 
-        Its bins are turned by the delay, which changes no amplitude.
+        Its bins are rotated by the delay, which changes no amplitude.
 
         Args:
-            average: As it was recorded.
+            average: The recorded mean period.
         """
         rows = average.samples_per_period
         frequency_hz = np.fft.rfftfreq(rows, average.sample_period_s)
@@ -127,7 +127,7 @@ class TorqueChannel:
         return replace(average, torque_nm=torque)
 
     def of_joint(self, values: FloatArray, joint: int, sample_period_s: float) -> FloatArray:
-        """Return a joint's uniformly sampled columns, (samples, any), after its channel."""
+        """Apply a joint's channel to its uniformly sampled columns, (samples, any)."""
         own = self.of_joints([joint])
         return own.through(values[:, np.newaxis], sample_period_s)[:, 0] if own.changes else values
 
@@ -140,10 +140,10 @@ class TorqueChannel:
         )  # fmt: skip
 
     def through(self, values: FloatArray, sample_period_s: float) -> FloatArray:
-        """Return uniformly sampled signals after the channel, at the same instants.
+        """Apply the channel to uniformly sampled signals.
 
         Args:
-            values: Shape (samples, n) or (samples, n, any). Torques, or the columns of the torque
+            values: Shape (samples, n) or (samples, n, any). Torques, or columns of the torque
                 equations; one segment without a gap.
             sample_period_s: Time between samples [s].
         """
@@ -160,9 +160,9 @@ class TorqueChannel:
 
 
 def with_padding(values: FloatArray, rows: int) -> FloatArray:
-    """Return values, and rows that lead smoothly from the last back to the first, `rows` in all.
+    """Append rows that lead smoothly from the last value to the first, `rows` in all.
 
-    A Fourier transform meets no jump at the ends.
+    The periodic extension then has no jump.
     """
     added = np.linspace(0.0, np.pi, rows - len(values) + 2)[1:-1]
     share = ((1.0 - np.cos(added)) / 2.0).reshape((-1,) + (1,) * (values.ndim - 1))

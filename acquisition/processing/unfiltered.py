@@ -1,9 +1,9 @@
 """`UnfilteredSignals`: motion and torque of a recording at its full rate, before the low-pass.
 
-A torque that was low-passed is explained by columns that passed the same filter, and by no others:
-tau = X(q, v, a) theta gives h * tau = (h * X) theta for every linear filter h, but the sign of a
-low-passed velocity is not the low-passed sign (parallel filtering). The columns are therefore
-computed from these signals and pass, together with the torque, one filter of finite reach.
+A low-passed torque is explained by columns with the same filter only: tau = X(q, v, a) theta gives
+h * tau = (h * X) theta for every linear filter h, but the sign of a low-passed velocity is not the
+low-passed sign (parallel filtering). The columns are therefore computed from these signals and
+pass, together with the torque, one filter of finite length.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from config.errors import DataQualityError
 WINDOW_PERIODS: Final = 0.72
 """Length of the filter's window in periods of its cut-off: -3 dB at the cut-off."""
 SLOW_RAD_S: Final = 0.02
-"""Speed at which an encoder's steps must not look like motion [rad/s or m/s]."""
+"""Speed above which encoder steps must not look like motion [rad/s or m/s]."""
 WIDTH_STEPS: Final = 1.6
-"""Width of the smoothing in the time that one encoder step takes at that speed."""
+"""Width of the smoothing, in times of one encoder step at that speed."""
 WIDEST_SMOOTHING_S: Final = 8e-3
 """Largest standard deviation of the smoothing [s]."""
 SMOOTHING_REACH: Final = 4.0
@@ -39,14 +39,13 @@ class UnfilteredSignals:
         position, velocity, acceleration: Shape (samples, joints). rad or m, and per second, per
             second squared.
         torque_nm: Shape (samples, joints). Torque [N m or N].
-        segment: Shape (samples,). Number of the segment that a row belongs to.
+        segment: Shape (samples,). Segment number of each row.
         sample_period_s: Time between rows of a segment [s].
-        smoothing_s: Standard deviation of the Gaussian that all signals passed because the encoder
-            is coarse [s]; 0 if there was none.
-        torque_limit_hz: Where the torque was low-passed all the same, because nothing above it is
-            known.
-        torque_row: Shape (samples, joints). The row in which each row's torque was new; None if
-            every row has new ones.
+        smoothing_s: Standard deviation of the Gaussian that smoothed all signals because the
+            encoder is coarse [s]; 0 without smoothing.
+        torque_limit_hz: Low-pass of the torque, which is unknown above [Hz].
+        torque_row: Shape (samples, joints). Row of the last torque update for each row; None if
+            every row has a new value.
     """
 
     time_s: FloatArray
@@ -68,13 +67,13 @@ class UnfilteredSignals:
         freeze(self, DataQualityError, table, "torque_row", dtype=np.int64)
 
     def reach(self, cutoff_hz: float) -> int:
-        """Return over how many rows to either side smoothing and window spread a jump."""
+        """Return the rows to either side over which smoothing and window spread a jump."""
         smoothing = round(SMOOTHING_REACH * self.smoothing_s / self.sample_period_s)
         return window_reach(self.sample_period_s, cutoff_hz) + smoothing
 
     @property
     def held_rows(self) -> int:
-        """The most rows for which a torque is held after it was new."""
+        """Largest number of rows for which a torque is held after its update."""
         if self.torque_row is None:
             return 0
         return int(np.max(np.arange(len(self.torque_row))[:, np.newaxis] - self.torque_row))
@@ -87,7 +86,7 @@ def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray
         position: Shape (samples, joints). Position.
         step_s: Time between rows [s].
     """
-    from scipy import interpolate  # large, and periodic runs do without
+    from scipy import interpolate  # a large import that periodic runs do not need
 
     time_s = np.arange(len(position)) * step_s
     path = interpolate.make_interp_spline(time_s, position, k=5)
@@ -95,13 +94,13 @@ def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray
 
 
 def smoothing_width(position: FloatArray, step_s: float) -> float:
-    """Return how wide a Gaussian makes a position fit to tell the sign of its velocity [s].
+    """Return the width of a Gaussian after which the velocity's sign is reliable [s].
 
-    One standard deviation of it is the time that an encoder step takes at the lowest speed that
-    counts. 0 if that is shorter than a row or the rows are too far apart for any smoothing.
+    One standard deviation is the time that an encoder step takes at the lowest speed that counts.
+    The result is 0 if this is shorter than a row, or if the rows are too far apart for smoothing.
 
     Args:
-        position: Shape (samples, joints). Positions as they were recorded.
+        position: Shape (samples, joints). Recorded positions.
         step_s: Time between rows [s].
     """
     step = max(max(_resolution(own), np.sqrt(12.0) * _noise(own)) for own in position.T)
@@ -123,19 +122,19 @@ def smoothed(values: FloatArray, step_s: float, width_s: float) -> FloatArray:
 
 
 def window_reach(step_s: float, cutoff_hz: float) -> int:
-    """Return how many rows to either side the window of `window_mean` takes in."""
+    """Return the number of rows to either side in the window of `window_mean`."""
     return max(1, round(0.5 * WINDOW_PERIODS / (cutoff_hz * step_s)))
 
 
 def window_mean(values: FloatArray, rows: IntArray, step_s: float, cutoff_hz: float) -> FloatArray:
-    """Return the mean of uniform values about some rows, weighted by a Hann window.
+    """Return the mean of uniform values around some rows, weighted by a Hann window.
 
-    A low-pass without phase shift, -3 dB at the cut-off, whose reach is finite.
+    A low-pass without phase shift, -3 dB at the cut-off, of finite length.
 
     Args:
         values: Shape (samples, any). Uniform rows.
-        rows: Shape (wanted,). Which rows are wanted; rows beyond an end of the values count as the
-            row at that end.
+        rows: Shape (wanted,). Requested rows; beyond an end of the values, the row at that end is
+            repeated.
         step_s: Time between rows [s].
         cutoff_hz: -3 dB frequency [Hz].
     """
@@ -159,7 +158,7 @@ def window_mean(values: FloatArray, rows: IntArray, step_s: float, cutoff_hz: fl
 
 
 def _resolution(position: FloatArray) -> float:
-    """Return the step in which a position was recorded; 0 if it shows none."""
+    """Return the resolution of a recorded position; 0 if none is visible."""
     moved = np.abs(np.diff(position))
     moved = moved[moved > 0.0]
     if len(moved) == 0:
@@ -170,7 +169,7 @@ def _resolution(position: FloatArray) -> float:
 
 
 def _noise(position: FloatArray) -> float:
-    """Return the standard deviation of a position's white noise, by its differences."""
+    """Return the standard deviation of a position's white noise, from its differences."""
     if len(position) <= NOISE_DIFFERENCES:
         return 0.0
     moving = np.diff(position)[: 1 - NOISE_DIFFERENCES] != 0.0

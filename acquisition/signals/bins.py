@@ -1,8 +1,8 @@
-"""Periodic signals on their DFT bins: differentiate, resample and undo a filter exactly.
+"""Periodic signals on their DFT bins: exact differentiation, resampling and removal of a filter.
 
-A signal that holds whole periods has all it contains on the bins k / (K T); a bin is
-`numpy.fft.rfft(x, axis=0)[k] / K`. Differentiation is multiplication by j k omega there
-(theory: section 1), and the anti-alias filter is divided out (theory: section 8).
+A signal of whole periods is completely described by the bins k / (K T); a bin is `numpy.fft.rfft(x,
+axis=0)[k] / K`. There, differentiation is multiplication by j k omega (theory: section 1), and the
+anti-alias filter is removed by division (theory: section 8).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def to_bins(samples: FloatArray, harmonics: int) -> Bins:
 
     Args:
         samples: Shape (K, joints). One period.
-        harmonics: The highest bin wanted, below K / 2.
+        harmonics: Highest bin, below K / 2.
 
     Returns:
         Shape (harmonics + 1, joints).
@@ -63,9 +63,9 @@ def differentiate_on_bins(
     Args:
         samples: Shape (K, joints). One period [rad or m].
         sample_period_s: Time between rows [s].
-        harmonics: The highest bin kept, below K / 2.
-        oversampling: Rows returned per row given: products of the signals reach beyond their own
-            bins, and a finer grid keeps them from folding back.
+        harmonics: Highest bin, below K / 2.
+        oversampling: Returned rows per given row. Products of the signals have higher harmonics,
+            and a finer grid avoids their aliasing.
 
     Raises:
         ConfigError: `harmonics` is not below half the number of samples.
@@ -95,17 +95,17 @@ def divide_filter(
     torque_filter: ButterworthFilter | None,
     harmonics: int,
 ) -> FloatArray:
-    """Return a period as it was before the anti-alias filter, limited to bins 0 to `harmonics`.
+    """Return a period before its anti-alias filter, limited to bins 0 to `harmonics`.
 
     Args:
-        samples: Shape (K, joints). One period that passed the filter.
+        samples: Shape (K, joints). One filtered period.
         sample_period_s: Time between rows [s].
-        torque_filter: The filter; None leaves the limitation to the bins alone.
-        harmonics: The highest bin kept, below K / 2.
+        torque_filter: The filter; None only limits the bins.
+        harmonics: Highest bin, below K / 2.
 
     Raises:
-        ConfigError: `harmonics` is not below K / 2, or lies where the filter passes less than 1 %:
-            dividing there returns noise.
+        ConfigError: `harmonics` is not below K / 2, or the filter passes less than 1 % there:
+            division would only amplify noise.
     """
     bins = to_bins(samples, harmonics)
     if torque_filter is not None:

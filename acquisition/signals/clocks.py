@@ -1,10 +1,10 @@
 """`DeviceClock`: a device's own time on the SYNC time base, with its uncertainty.
 
-A device stamps its rows with its own clock, which is off by a constant and by some parts per
-million. Rows arrive late, never early: the straight line just under all arrivals is the clock, but
-for the shortest delay of the line, which no arrival tells (theory: section 8 estimates it on the
-bins). Marks that go to the device and back bound the clock from both sides, and edges of a wired
-trigger give it directly.
+A device stamps its rows with its own clock, which has an offset and a rate error of some parts per
+million. Rows arrive late, never early: the straight line just below all arrivals is the clock,
+except for the shortest delay of the line, which arrivals do not show (theory: section 8 estimates
+it on the bins). Marks that travel to the device and back bound the clock from both sides, and edges
+of a wired trigger measure it directly.
 """
 
 from __future__ import annotations
@@ -31,14 +31,15 @@ Method = Literal["arrivals", "marks", "edges"]
 
 @dataclass(frozen=True, eq=False)
 class DeviceClock:
-    """SYNC time = sync_s + rate (device time - device_s), over one run.
+    """SYNC time = sync_s + rate (device time - device_s), for one run.
 
     Attributes:
-        device_s, sync_s: The same moment on both clocks, in the middle of the data [s].
+        device_s, sync_s: The same instant on both clocks, in the middle of the data [s].
         rate: SYNC seconds per second of the device.
-        covariance: Shape (2, 2). Of `sync_s` and `rate`.
-        wander_s: By how much the device's clock leaves the straight line, RMS [s].
-        method: Where it comes from. By arrivals, the shortest delay of the line counts as clock.
+        covariance: Shape (2, 2). Covariance of `sync_s` and `rate`.
+        wander_s: RMS deviation of the device's clock from the straight line [s].
+        method: Source of the clock. With arrivals, the shortest delay of the line is part of the
+            clock.
     """
 
     device_s: float
@@ -52,14 +53,14 @@ class DeviceClock:
         freeze(self, DataQualityError, (2, 2), "covariance", what="clock ")
         if not abs(self.rate - 1.0) < LARGEST_RATE_ERROR:
             raise DataQualityError(
-                f"the device's clock would be off by {self.drift_ppm:.0f} ppm: no quartz is; check"
-                " the unit of its time stamps",
+                f"the device's clock would be off by {self.drift_ppm:.0f} ppm, which is"
+                " impossible for a quartz: check the unit of its time stamps",
                 code="RID-PLATE-CLOCK",
             )
 
     @property
     def drift_ppm(self) -> float:
-        """By how much the device's clock is slow [ppm]."""
+        """Amount by which the device's clock is slow [ppm]."""
         return 1e6 * (self.rate - 1.0)
 
     def to_sync(self, device_s: FloatArray) -> FloatArray:
@@ -77,33 +78,33 @@ class DeviceClock:
 def clock_from_arrivals(
     device_s: FloatArray, arrival_s: FloatArray, *, shortest_delay_s: float = 0.0
 ) -> DeviceClock:
-    """Fit a clock to rows that were stamped by the device and arrived some time later.
+    """Fit a clock to rows that were stamped by the device and arrived later.
 
-    The clock is the line under all arrivals that is nearest to them on average, a linear programme
-    in two variables. Its uncertainty is what the same fit on eighths of the reads shows, less
-    what eight times as many gain.
+    The clock is the line below all arrivals that is nearest to them on average: a linear programme
+    in two variables. Its uncertainty comes from the same fit on eighths of the reads, reduced by
+    the gain of eight times as many.
 
     Args:
-        device_s, arrival_s: Shape (rows,). Device time of each row, and SYNC time at which it was
-            read [s]. Rows read together share their arrival.
-        shortest_delay_s: What a row needs at least on its way: its bits at the line's speed.
+        device_s, arrival_s: Shape (rows,). Device time of each row, and SYNC time of its read [s].
+            Rows of one read have one arrival.
+        shortest_delay_s: Shortest transmission time of a row: its bits at the line's bit rate [s].
 
     Raises:
-        DataQualityError: Too few rows, or no clock that a quartz could be.
+        DataQualityError: There are too few rows, or the result is impossible for a quartz clock.
     """
     device = read_only("device time", device_s, float, (None,), DataQualityError)
     arrival = read_only("arrival", arrival_s, float, device.shape, DataQualityError)
     chunk = np.concatenate([[0], np.cumsum(np.diff(arrival) != 0.0)]) if len(arrival) else device
     if len(device) == 0 or chunk[-1] + 1 < FEWEST_ARRIVALS:
         raise DataQualityError(
-            f"{len(device)} rows of the device in {int(chunk[-1]) + 1 if len(device) else 0} reads"
-            f" are too few for its clock, {FEWEST_ARRIVALS} reads are the least",
+            f"{len(device)} rows of the device in {int(chunk[-1]) + 1 if len(device) else 0}"
+            f" reads are too few for its clock: at least {FEWEST_ARRIVALS} reads are needed",
             code="RID-PLATE-CLOCK",
         )
     middle = float(device.mean())
     x, late = device - middle, arrival - shortest_delay_s - device
     offset, rate = _line_under(x, late)
-    # Delays of neighbouring reads are correlated: stretches of them are dealt out, not single ones.
+    # Delays of neighbouring reads are correlated: distribute sections, not single reads.
     stretch = chunk * min(STRETCHES, chunk[-1] + 1) // (chunk[-1] + 1)
     line = np.array([offset, rate])
     eighths = np.array([_line_under(x[k], late[k]) for k in _deal(stretch, SUBSETS)]) - line
@@ -119,27 +120,27 @@ def clock_from_arrivals(
 def clock_from_marks(
     sent_s: FloatArray, device_s: FloatArray, received_s: FloatArray
 ) -> DeviceClock:
-    """Fit a clock to questions that the device answered with its time.
+    """Fit a clock to requests that the device answered with its time.
 
-    The device's time was read between question and answer. The clock is midway between the lines
-    that this allows at the top and at the bottom; half their distance bounds the error however
-    differently the two ways delay.
+    The device read its time between request and answer. The clock is midway between the highest and
+    the lowest possible line; half their distance bounds the error for any difference of the two
+    delays.
 
     Args:
-        sent_s, received_s: Shape (marks,). SYNC times of each question's last bit and of each
+        sent_s, received_s: Shape (marks,). SYNC times of each request's last bit and of each
             answer's arrival [s].
-        device_s: Shape (marks,). What the device answered [s].
+        device_s: Shape (marks,). Times in the answers [s].
 
     Raises:
-        DataQualityError: Too few marks, an answer before its question, or no line between them.
+        DataQualityError: There are too few marks, an answer precedes its request, or no line fits.
     """
     device = read_only("mark", device_s, float, (None,), DataQualityError)
     sent = read_only("mark sent", sent_s, float, device.shape, DataQualityError)
     received = read_only("mark received", received_s, float, device.shape, DataQualityError)
     if len(device) < FEWEST_MARKS or np.any(received <= sent) or np.ptp(device) <= 0.0:
         raise DataQualityError(
-            f"{len(device)} marks cannot bound a clock: {FEWEST_MARKS} at different times are the"
-            " least, each answered after it was sent",
+            f"{len(device)} marks are too few for a clock: at least {FEWEST_MARKS} at different"
+            " times are needed, each answered after it was sent",
             code="RID-PLATE-CLOCK",
         )
     middle = float((device.min() + device.max()) / 2.0)
@@ -155,34 +156,34 @@ def clock_from_marks(
             code="RID-PLATE-CLOCK",
         )
     offset, rate = (high + low) / 2.0
-    # The errors at the two ends count as independent and evenly distributed within the bounds.
+    # Errors at the two ends are taken as independent and uniform within the bounds.
     to_line = np.linalg.inv(np.column_stack([np.ones(2), ends]))
     covariance = to_line @ np.diag(half**2 / 3.0) @ to_line.T
     return DeviceClock(middle, middle + float(offset), 1.0 + float(rate), covariance, 0.0, "marks")
 
 
 def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
-    """Fit a clock to edges of a wired trigger: the device's times of known SYNC times.
+    """Fit a clock to edges of a wired trigger: device times of known SYNC times.
 
     Args:
-        device_s, sync_s: Shape (edges,). Device time and SYNC time of each edge, as `match_edges`
-            pairs them [s].
+        device_s, sync_s: Shape (edges,). Device time and SYNC time of each edge, paired by
+            `match_edges` [s].
 
     Raises:
-        DataQualityError: Too few edges.
+        DataQualityError: There are too few edges.
     """
     device = read_only("edge", device_s, float, (None,), DataQualityError)
     sync = read_only("edge's SYNC", sync_s, float, device.shape, DataQualityError)
     if len(device) < FEWEST_MARKS or np.ptp(device) <= 0.0:
         raise DataQualityError(
-            f"{len(device)} trigger edges are too few for a clock, {FEWEST_MARKS} at different"
-            " times are the least: check the trigger's wire",
+            f"{len(device)} trigger edges are too few for a clock: at least {FEWEST_MARKS} at"
+            " different times are needed. Check the trigger's wire",
             code="RID-PLATE-CLOCK",
         )
     middle = float(device.mean())
     x, late = device - middle, sync - device
     use = np.ones(len(device), dtype=np.bool_)
-    for _ in range(2):  # a cycle whose SYNC was late on its way is left out
+    for _ in range(2):  # leave out cycles with a delayed SYNC
         rest = late - np.polyval(np.polyfit(x[use], late[use], 1), x)
         spread = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
         kept = np.abs(rest) <= OUTLIER_SIGMAS * spread + 1e-9
@@ -206,11 +207,11 @@ def match_edges(
     Args:
         device_s: Shape (edges,). Device times of the edges [s].
         sync_s: Shape (cycles,). SYNC times, increasing [s].
-        coarse: Good to less than half a cycle.
-        within_s: An edge farther from every SYNC than this is none: a glitch [s].
+        coarse: A clock accurate to less than half a cycle.
+        within_s: Largest distance of an edge from a SYNC; others are glitches [s].
 
     Returns:
-        `edges, cycles`. Indices of what belongs together.
+        `edges, cycles`. Indices of the pairs.
     """
     at = coarse.to_sync(device_s)
     right = np.clip(np.searchsorted(sync_s, at), 1, len(sync_s) - 1)
@@ -221,10 +222,10 @@ def match_edges(
 
 
 def _line_under(x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """Return offset and slope of the line under all points that is highest at the mean of x.
+    """Return offset and slope of the line below all points that is highest at the mean of x.
 
     The offset is at x = 0. The height at the mean is a concave function of the slope; its
-    subgradient is the place of the lowest point.
+    subgradient is the position of the lowest point.
     """
     centre = float(x.mean())
     around = x - centre
@@ -245,12 +246,12 @@ def _deal(stretch: IntArray, hands: int) -> list[BoolArray]:
 
 
 def _gain(half: float, eighth: float) -> float:
-    """Return how far lines under eighths lie above the line under all, over how far that lies.
+    """Return the height of lines below eighths over the height of the line below all.
 
-    The lowest of N delays lies above the shortest possible one by something like N^-k, with k = 1
-    where short delays are as frequent as others and less where they are rare. Lines under a half
-    and under an eighth of the reads, `half` and `eighth` above the line under all, show it; k
-    counts as 1/2 at most, so that the uncertainty is rather too large.
+    The lowest of N delays exceeds the shortest possible one by about N^-k. k is 1 if short delays
+    are as frequent as others, and less if they are rare. Lines below a half and below an eighth of
+    the reads, `half` and `eighth` above the line below all, show it. k is limited to 1/2, so that
+    the uncertainty is rather too large.
     """
     ratio = max(eighth / half, 3.0) if half > 0.0 else np.inf  # (8^k - 1) / (2^k - 1)
     growth = min((np.sqrt(4.0 * ratio - 3.0) - 1.0) / 2.0, np.sqrt(2.0))  # 2^k
@@ -258,22 +259,22 @@ def _gain(half: float, eighth: float) -> float:
 
 
 def _regular(covariance: FloatArray, x: FloatArray) -> FloatArray:
-    """Return a covariance that is not smaller than rounding leaves."""
+    """Return a covariance that is not smaller than rounding errors."""
     tiny = 1e-9
     return np.asarray(covariance + np.diag([tiny**2, (tiny / max(float(np.ptp(x)), 1.0)) ** 2]))
 
 
 def _wander(x: FloatArray, above: FloatArray, expected: float) -> float:
-    """Return how far the lowest arrivals of eighths of the run lie above the line, beyond chance.
+    """Return the RMS of means over eighths of the run, without the part of white noise."""
 
-    `expected` is the mean square that eighths of the rows, taken from the whole run, show.
+    `expected` is the mean square for eighths of the rows taken from the whole run.
     """
     lowest = [float(part.min()) for part in np.array_split(above[np.argsort(x)], SUBSETS)]
     return float(np.sqrt(max(0.0, float(np.mean(np.square(lowest))) - 4.0 * expected)))
 
 
 def _wander_of_means(x: FloatArray, rest: FloatArray, variance: float) -> float:
-    """Return the RMS of the means over eighths of the run, beyond what white noise leaves."""
+    """Return the RMS of the means over eighths of the run, without white noise."""
     parts = np.array_split(rest[np.argsort(x)], SUBSETS)
     power = [float(part.mean()) ** 2 - 2.0 * variance / len(part) for part in parts if len(part)]
     return float(np.sqrt(max(0.0, float(np.mean(power)))))

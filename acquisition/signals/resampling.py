@@ -1,8 +1,8 @@
-"""Rows of a device put on other times: low-passed to both rates' common band, then interpolated.
+"""Resampling of a device's rows at other times: low-pass to the common band, then interpolation.
 
-A window of the sine cardinal does both in one sum over the rows around each time (Kaiser's window,
-80 dB). With f the smaller of the two rates, what lies below 0.4 f passes within a part in ten
-thousand, what lies above 0.6 f and would fold back onto it is held down by as much.
+A windowed sine cardinal does both in one sum over the rows around each time (Kaiser window,
+80 dB). With f the smaller of the two rates, signals below 0.4 f pass with an error of 1e-4, and
+signals above 0.6 f, which would alias onto them, are attenuated to 1e-4.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ BLOCK: Final = 1024
 def resample(
     row_s: FloatArray, values: FloatArray, valid: BoolArray, at_s: FloatArray, at_rate_hz: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Return rows of a device at other times, and which of them can be relied on.
+    """Return rows of a device at other times, and their validity.
 
     Args:
-        row_s: Shape (rows,). Times of the rows, increasing, on a regular grid of which single ones
-            may miss [s].
+        row_s: Shape (rows,). Times of the rows, increasing, on a regular grid with single rows
+            missing at most [s].
         values: Shape (rows, channels). The rows.
-        valid: Shape (rows, channels). False where a value is none, such as in saturation.
-        at_s: Shape (samples,). The times wanted [s].
+        valid: Shape (rows, channels). False for invalid values, such as in saturation.
+        at_s: Shape (samples,). Requested times [s].
         at_rate_hz: Their rate.
 
     Returns:
-        `samples`, shape (samples, channels). Zero where not valid.
-        `valid`, shape (samples, channels). False beyond the rows' ends and where a value that is
-            none, or a gap of more than three rows, lies within 12.6 / f.
+        `samples`, shape (samples, channels). Zero if not valid.
+        `valid`, shape (samples, channels). False beyond the rows' ends and within 12.6 / f of an
+        invalid value or of a gap of more than three rows.
 
     Raises:
-        DataQualityError: The rows are too few, or their times are not regular.
+        DataQualityError: There are too few rows, or their times are not regular.
     """
     place, step_s = _grid(row_s)
     size, channels = int(place[-1]) + 1, values.shape[1]
@@ -77,22 +77,21 @@ def resample(
 
 
 def _grid(row_s: FloatArray) -> tuple[IntArray, float]:
-    """Return each row's place on the regular grid that the times are on, and its step."""
+    """Return the index of each row on its regular time grid, and the grid's step."""
     if len(row_s) < 2:
         raise DataQualityError(
-            f"{len(row_s)} rows of the device are too few to be resampled", code="RID-PLATE-CLOCK"
+            f"{len(row_s)} rows of the device are too few for resampling", code="RID-PLATE-CLOCK"
         )
     steps = np.diff(row_s)
     step_s = float(np.median(steps))
     if step_s > 0.0 and (steps > 0.5 * step_s).all():
         place = np.concatenate([[0], np.cumsum(np.rint(steps / step_s).astype(np.int64))])
-        # The median is rounded as the stamps are; the whole run shows the step much better.
+        # The median is rounded like the stamps; the whole run gives a much better step.
         step_s = float((row_s[-1] - row_s[0]) / place[-1])
         if np.abs(row_s - row_s[0] - place * step_s).max() < 0.25 * step_s:
             return place, step_s
     raise DataQualityError(
-        f"the device's rows are not on a regular grid of {step_s:.6g} s: its time stamps cannot be"
-        " meant",
+        f"the device's rows are not on a regular grid of {step_s:.6g} s: check its time stamps",
         code="RID-PLATE-CLOCK",
     )
 
@@ -114,7 +113,7 @@ def _filled(place: IntArray, values: FloatArray, gaps: BoolArray) -> FloatArray:
 
 
 def _short_gaps(place: IntArray, size: int) -> BoolArray:
-    """Return which places are gaps short enough to be filled, shape (size,)."""
+    """Return which indices are gaps short enough to be filled, shape (size,)."""
     short = np.zeros(size, dtype=np.bool_)
     for left in np.flatnonzero((np.diff(place) > 1) & (np.diff(place) <= LONGEST_FILLED_GAP + 1)):
         short[place[left] + 1 : place[left + 1]] = True
