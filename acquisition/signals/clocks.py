@@ -265,7 +265,7 @@ def _regular(covariance: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _wander(x: FloatArray, above: FloatArray, expected: float) -> float:
-    """Return the RMS of means over eighths of the run, without the part of white noise."""
+    """Return how far the lowest arrivals of eighths of the run are from the line, beyond chance.
 
     `expected` is the mean square for eighths of the rows taken from the whole run.
     """
