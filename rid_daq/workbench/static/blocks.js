@@ -2,7 +2,6 @@
 import { element, table } from "./dom.js";
 
 const MARKS = { true: ["good", "✓ "], false: ["bad", "✗ "], null: ["", ""] };
-const MOST_ROWS = 15; // of a table that is shown without being opened
 const RUNS = `/cells/${encodeURIComponent(document.body.dataset.cell)}/runs/`;
 
 export function verdictOf({ passed, text }) {
@@ -10,25 +9,26 @@ export function verdictOf({ passed, text }) {
   return element("p", { class: `verdict ${kind}` }, mark + text);
 }
 
-// Return the blocks' elements; `figure` makes the place of a plot, which is left out without it.
-export function blockParts(blocks, figure = null) {
+// Return the blocks' elements; `figure` makes the place of a plot, which is left out without it. A table of
+// more than `mostRows` is folded, unless it has a red row.
+export function blockParts(blocks, figure = null, mostRows = 15) {
   let title = "table";
   return blocks.flatMap((block) => {
     switch (block.kind) {
       case "heading": return [element("h3", {}, (title = block.text.trim()))];
       case "verdict": return [verdictOf(block)];
       case "text": return block.text ? [element("p", { class: block.is_note ? "soft" : null }, block.text)] : [];
-      case "table": return [tablePart(block, title)];
+      case "table": return [tablePart(block, title, mostRows)];
       case "plot": return figure ? [figure(block), element("p", { class: "soft" }, block.caption)] : [];
       case "next": return [element("p", {}, `${block.lead}: rid-daq ${block.words.join(" ")}`)];
     }
   });
 }
 
-function tablePart({ columns, rows, failed }, title) {
+function tablePart({ columns, rows, failed }, title, mostRows) {
   const cell = (text, column) => (column.is_run ? element("a", { href: RUNS + encodeURIComponent(text) }, text) : text);
   const heads = columns.map((each) => (each.unit ? `${each.title} [${each.unit}]` : each.title));
   const shown = table(heads, rows.map((row) => row.map((text, i) => cell(text, columns[i]))), failed, title);
-  if (rows.length <= MOST_ROWS) return shown;
+  if (rows.length <= mostRows) return shown;
   return element("details", { open: failed?.includes(true) ?? false }, element("summary", {}, `${title}: ${rows.length} rows`), shown);
 }

@@ -14,7 +14,7 @@ export async function loadPreflight(section, words) {
     words.textContent = error.message;
     return;
   }
-  section.replaceChildren(...blockParts(blocks));
+  section.replaceChildren(...blockParts(blocks, null, 1));
   if (found === null) {
     words.textContent = "This cell was not checked yet. Next: Check.";
     return;
