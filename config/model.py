@@ -20,7 +20,7 @@ class ConfigModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     @classmethod
-    def taken(cls, source: object, **others: object) -> Self:
+    def from_attributes(cls, source: object, **others: object) -> Self:
         """Return a model whose fields come from `others` or from the source's attributes.
 
         Arrays become tuples.
@@ -35,7 +35,7 @@ class ConfigModel(BaseModel):
         rows = zip(*map(_plain, columns.values()), strict=True)
         return tuple(cls.model_validate(dict(zip(columns, row, strict=True))) for row in rows)
 
-    def into(self, kind: type[D], **others: object) -> D:
+    def to_dataclass(self, kind: type[D], **others: object) -> D:
         """Return a dataclass whose fields come from `others` or from this model's fields."""
         names = {field.name for field in dataclasses.fields(kind)} - others.keys()
         return kind(

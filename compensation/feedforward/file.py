@@ -42,7 +42,7 @@ class TuningEntry(ConfigModel):
     @classmethod
     def of(cls, found: Tuning, run: str, same_motion: bool) -> TuningEntry:
         """Return the entry of a tuning by a run of the same or of another motion."""
-        return cls.taken(
+        return cls.from_attributes(
             found,
             run=run,
             same_motion=same_motion,

@@ -43,7 +43,9 @@ class LoopFile(ConfigModel):
 
 def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str) -> None:
     """Write loops to a file; the file is written completely or not at all."""
-    entries = [LoopEntry.taken(loop, joint=loop.joint_name, fitted=loop.names) for loop in loops]
+    entries = [
+        LoopEntry.from_attributes(loop, joint=loop.joint_name, fitted=loop.names) for loop in loops
+    ]
     file = LoopFile(format=FORMAT, robot=robot, run=run, loops=tuple(entries))
     write_whole(path, (file.model_dump_json(indent=1) + "\n").encode())
 
@@ -62,7 +64,7 @@ def loops_content(data: bytes, path: Path) -> tuple[str, tuple[VelocityLoop, ...
     what = "a loop file of `rid-daq loop`"
     file = json_content(data, path, LoopFile, what)
     loops = tuple(
-        entry.into(VelocityLoop, joint_name=entry.joint, names=entry.fitted, trials=())
+        entry.to_dataclass(VelocityLoop, joint_name=entry.joint, names=entry.fitted, trials=())
         for entry in file.loops
     )
     return file.robot, loops

@@ -62,7 +62,7 @@ def with_identities(cell: CellConfig, eds_files: EdsFiles) -> CellConfig:
         if eds is None or axis.identity is not None:
             axes.append(axis)
             continue
-        axes.append(axis.model_copy(update={"identity": DeviceIdentity.taken(eds)}))
+        axes.append(axis.model_copy(update={"identity": DeviceIdentity.from_attributes(eds)}))
     return cell.model_copy(update={"axes": tuple(axes)})
 
 

@@ -197,7 +197,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     _require_room(_Options, estimate.options, "nonlinear")
     _require_room(EstimateDocument, estimate, *_ELSEWHERE)
     noise = estimate.sigma_noise
-    return EstimateDocument.taken(
+    return EstimateDocument.from_attributes(
         estimate,
         kind="rid-daq estimate",
         format=3,
@@ -224,11 +224,11 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         combination=base.combination,
         covariance_honest=estimate.covariance_jackknife,
         shape_covariance=estimate.nonlinear_covariance,
-        plate=None if plate is None else _Plate.taken(plate),
-        channel=None if estimate.channel is None else _Channel.taken(estimate.channel),
-        warming=None if estimate.warming is None else _Warming.taken(estimate.warming),
-        still=tuple(_Still.taken(each) for each in estimate.still),
-        model=_Options.taken(estimate.options),
+        plate=None if plate is None else _Plate.from_attributes(plate),
+        channel=None if estimate.channel is None else _Channel.from_attributes(estimate.channel),
+        warming=None if estimate.warming is None else _Warming.from_attributes(estimate.warming),
+        still=tuple(_Still.from_attributes(each) for each in estimate.still),
+        model=_Options.from_attributes(estimate.options),
     )
 
 
@@ -266,7 +266,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         combination=np.array(document.combination),
         unseen=document.unseen,
     )
-    return document.into(
+    return document.to_dataclass(
         Estimate,
         options=options,
         base=base,
@@ -275,10 +275,10 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
         nonlinear_covariance=np.array(document.shape_covariance).reshape(
             len(nonlinear), len(nonlinear)
         ),
-        plate=None if document.plate is None else document.plate.into(PlateFit),
-        channel=None if document.channel is None else document.channel.into(TorqueChannel),
-        warming=None if document.warming is None else document.warming.into(Warming),
-        still=tuple(each.into(StillJoint) for each in document.still),
+        plate=None if document.plate is None else document.plate.to_dataclass(PlateFit),
+        channel=None if document.channel is None else document.channel.to_dataclass(TorqueChannel),
+        warming=None if document.warming is None else document.warming.to_dataclass(Warming),
+        still=tuple(each.to_dataclass(StillJoint) for each in document.still),
         cell_name=document.cell,
         run_ids=document.runs,
     )

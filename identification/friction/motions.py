@@ -82,7 +82,7 @@ def constant_velocity_motion(
 
 def reversed_motion(there: FourierMotion) -> ReversedMotion:
     """Return a periodic motion followed by itself backwards in time."""
-    return ReversedMotion.taken(there, kind="reversed", periods=max(2, there.periods))
+    return ReversedMotion.from_attributes(there, kind="reversed", periods=max(2, there.periods))
 
 
 def _fastest(stretch: float, joint: Joint) -> float:

@@ -137,7 +137,7 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
     estimate = payload.estimate
     whole = estimate.rank == len(PARAMETERS)
     moments, axes = estimate.body.principal if whole else (None, None)
-    return PayloadDocument.taken(
+    return PayloadDocument.from_attributes(
         estimate,
         kind="rid-daq payload",
         format=2,
@@ -153,10 +153,10 @@ def payload_document(payload: PayloadResult) -> PayloadDocument:
         ),
         principal_moments_kg_m2=moments,
         principal_axes=axes,
-        known=tuple(_Known.taken(known) for known in estimate.known),
+        known=tuple(_Known.from_attributes(known) for known in estimate.known),
         parameters=PARAMETERS,
         passed=payload.passed,
-        checks=tuple(_Check.taken(line) for line in payload.checks),
+        checks=tuple(_Check.from_attributes(line) for line in payload.checks),
     )
 
 
@@ -166,16 +166,16 @@ def _to_payload(document: PayloadDocument) -> PayloadResult:
         raise EstimationError(
             f"the parameters must be {', '.join(PARAMETERS)}", code="RID-PAYLOAD-UNSOUND"
         )
-    estimate = document.into(
+    estimate = document.to_dataclass(
         PayloadEstimate,
         unseen=np.array(document.unseen).reshape(
             len(PARAMETERS), len(document.unseen[0]) if document.unseen else 0
         ),
-        known=tuple(known.into(Known) for known in document.known),
+        known=tuple(known.to_dataclass(Known) for known in document.known),
         cell_name=document.cell,
         run_ids=document.runs,
     )
-    lines = tuple(line.into(Check) for line in document.checks)
+    lines = tuple(line.to_dataclass(Check) for line in document.checks)
     payload = PayloadResult(estimate, lines)
     if payload.passed is not document.passed:
         raise EstimationError(

@@ -53,8 +53,8 @@ class ConsistencyEntry(Section):
     @classmethod
     def of(cls, test: ConsistencyTest) -> ConsistencyEntry:
         """Return the result of a test."""
-        entries = tuple(ViolationEntry.taken(each) for each in test.violations)
-        return cls.taken(
+        entries = tuple(ViolationEntry.from_attributes(each) for each in test.violations)
+        return cls.from_attributes(
             test,
             consistent=test.is_consistent,
             largest=entries[0] if entries else None,

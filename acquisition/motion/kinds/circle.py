@@ -119,7 +119,7 @@ class CircleMotion(Motion):
         joints = FourierJoint.for_each(
             joint=robot.joint_names, offset=bins[0].real, sine=-kept.imag.T, cosine=kept.real.T
         )
-        return FourierMotion.taken(self, kind="fourier", period_s=period_s, joints=joints)
+        return FourierMotion.from_attributes(self, kind="fourier", period_s=period_s, joints=joints)
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         refuse_endless(self.transient_periods + self.periods, self.period_s, self.ramp_s)

@@ -97,7 +97,7 @@ class JointTableMotion(Motion, Derived):
         path = folder / Path(self.file).expanduser()
         joints, time_s, position = _read_table(path)
         try:
-            whole = JointTableMotion.taken(
+            whole = JointTableMotion.from_attributes(
                 self, file=None, joints=joints, time_s=time_s, position=position
             )
         except ValidationError as error:

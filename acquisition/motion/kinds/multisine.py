@@ -191,8 +191,8 @@ class MultisineMotion(Motion):
                 place[lines[k]] = phasors[k][number] / (1j * omega * lines[k])
                 sine, cosine = -place.imag[1:], place.real[1:]
                 sine[0] += shares[number, k] * settings.slow_amplitude
-                joints.append(FourierJoint.taken(settings, sine=sine, cosine=cosine))
-            found.append(FourierMotion.taken(self, kind="fourier", joints=tuple(joints)))
+                joints.append(FourierJoint.from_attributes(settings, sine=sine, cosine=cosine))
+            found.append(FourierMotion.from_attributes(self, kind="fourier", joints=tuple(joints)))
         return tuple(found)
 
     def _in_order(self, robot: RobotDescription) -> list[int]:

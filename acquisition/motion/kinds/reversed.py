@@ -38,7 +38,7 @@ class ReversedMotion(Motion):
 
     def forward(self) -> FourierMotion:
         """Return the periodic motion q(t)."""
-        return FourierMotion.taken(self, kind="fourier")
+        return FourierMotion.from_attributes(self, kind="fourier")
 
     def reversed(self) -> FourierMotion:
         """Return the periodic motion q(-t): its sines have the other sign."""

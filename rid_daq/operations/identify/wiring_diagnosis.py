@@ -148,7 +148,7 @@ class WiringDiagnosis:
         return (
             None
             if self.weight is None
-            else ArmWeightEntry.taken(self.weight, std=self.weight.sigma)
+            else ArmWeightEntry.from_attributes(self.weight, std=self.weight.sigma)
         )
 
     @property
@@ -213,7 +213,7 @@ def mistake_entry(
     )
     gains = found.times_better
     worst = max(range(len(gains)), key=lambda j: _finite(float(gains[j])))
-    return MistakeEntry.taken(
+    return MistakeEntry.from_attributes(
         best,
         times_better=_finite(float(gains[worst])),
         sentence=_sentence(found, best.words, robot.joint_names, worst),
@@ -259,7 +259,7 @@ def _places(
     ]
     lines = key_lines(folder, wanted, robot.joint_names)
     return tuple(
-        PlaceToChange.taken(each, words=str(each))
+        PlaceToChange.from_attributes(each, words=str(each))
         for each in lines
         if each.stated or each.key not in _NEVER_ADDED
     )

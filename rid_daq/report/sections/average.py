@@ -62,12 +62,12 @@ class AverageSection(Section):
     def of(cls, average: PeriodAverage, robot: RobotDescription) -> AverageSection:
         """Return what is said of averaged periods."""
         recorded = average.periods_kept + len(average.rejected)
-        return cls.taken(
+        return cls.from_attributes(
             average,
             sentence=f"{average.periods_kept} of {recorded} periods averaged,"
             f" {average.samples_per_period} samples each; {average.missing_samples} single rows"
             f" without a valid answer were left out of the mean.{_plate_sentence(average)}",
-            rejected=tuple(RejectedPeriod.taken(period) for period in average.rejected),
+            rejected=tuple(RejectedPeriod.from_attributes(period) for period in average.rejected),
             axes=AxisNoise.for_each(
                 joint=robot.joint_names,
                 unit=[units(joint)[0] for joint in robot.joints],

@@ -140,8 +140,12 @@ class ComparisonSection(Section):
             with_terms=tuple(with_terms),
             stribeck_speed=choice.stribeck_rad_s,
             memory=None if choice.presliding is None else _memory(choice.presliding),
-            channel=ChannelTrial.taken(choice.channel) if choice.channel.changes else None,
-            warming=None if choice.warming is None else WarmingTrial.taken(choice.warming),
+            channel=ChannelTrial.from_attributes(choice.channel)
+            if choice.channel.changes
+            else None,
+            warming=None
+            if choice.warming is None
+            else WarmingTrial.from_attributes(choice.warming),
             refused_delay_s=choice.refused_delay_s or None,
         )
 

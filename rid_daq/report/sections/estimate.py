@@ -142,7 +142,7 @@ class EstimateSection(Section):
             driving: Joints with negative friction power.
             arm_weight: How heavy the torques make the arm.
         """
-        return cls.taken(
+        return cls.from_attributes(
             estimate,
             sentence=_sentence(estimate),
             condition_number=float(estimate.condition_number),

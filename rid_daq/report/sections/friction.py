@@ -39,7 +39,9 @@ class MeasuredFriction(Section):
     @classmethod
     def of(cls, curve: FrictionCurve) -> MeasuredFriction:
         """Return what was measured."""
-        return cls.taken(curve, odd_std=curve.odd_sigma, direction_std=curve.direction_sigma)
+        return cls.from_attributes(
+            curve, odd_std=curve.odd_sigma, direction_std=curve.direction_sigma
+        )
 
 
 class FrictionCoefficient(Section):
@@ -79,7 +81,7 @@ class FrictionModel(Section):
         coefficients = FrictionCoefficient.for_each(
             name=fit.parameter_names, value=fit.values, std=fit.sigmas, unit=fit.parameter_units
         )
-        return cls.taken(
+        return cls.from_attributes(
             fit, rms=fit.rms_nm, parameters=coefficients, at_bound=fit.at_bound or None
         )
 

@@ -164,10 +164,10 @@ class CascadeCurves(Section):
         return cls(
             frequency_hz=rounded(grid),
             velocity=OpenLoop.of(
-                cascade.velocity_loop(grid), LoopMargins.taken(cascade.velocity_margins)
+                cascade.velocity_loop(grid), LoopMargins.from_attributes(cascade.velocity_margins)
             ),
             position=OpenLoop.of(
-                cascade.position_loop(grid), LoopMargins.taken(cascade.position_margins)
+                cascade.position_loop(grid), LoopMargins.from_attributes(cascade.position_margins)
             ),
             measured=Polar(
                 frequency_hz=rounded(f[shown]), magnitude=magnitude, phase_deg=phase_deg

@@ -152,14 +152,16 @@ class PayloadSection(Section):
         whole = estimate.rank == len(estimate.values)
         mistakes = dict.fromkeys(line.advice for line in payload.checks if not line.passed)
         own = (f"{finding.sentence}." for finding in payload_findings(estimate))
-        return cls.taken(
+        return cls.from_attributes(
             estimate,
             sentence=_sentence(estimate),
             parameters=_parameters(estimate, whole),
             principal=_principal(estimate) if whole else None,
             repeats=None
             if repeats is None
-            else PayloadRepeats.taken(repeats, runs=len(repeats.values), scatter=repeats.scatter),
+            else PayloadRepeats.from_attributes(
+                repeats, runs=len(repeats.values), scatter=repeats.scatter
+            ),
             findings=(*filter(None, mistakes), *own, *findings),
             axes=PayloadAxis.for_each(
                 joint=estimate.robot.joint_names,

@@ -67,10 +67,10 @@ class ImprovementSection(Section):
     @classmethod
     def of(cls, improved: Improvement) -> ImprovementSection:
         """Return what the combined model says of the plate's gain."""
-        return cls.taken(
+        return cls.from_attributes(
             improved,
             parameters=tuple(
-                ImprovedParameter.taken(
+                ImprovedParameter.from_attributes(
                     each,
                     words=each.expression,
                     std_internal=each.sigma_internal,
@@ -114,7 +114,7 @@ class TorqueConstants(Section):
     @classmethod
     def of(cls, torques: TorqueConsistency) -> TorqueConstants:
         """Return how torque constants compare with the plate."""
-        axes = tuple(AxisTorqueScale.taken(axis, std=axis.sigma) for axis in torques.axes)
+        axes = tuple(AxisTorqueScale.from_attributes(axis, std=axis.sigma) for axis in torques.axes)
         return cls(p_value=torques.p_value, axes=axes)
 
 
@@ -181,7 +181,7 @@ class PlateSection(Section):
                 " the cell file. Torque constants are not compared with it."
             )
         sentences += [] if mistake is None else [mistake.sentence]
-        return cls.taken(
+        return cls.from_attributes(
             plate,
             sentences=sentences,
             components=WrenchResidual.for_each(

@@ -52,7 +52,7 @@ class ReactionSection(Section):
     def of(cls, validation: BaseWrenchValidation) -> ReactionSection:
         """Return the errors of a predicted base wrench."""
         rows = thinned(len(validation.time_s))
-        return cls.taken(
+        return cls.from_attributes(
             validation,
             components=WrenchError.for_each(
                 name=WRENCH_NAMES,

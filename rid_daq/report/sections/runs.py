@@ -32,7 +32,7 @@ class CellSection(Section):
     @classmethod
     def of(cls, cell: CellConfig) -> CellSection:
         """Return what the report says of a cell."""
-        return cls.taken(cell, bus=f"{cell.can.interface}:{cell.can.channel}")
+        return cls.from_attributes(cell, bus=f"{cell.can.interface}:{cell.can.channel}")
 
 
 class AxisExtremes(Section):

@@ -88,7 +88,7 @@ class ErrorSize(Section):
         """Return the size of a run's errors."""
         bent = run.deflection
         bending = None if bent is None else Bending(rms_m=bent.rms_m, max_m=bent.max_m)
-        return cls.taken(run.error, bending=bending)
+        return cls.from_attributes(run.error, bending=bending)
 
 
 class PathCurves(Section):

@@ -114,18 +114,18 @@ class AxisLoop(Section):
             np.array([axis.noise]),
             of="mechanics' response",
         )
-        return cls.taken(
+        return cls.from_attributes(
             loop,
             joint=loop.joint_name,
             unit=f"{torque_unit} s/{position_unit}",
             std=loop.sigma,
-            trials=tuple(LoopTrialSection.taken(trial) for trial in loop.trials),
+            trials=tuple(LoopTrialSection.from_attributes(trial) for trial in loop.trials),
             inertia=axis.inertia,
             inertia_unit="kg m^2" if position_unit == "rad" else "kg",
             damping=axis.damping,
             mechanics_misfit=axis.misfit,
-            velocity_margins=LoopMargins.taken(cascade.velocity_margins),
-            position_margins=LoopMargins.taken(cascade.position_margins),
+            velocity_margins=LoopMargins.from_attributes(cascade.velocity_margins),
+            position_margins=LoopMargins.from_attributes(cascade.position_margins),
             position_peak=cascade.peak,
             largest_position_gain_per_s=finite(cascade.largest_position_gain_per_s),
             response=ControllerResponse.of(controller, loop),
