@@ -44,7 +44,7 @@ class Answer:
 
     Attributes:
         text: The requested value; empty after OK.
-        error: The error number, empty if there is none.
+        error: The error number, empty without an error.
         charge_lost: The setting was accepted but discharged the channels, so that the plate must be
             zeroed again.
     """

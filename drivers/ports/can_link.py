@@ -62,7 +62,7 @@ class CanLink:
             self._port.takes_remote_frames = True
 
     def fileno(self) -> int:
-        """Return a descriptor to wait on; -1 if there is none."""
+        """Return a descriptor to wait on; -1 without one."""
         try:
             return -1 if self._descriptor is None else self._descriptor()
         except NotImplementedError:

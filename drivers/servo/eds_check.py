@@ -134,7 +134,7 @@ def _unknown_ratings(profile: ServoProfile) -> Iterator[EdsFinding]:
 def _deviation(
     requirement: Requirement, found: EdsObject | None, node_id: int = 0
 ) -> tuple[str, str] | None:
-    """Return the requirement and the deviation; None if there is no deviation.
+    """Return the requirement and the deviation; None without a deviation.
 
     A read-only object whose factory value is the required one is accepted.
     """
