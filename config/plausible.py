@@ -185,11 +185,6 @@ def implausible(file: object) -> Iterator[tuple[Path, str]]:
             yield values[name][0], words
 
 
-def range_of(annotated: Any) -> Plausible:
-    """Return the range of `Annotated[..., Plausible(...)]`."""
-    return next(each for each in annotated.__metadata__ if isinstance(each, Plausible))
-
-
 def key_name(path: Path) -> str:
     """Return a key as written in messages and in `implausible_on_purpose`."""
     return ".".join(map(str, path))

@@ -128,13 +128,8 @@ class Ranged:
                 raise ConfigError(f"{key_name(path)}: {text}", code=CODE)
 
 
-def least(annotated: Any) -> Any:
-    """Return the lower bound of a type with a range, as `typer.Option` takes it."""
-    return next(found for found in _bounds(annotated.__metadata__, "ge"))
-
-
 def most(annotated: Any) -> Any:
-    """Return the upper bound of a type with a range, as `typer.Option` takes it."""
+    """Return the upper bound of a type with a range."""
     return next(found for found in _bounds(annotated.__metadata__, "le"))
 
 

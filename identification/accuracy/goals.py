@@ -18,7 +18,6 @@ from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters
 from identification.model.torque_columns import torque_columns
 
-FEWEST_PERIODS: Final = 3
 POSES: Final = 400
 TORQUE: Final = "torque"
 

@@ -40,11 +40,6 @@ class AxisTestRule(Enum):
     WAIVED = "waived"
     HELD = "not needed: a key is held"
 
-    @classmethod
-    def unless(cls, waived: bool) -> AxisTestRule:
-        """Return that it is required, unless a person waives it."""
-        return cls.WAIVED if waived else cls.REQUIRED
-
 
 class SignedAxis(ConfigModel):
     """An axis whose direction, encoder and gear were found right: by whom, when, in which run."""
