@@ -28,7 +28,6 @@ PATIENCE_S = 860
 pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
     pytest.mark.timeout(PATIENCE_S + 20),
-    pytest.mark.skipif(sys.platform != "linux", reason="user-mode-linux runs on Linux alone"),
 ]
 
 

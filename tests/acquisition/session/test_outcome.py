@@ -113,3 +113,12 @@ def test_a_task_that_failed_says_of_the_power_what_was_seen(
     assert ended.stop is not None
     assert ended.stop.code is StopCode.TASK_DIED
     assert said in ended.stop.text
+
+
+def test_a_task_that_did_not_finish_has_died_whatever_its_exit_code(
+    outcome: Outcome, control: ControlBlock
+) -> None:
+    control.task.state = TaskState.MOVING
+    ended = outcome(exit_code=0)
+    assert ended.stop is not None
+    assert ended.stop.code is StopCode.TASK_DIED

@@ -146,6 +146,29 @@ def test_unplugged_and_plugged_in_again_it_goes_on_as_a_new_stream(
     assert rows.damage.finished
 
 
+def test_a_line_that_stays_lost_is_an_error(
+    serve_amplifier: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("acquisition.session.plate_recorder.RETRY_PATIENCE_S", 0.05)
+    served = serve_amplifier(AmplifierFault(kind="unplug", row=5000, duration_s=1e5))
+    served.stream_s = 6.0
+    ready(served)
+    block = record(served, tmp_path / "plate.mcap")
+    assert isinstance(block.error, TransportError)
+    assert block.error.refusal == "RID-AMPLIFIER-SILENT"
+
+
+def test_a_file_that_is_not_whole_is_an_error(
+    serve_amplifier: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PlateJournalWriter, "trouble", "was deleted")
+    served = serve_amplifier()
+    ready(served)
+    block = record(served, tmp_path / "plate.mcap")
+    assert isinstance(block.error, RecordingError)
+    assert block.error.refusal == "RID-RECORDING-LOST"
+
+
 def test_an_amplifier_in_reset_is_refused(serve_amplifier: Serve, tmp_path: Path) -> None:
     served = serve_amplifier()
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:

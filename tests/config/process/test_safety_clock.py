@@ -3,6 +3,8 @@ from __future__ import annotations
 import time
 import uuid
 
+import pytest
+
 from config.process.safety_clock import boot_id, safety_now_s
 
 
@@ -11,6 +13,14 @@ def test_the_safety_clock_runs_forward_and_counts_suspension() -> None:
     assert safety_now_s() >= first
     # all of the monotonic clock's time, and the time that the computer was suspended
     assert first >= time.monotonic() - 1.0
+
+
+def test_the_safety_clock_is_the_kernels_that_counts_suspension(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clocks = {time.CLOCK_BOOTTIME: 5.0, time.CLOCK_MONOTONIC: 3.0, time.CLOCK_REALTIME: 1.0}
+    monkeypatch.setattr(time, "clock_gettime", clocks.__getitem__)
+    assert safety_now_s() == 5.0
 
 
 def test_a_start_of_the_computer_has_one_identifier() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -9,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from config.process.termination import TERMINATION, signals_blocked, signals_handled
+from config.process.termination import (
+    SUSPENSION,
+    TERMINATION,
+    ending_signals,
+    leave_terminal,
+    signals_blocked,
+    signals_handled,
+    suspension_refused,
+)
 
 
 @pytest.mark.parametrize("number", TERMINATION)
@@ -31,6 +40,37 @@ def test_signals_stay_ignored_where_something_is_left_to_be_written() -> None:
     with signals_handled(lambda: None, then_ignored=True):
         os.kill(os.getpid(), signal.SIGTERM)
     assert {signal.getsignal(number) for number in TERMINATION} == {signal.SIG_IGN}
+
+
+def test_a_process_of_a_motion_hears_neither_the_terminal_nor_its_group(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    handlers, groups = dict[int, object](), list[tuple[int, int]]()
+    monkeypatch.setattr(signal, "signal", handlers.__setitem__)
+    monkeypatch.setattr(os, "setpgid", lambda pid, group: groups.append((pid, group)))
+    monkeypatch.setattr(multiprocessing, "parent_process", object)
+    leave_terminal()
+    assert handlers == dict.fromkeys((*TERMINATION, *SUSPENSION), signal.SIG_IGN)
+    assert groups == [(0, 0)]
+
+
+def test_a_program_in_motion_is_not_suspended(capfd: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGTSTP)
+    with suspension_refused("refused"):
+        assert signal.getsignal(signal.SIGTSTP) is not before
+        signal.raise_signal(signal.SIGTSTP)
+    assert signal.getsignal(signal.SIGTSTP) is before
+    assert "refused" in capfd.readouterr().err
+
+
+def test_an_interrupt_stops_also_what_a_shell_has_started_in_the_background() -> None:
+    """Shells start it with SIGINT ignored; `nohup` with SIGHUP ignored, which stays so."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in TERMINATION}
+    try:
+        assert {*ending_signals()} == {signal.SIGINT, signal.SIGTERM}
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_a_process_started_meanwhile_is_deaf_from_its_first_instruction() -> None:

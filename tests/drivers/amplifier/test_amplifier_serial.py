@@ -12,7 +12,7 @@ import pytest
 from config.cell.amplifier_profile import AmplifierProfile
 from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from config.load import load_bundled_or_path
-from drivers.amplifier.amplifier import open_amplifier
+from drivers.amplifier.amplifier import SerialAmplifier, open_amplifier
 from drivers.amplifier.codec import Request
 from tests.builders.raised_codes import raises_code
 
@@ -136,6 +136,24 @@ def test_a_device_that_does_not_do_what_it_confirmed(plug: Plug) -> None:
         amplifier.connect()
         with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER"):
             amplifier.operate()
+
+
+@pytest.mark.parametrize(
+    ("name", "answer", "ask"),
+    [
+        ("operate", b"2\r", SerialAmplifier.is_operating),
+        ("overload", b"1FF\r", SerialAmplifier.take_overloads),
+        ("overload", b"none\r", SerialAmplifier.take_overloads),
+    ],
+)
+def test_an_answer_that_the_profile_does_not_know_is_an_error(
+    name: str, answer: bytes, ask: Callable[[SerialAmplifier], object], plug: Plug
+) -> None:
+    device = plug(moods={name: lambda request: answer})
+    with open_amplifier(device.config, PROFILE) as amplifier:
+        amplifier.connect()
+        with raises_code(ProtocolError, "RID-AMPLIFIER-ANSWER"):
+            ask(amplifier)
 
 
 def test_late_answers_do_not_answer_the_next_question(plug: Plug) -> None:

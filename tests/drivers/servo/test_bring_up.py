@@ -227,6 +227,7 @@ class TestDevicesThatAreNotThere:
         bench.drives[1].mute = True
         with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT"):
             bench.axes.bring_up()
+        assert bench.bus.sent_to(0x601) == [], "no other drive is asked anything"
 
     def test_a_drive_that_falls_silent(self, bench: Bench) -> None:
         drive = bench.drives[1]

@@ -54,6 +54,15 @@ def test_a_zeroed_plate_passes(serve_amplifier: Serve) -> None:
     assert "force at rest" in lines
 
 
+def test_a_line_that_the_rows_would_fill_is_red(
+    serve_amplifier: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rid_daq.preflight.plate_check.LINE_LOAD_LIMIT", 0.01)
+    served = serve_amplifier()
+    prepare_plate(served.plate, served.profile, operate=True)
+    assert red(lines_of(served)) == ["line load"]
+
+
 def test_one_in_reset_is_red_and_left_in_reset(serve_amplifier: Serve) -> None:
     served = serve_amplifier()
     lines = lines_of(served)

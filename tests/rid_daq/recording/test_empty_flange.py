@@ -21,6 +21,7 @@ from rid_daq.operations.payload.payload_estimate import PayloadRequest
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_state import SessionState
 from rid_daq.operations.payload.session_steps import PayloadGuide, StepFailed
+from rid_daq.preflight.bus_check import CheckLine
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
 from rid_daq.terminal.console import Console
 from rid_daq.worker.job_console import EventFile, JobConsole
@@ -103,6 +104,29 @@ def test_whoever_has_something_on_the_flange_moves_nothing(lead: Lead, state: Se
     with raises_code(PreflightError, "RID-ANSWER-NO", "moved", "--resume", "--model"):
         lead(Person(EMPTY))
     assert state.empty_flange is None
+
+
+def test_a_red_line_in_the_preflight_moves_nothing(
+    lead: Lead, state: SessionState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    red = CheckLine("axis1", "drive", "", "fault", "red", "reset it")
+    monkeypatch.setattr(session_steps, "preflight", lambda *_, **__: ([red], None))
+    with raises_code(PreflightError, "RID-PREFLIGHT-RED"):
+        lead(Person(), simulated=SimpleNamespace())
+    assert not state.done
+
+
+def test_the_cell_is_cleared_again_once_a_person_has_attached_the_payload(
+    lead: Lead, state: SessionState
+) -> None:
+    for step in ("rehearsal", "unloaded"):
+        state.note_step(step, "RUN")
+    person = Person()
+    assert isinstance(lead(person, practise=True), StepFailed)
+    cleared = [number for number, each in enumerate(person.asked) if "nobody" in each]
+    (attached,) = (number for number, each in enumerate(person.asked) if "attached" in each)
+    assert len(cleared) == 2
+    assert cleared[0] < attached < cleared[1]
 
 
 def test_a_flag_answers_but_the_verdict_does_not_say_that_you_did(

@@ -12,6 +12,7 @@ import pytest
 from acquisition.task.control_block import ControlBlock
 from rid_daq.service.front.front_desk import FrontDesk, hash_of
 from rid_daq.service.refusals import NotKnownError, UnknownError
+from rid_daq.service.stop.stop_answer import stop_each
 from rid_daq.service.store.tokens import hashed
 
 
@@ -78,3 +79,16 @@ def test_a_process_is_kept_by_its_descriptor_for_its_number_may_be_anothers(
     found.note_jobs({"a": os.getpid()})
     found.note_jobs({"a": os.getpid(), "b": 0})
     assert opened == [os.getpid()]
+
+
+def test_a_stop_that_goes_wrong_keeps_no_other_cell_from_its_stop() -> None:
+    stopped, wrong = list[str](), list[str]()
+
+    def stop(cell: str) -> bool:
+        if cell == "a":
+            raise RuntimeError
+        stopped.append(cell)
+        return True
+
+    assert stop_each(["a", "b"], stop, wrong.append).told
+    assert (stopped, wrong) == (["b"], ["a"])
