@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -64,6 +64,32 @@ class TimeBlock:
     moving: BoolArray
     event: IntArray
     time_s: FloatArray
+
+    def stretches(self) -> list[IntArray]:
+        """Return the rows of each stretch of time."""
+        return np.split(np.arange(len(self.event)), np.flatnonzero(np.diff(self.event)) + 1)
+
+    def of_joint(
+        self, joint: int, rows: IntArray, columns: IntArray | slice
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return a joint's matrix and torque: some columns of those of some rows that count."""
+        use = rows[self.use[rows, joint]]
+        return self.columns[use, joint][:, columns], self.rhs[use, joint]
+
+
+def whole_stretches(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBlock, IntArray]]]:
+    """Yield the rows of each stretch of time, block by block if it reaches over several."""
+    stretch: list[tuple[TimeBlock, IntArray]] = []
+    event = -1
+    for block in blocks:
+        for rows in block.stretches():
+            if stretch and block.event[rows[0]] != event:
+                yield stretch
+                stretch = []
+            event = int(block.event[rows[0]])
+            stretch.append((block, rows))
+    if stretch:
+        yield stretch
 
 
 def time_runs(
@@ -172,7 +198,5 @@ def joint_equations(
     A stretch is as long as `TimeRun.event` says; rows where the joint is too slow are left out.
     """
     for block in time_blocks(model, base, runs, standstill_rad_s, standard):
-        edges = np.flatnonzero(np.diff(block.event)) + 1
-        for rows in np.split(np.arange(len(block.event)), edges):
-            uses = [rows[block.use[rows, j]] for j in range(model.chain.n)]
-            yield [(block.columns[use, j], block.rhs[use, j]) for j, use in enumerate(uses)]
+        for rows in block.stretches():
+            yield [block.of_joint(j, rows, slice(None)) for j in range(model.chain.n)]

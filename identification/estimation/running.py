@@ -91,9 +91,7 @@ class RunningEstimate:
                 known = stretches.get(int(key)) or _nothing(len(self.base), structure)
                 triangles = []
                 for j, (triangle, columns) in enumerate(zip(known, structure, strict=True)):
-                    use = rows[block.use[rows, j]]
-                    matrix = block.columns[use[:, np.newaxis], j, columns]
-                    triangles.append(triangle.add(matrix, block.rhs[use, j]))
+                    triangles.append(triangle.add(*block.of_joint(j, rows, columns)))
                 stretches[int(key)] = tuple(triangles)
         return replace(self, stretches=stretches)
 

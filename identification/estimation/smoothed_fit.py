@@ -6,14 +6,19 @@ rows are not independent; the cluster-robust covariance takes a second of all jo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from config.arrays import FloatArray, IntArray
 from dynamics.model.robot_model import RobotModel
-from identification.equations.time_domain import TimeBlock, TimeRun, time_blocks
+from identification.equations.time_domain import (
+    TimeBlock,
+    TimeRun,
+    time_blocks,
+    whole_stretches,
+)
 from identification.estimation.nonlinear_parameters import fit_nonlinear, step_prior
 from identification.estimation.options import Weighting
 from identification.estimation.prior import PriorRows
@@ -115,7 +120,11 @@ class SmoothedProblem:
     def scatter(self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit) -> Scatter:
         """Return how the solution scatters, whatever the residuals' colour."""
         structure = torque_structure(model, self.base, standard is not None)
-        return jackknife(fit.solution.information, self._events(model, standard, structure, fit))
+        blocks = self.blocks(model, standard)
+        huber = self.weighting == "huber"
+        values, scale_nm = fit.solution.values, fit.scale_nm
+        clusters = time_clusters(blocks, structure, values, scale_nm, huber=huber)
+        return jackknife(fit.solution.information, clusters)
 
     def _triangles(
         self,
@@ -127,10 +136,9 @@ class SmoothedProblem:
         width = len(self.base) + (0 if standard is None else len(model.nonlinear_names))
         triangles = [Triangle.empty(width, columns) for columns in structure]
         for block in self.blocks(model, standard):
+            rows = np.arange(len(block.rhs))
             for j, columns in enumerate(structure):
-                use = np.flatnonzero(block.use[:, j])
-                matrix = block.columns[use, j][:, columns]
-                rhs = block.rhs[use, j]
+                matrix, rhs = block.of_joint(j, rows, columns)
                 if previous is not None:
                     misfit = rhs - matrix @ previous.solution.values[columns]
                     root = np.sqrt(huber_weights(misfit / previous.scale_nm[j]))
@@ -170,33 +178,36 @@ class SmoothedProblem:
             rows,
         )
 
-    def _events(
-        self,
-        model: RobotModel,
-        standard: FloatArray | None,
-        structure: tuple[IntArray, ...],
-        fit: SmoothedFit,
-    ) -> Iterator[Cluster]:
-        """Yield the clusters: seconds of all joints together."""
-        width = len(fit.solution.values)
-        gram, score, current = np.zeros((width, width)), np.zeros(width), 0
-        for block in self.blocks(model, standard):
-            edges = np.flatnonzero(np.diff(block.event)) + 1
-            for rows in np.split(np.arange(len(block.event)), edges):
-                if block.event[rows[0]] != current:
-                    yield Cluster(gram, score)
-                    gram, score = np.zeros((width, width)), np.zeros(width)
-                    current = int(block.event[rows[0]])
-                for j, columns in enumerate(structure):
-                    use = rows[block.use[rows, j]]
-                    matrix = block.columns[use[:, np.newaxis], j, columns]
-                    misfit = block.rhs[use, j] - matrix @ fit.solution.values[columns]
-                    weights = np.full(len(use), fit.scale_nm[j] ** -2)
-                    if self.weighting == "huber":
-                        weights *= huber_weights(misfit)
-                    weighted = (matrix * weights[:, np.newaxis]).T
-                    gram[columns[:, np.newaxis], columns] += weighted @ matrix
-                    score[columns] += weighted @ misfit
+
+def time_clusters(
+    blocks: Iterable[TimeBlock],
+    structure: Sequence[IntArray],
+    values: FloatArray,
+    scale_nm: FloatArray,
+    *,
+    huber: bool = False,
+) -> Iterator[Cluster]:
+    """Yield each stretch of time, all joints together, as a cluster.
+
+    Args:
+        blocks: The equations.
+        structure: The columns that each joint's torque depends on.
+        values: Shape (p,). The solution.
+        scale_nm: Shape (n,). The number that each joint's rows are divided by.
+        huber: True to hold down rows with large residuals.
+    """
+    for stretch in whole_stretches(blocks):
+        gram, score = np.zeros((len(values), len(values))), np.zeros(len(values))
+        for block, rows in stretch:
+            for j, columns in enumerate(structure):
+                matrix, rhs = block.of_joint(j, rows, columns)
+                misfit = rhs - matrix @ values[columns]
+                weights = np.full(len(rhs), scale_nm[j] ** -2)
+                if huber:
+                    weights *= huber_weights(misfit)
+                weighted = (matrix * weights[:, np.newaxis]).T
+                gram[columns[:, np.newaxis], columns] += weighted @ matrix
+                score[columns] += weighted @ misfit
         yield Cluster(gram, score)
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from config.arrays import BoolArray, FloatArray, IntArray
+from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
-from identification.equations.time_domain import TimeBlock
+from identification.equations.time_domain import TimeBlock, whole_stretches
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.smoothed_fit import weighted_by_residuals
@@ -106,53 +106,33 @@ def _seconds(
     plain: FittedSignals, full: FittedSignals, low_passed: bool
 ) -> Iterator[tuple[_Second, _Second]]:
     """Yield what each second says of the simpler and of the richer model."""
-    widths = [len(fitted.base) for fitted in (plain, full)]
-    structures = [torque_structure(fitted.model, fitted.base, False) for fitted in (plain, full)]
-    both = [
-        fitted.problem.blocks(fitted.model, fitted.standard, low_passed=low_passed)
-        for fitted in (plain, full)
-    ]
-    held: tuple[_Second, _Second] | None = None
-    current = 0
-    for blocks in zip(*both, strict=True):
-        event, judged = blocks[1].event, blocks[1].use
-        trained = (blocks[0].use, judged)
-        edges = np.flatnonzero(np.diff(event)) + 1
-        for rows in np.split(np.arange(len(event)), edges):
-            if held is not None and event[rows[0]] != current:
-                yield held
-                held = None
-            current = int(event[rows[0]])
-            before = held or (None, None)
-            simpler, richer = (
-                _Second(
-                    _triangles(block, rows, use, width, structure, own.train if own else None),
-                    _triangles(block, rows, judged, width, structure, own.judge if own else None),
-                )
-                for block, use, width, structure, own in zip(
-                    blocks, trained, widths, structures, before, strict=True
-                )
-            )
-            held = (simpler, richer)
-    if held is not None:
-        yield held
+    simpler, richer = (
+        whole_stretches(fit.problem.blocks(fit.model, fit.standard, low_passed=low_passed))
+        for fit in (plain, full)
+    )
+    for stretches in zip(simpler, richer, strict=True):
+        judged = [
+            [(replace(block, use=other.use), rows) for (block, rows), (other, _) in own]
+            for own in (zip(stretch, stretches[1], strict=True) for stretch in stretches)
+        ]
+        first, second = (
+            _triangles(fit, own) for fit, own in zip((plain, full), judged, strict=True)
+        )
+        yield _Second(_triangles(plain, stretches[0]), first), _Second(second, second)
 
 
 def _triangles(
-    block: TimeBlock,
-    rows: IntArray,
-    use: BoolArray,
-    width: int,
-    structure: tuple[IntArray, ...],
-    before: tuple[Triangle, ...] | None,
+    fit: FittedSignals, stretch: Sequence[tuple[TimeBlock, IntArray]]
 ) -> tuple[Triangle, ...]:
-    """Return the triangles of some rows of a block, one a joint, added to those before."""
-    found = before or tuple(Triangle.empty(width, columns) for columns in structure)
-    out = []
-    for j, (columns, triangle) in enumerate(zip(structure, found, strict=True)):
-        mine = rows[use[rows, j]]
-        out.append(triangle.add(block.columns[mine[:, np.newaxis], j, columns], block.rhs[mine, j]))
-    return tuple(out)
+    """Return what a stretch says of each joint."""
+    structure = torque_structure(fit.model, fit.base, False)
+    triangles = [Triangle.empty(len(fit.base), columns) for columns in structure]
+    for block, rows in stretch:
+        triangles = [
+            triangle.add(*block.of_joint(j, rows, columns))
+            for j, (triangle, columns) in enumerate(zip(triangles, structure, strict=True))
+        ]
+    return tuple(triangles)
 
 
 def _joined(triangles: Sequence[Triangle]) -> Triangle:

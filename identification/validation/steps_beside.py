@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from config.arrays import FloatArray, IntArray
+from config.arrays import FloatArray
 from identification.equations.time_domain import TimeBlock
 from identification.estimation.fitted_signals import FittedSignals
 from identification.estimation.nonlinear_parameters import step_prior
-from identification.estimation.smoothed_fit import weighted_by_residuals
+from identification.estimation.smoothed_fit import time_clusters, weighted_by_residuals
 from identification.model.torque_columns import torque_structure
-from identification.regression.intervals import Cluster, jackknife
+from identification.regression.intervals import jackknife
 from identification.regression.least_squares import Triangle
 
 
@@ -35,46 +36,23 @@ def steps_beside(
     width, n = len(fitted.base) + nonlinear, fitted.model.chain.n
     own = [np.append(columns, width + j) for j, columns in enumerate(structure)]
     triangles = [Triangle.empty(width + n, columns) for columns in own]
-    for block, extra in _blocks(fitted, slope):
-        for j, columns in enumerate(structure):
-            use = np.flatnonzero(block.use[:, j])
-            triangles[j] = triangles[j].add(
-                _matrix(block, extra, use, j, columns), block.rhs[use, j]
-            )
+    for block in _blocks(fitted, slope, seconds):
+        rows = np.arange(len(block.rhs))
+        triangles = [t.add(*block.of_joint(j, rows, own[j])) for j, t in enumerate(triangles)]
     names = tuple(map(str, range(width + n)))
     known = [] if not nonlinear else [step_prior(fitted.model, len(fitted.base), width + n)]
     solution, scale = weighted_by_residuals(triangles, known, names)
-
-    def clusters() -> Iterator[Cluster]:
-        gram, score, current = np.zeros((width + n,) * 2), np.zeros(width + n), 0
-        for block, extra in _blocks(fitted, slope):
-            event = block.event // seconds
-            for rows in np.split(np.arange(len(event)), np.flatnonzero(np.diff(event)) + 1):
-                if event[rows[0]] != current:
-                    yield Cluster(gram, score)
-                    gram, score = np.zeros_like(gram), np.zeros_like(score)
-                    current = int(event[rows[0]])
-                for j, columns in enumerate(structure):
-                    use = rows[block.use[rows, j]]
-                    matrix = _matrix(block, extra, use, j, columns)
-                    misfit = block.rhs[use, j] - matrix @ solution.values[own[j]]
-                    gram[own[j][:, np.newaxis], own[j]] += matrix.T @ matrix / scale[j] ** 2
-                    score[own[j]] += matrix.T @ misfit / scale[j] ** 2
-        yield Cluster(gram, score)
-
-    covariance = jackknife(solution.information, clusters()).quoted
+    clusters = time_clusters(_blocks(fitted, slope, seconds), own, solution.values, scale)
+    covariance = jackknife(solution.information, clusters).quoted
     return solution.values[width:], np.sqrt(np.diagonal(covariance)[width:])
 
 
-def _blocks(fitted: FittedSignals, slope: FloatArray) -> Iterator[tuple[TimeBlock, FloatArray]]:
-    problem, first = fitted.problem, 0
-    for block in problem.blocks(fitted.model, fitted.standard):
-        yield block, slope[first : first + len(block.rhs)]
+def _blocks(fitted: FittedSignals, slope: FloatArray, seconds: int) -> Iterator[TimeBlock]:
+    """Yield the equations with a column for each joint's own parameter behind the others."""
+    first, n = 0, slope.shape[1]
+    for block in fitted.problem.blocks(fitted.model, fitted.standard):
+        extra = np.zeros((len(block.rhs), n, n))
+        extra[:, range(n), range(n)] = slope[first : first + len(block.rhs)]
+        columns = np.concatenate([block.columns, extra], axis=2)
+        yield replace(block, columns=columns, event=block.event // seconds)
         first += len(block.rhs)
-
-
-def _matrix(
-    block: TimeBlock, extra: FloatArray, use: IntArray, joint: int, columns: IntArray
-) -> FloatArray:
-    own = extra[use, joint][:, np.newaxis]
-    return np.hstack([block.columns[use[:, np.newaxis], joint, columns], own])
