@@ -60,27 +60,35 @@ def motion_document(designed: Designed, output: Path) -> dict[str, object]:
     """
     motion, found = designed.motion, designed.found
     shown: dict[str, object] = {"motion": str(output), "duration_s": designed.samples.duration_s}
-    if not isinstance(motion, FourierMotion):
-        shown["kind"] = motion.kind
-    if isinstance(motion, MultisineMotion):
-        shown["band_hz"] = [motion.lowest_hz, motion.highest_hz]
-        shown["axes"] = [asdict(axis) for axis in _multisine_axes(designed, motion)]
-    if isinstance(motion, FourierMotion):
-        axes = _excitation_axes(designed.samples, designed.cell.robot)
-        shown["condition_number"] = designed.condition
-        shown["axes"] = [asdict(axis) for axis in axes]
-        if found is not None:
-            shown["limits"] = [asdict(use) for use in found.best.check.uses]
-            shown["trials"] = [
-                {
-                    "elapsed_s": trial.elapsed_s,
-                    "seed": trial.seed,
-                    "worth": trial.objective,
-                    "broken": trial.broken,
+    match motion:
+        case FourierMotion():
+            axes = _excitation_axes(designed.samples, designed.cell.robot)
+            shown |= {
+                "condition_number": designed.condition,
+                "axes": [asdict(axis) for axis in axes],
+            }
+            if found is not None:
+                shown |= {
+                    "limits": [asdict(use) for use in found.best.check.uses],
+                    "trials": [
+                        {
+                            "elapsed_s": trial.elapsed_s,
+                            "seed": trial.seed,
+                            "worth": trial.objective,
+                            "broken": trial.broken,
+                        }
+                        for trial in found.trials
+                    ],
+                    "interrupted": found.interrupted_by is not None,
                 }
-                for trial in found.trials
-            ]
-            shown["interrupted"] = found.interrupted_by is not None
+        case MultisineMotion():
+            shown |= {
+                "kind": motion.kind,
+                "band_hz": [motion.lowest_hz, motion.highest_hz],
+                "axes": [asdict(axis) for axis in _multisine_axes(designed, motion)],
+            }
+        case _:
+            shown["kind"] = motion.kind
     return shown
 
 
@@ -94,20 +102,23 @@ def motion_blocks(designed: Designed, request: DesignRequest) -> Iterator[AnyBlo
     motion, duration_s = designed.motion, designed.samples.duration_s
     for note in designed.notes:
         yield Text(text=note)
-    if isinstance(motion, FourierMotion):
-        yield from _excitation_blocks(designed, motion, request.output)
-    else:
-        yield Text(text=f"{request.output}: {motion.describe()} {duration_s:.0f} s in all.")
-        if isinstance(motion, MultisineMotion):
+    sentence = Text(text=f"{request.output}: {motion.describe()} {duration_s:.0f} s in all.")
+    match motion:
+        case FourierMotion():
+            yield from _excitation_blocks(designed, motion, request.output)
+        case MultisineMotion():
+            yield sentence
             yield from _multisine_blocks(_multisine_axes(designed, motion))
             if not request.multisine.slow:
                 yield Text(
                     text="Without the slow sine, friction sticks: inertia and margins are wrong."
                 )
-        elif (table := motion.joint_table()) is not None:
-            heads, rows = table
-            columns = tuple(Column(title=head, is_text=True) for head in heads)
-            yield Table(columns=columns, rows=tuple(rows))
+        case _:
+            yield sentence
+            if (named := motion.joint_table()) is not None:
+                heads, rows = named
+                columns = tuple(Column(title=head, is_text=True) for head in heads)
+                yield Table(columns=columns, rows=tuple(rows))
     yield Next(words=("record", request.cell, str(request.output)))
     if request.kind is Kind.MULTISINE:
         yield Next(words=("loop", "latest"))
