@@ -2,33 +2,70 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol, Self
+from dataclasses import dataclass, replace
+from typing import Self
 
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
+from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.payload.equations import PayloadEquations, PayloadModel, Procedure
 
 
-class MeasuredRuns(Protocol):
-    """What the procedures ask of runs: `PeriodicRuns` and `SmoothedRuns` answer."""
+@dataclass(frozen=True, eq=False)
+class MeasuredRuns(ABC):
+    """Runs as the procedures use them, as `PeriodicRuns` or `SmoothedRuns`.
+
+    Attributes:
+        sources: One a run.
+        loaded: Which runs carried the payload.
+    """
+
+    sources: tuple[PeriodAverage | SmoothedSignals, ...]
+    loaded: tuple[bool, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.loaded) != len(self.sources):
+            raise EstimationError(
+                f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
+                f" {len(self.sources)}",
+                code="RID-API-ARGUMENT",
+            )
 
     @property
-    @abstractmethod
-    def loaded(self) -> tuple[bool, ...]:
-        """Which runs carried the payload."""
-
-    @property
-    @abstractmethod
     def torque_nm(self) -> FloatArray:
         """RMS of each joint's torque in all runs, shape (n,) [N m or N]."""
+        torque = np.vstack([source.torque_nm for source in self.sources])
+        return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
 
-    @abstractmethod
     def part(self, chosen: Sequence[int], *, carrying: bool = False) -> Self:
         """Return some of the runs, by number from 0; `carrying`, as if all carried something."""
+        return replace(
+            self,
+            sources=tuple(self.sources[i] for i in chosen),
+            loaded=tuple(carrying or self.loaded[i] for i in chosen),
+        )
+
+    def pair(self) -> tuple[int, int]:
+        """Return the numbers of the run with the payload and of the one without it.
+
+        Raises:
+            EstimationError: There are other runs than these two.
+        """
+        if sorted(self.loaded) != [False, True]:
+            raise EstimationError(
+                "torques are subtracted between one run with the payload and one without: give two"
+                " runs, or use the procedure `together`",
+                code="RID-PAYLOAD-PROCEDURE",
+            )
+        return self.loaded.index(True), self.loaded.index(False)
 
     @abstractmethod
     def equations(

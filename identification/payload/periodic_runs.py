@@ -16,7 +16,7 @@ from identification.equations.base_wrench import both_parts
 from identification.equations.bins import BinEquations, bin_equations
 from identification.equations.whitened import WhitenedEquations, whiten
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.inertia import inertia_size
 from identification.model.options import ModelOptions
@@ -28,6 +28,7 @@ from identification.payload.equations import (
     condense,
     robot_prior,
 )
+from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.solution import base_values, minimum_norm
 from identification.regression.least_squares import Triangle
 
@@ -35,41 +36,16 @@ SAME_MOTION_SHARE: Final = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicRuns:
+class PeriodicRuns(MeasuredRuns):
     """Averaged periods, with and without the payload.
 
     Attributes:
-        averages: One a run.
-        loaded: Which runs carried the payload.
         band_hz, standstill_rad_s: As for `estimate_periodic`.
     """
 
-    averages: tuple[PeriodAverage, ...]
-    loaded: tuple[bool, ...]
+    sources: tuple[PeriodAverage, ...]
     band_hz: float
     standstill_rad_s: float
-
-    def __post_init__(self) -> None:
-        if len(self.loaded) != len(self.averages):
-            raise EstimationError(
-                f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
-                f" {len(self.averages)}",
-                code="RID-API-ARGUMENT",
-            )
-
-    @property
-    def torque_nm(self) -> FloatArray:
-        """RMS of each joint's torque; see `MeasuredRuns`."""
-        torque = np.vstack([average.torque_nm for average in self.averages])
-        return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
-
-    def part(self, chosen: Sequence[int], *, carrying: bool = False) -> PeriodicRuns:
-        """Return some of the runs; see `MeasuredRuns`."""
-        return replace(
-            self,
-            averages=tuple(self.averages[i] for i in chosen),
-            loaded=tuple(carrying or self.loaded[i] for i in chosen),
-        )
 
     def estimate(
         self, robot: RobotDescription, model: ModelOptions, payload: Sequence[bool]
@@ -78,7 +54,7 @@ class PeriodicRuns:
         options = EstimationOptions(
             model, band_hz=self.band_hz, standstill_rad_s=self.standstill_rad_s
         )
-        return estimate_periodic(robot, self.averages, options, payload=payload)
+        return fit_periodic(robot, self.sources, options, payload=payload).estimate()
 
     def equations(
         self,
@@ -98,10 +74,10 @@ class PeriodicRuns:
         if procedure == "difference":
             binned = [_difference(self, binned)]
             layout = Layout(model, 1, with_robot=False, slopes=0)
-            averages = [self.averages[self.loaded.index(True)]]
+            averages = [self.sources[self.loaded.index(True)]]
         else:
             layout = Layout(model, len(binned), slopes=slopes)
-            averages = list(self.averages)
+            averages = list(self.sources)
         known = robot_prior(layout, robot if procedure == "model" else None)
         n = model.model.chain.n
         loaded = 1 if procedure == "difference" else sum(self.loaded)
@@ -131,7 +107,7 @@ class PeriodicRuns:
                 payload=loaded,
                 standard=standard,
             )
-            for average, loaded in zip(self.averages, self.loaded, strict=True)
+            for average, loaded in zip(self.sources, self.loaded, strict=True)
         ]
 
 
@@ -186,14 +162,8 @@ def _spread(layout: Layout, run: int, part: WhitenedEquations) -> WhitenedEquati
 
 def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquations:
     """Return the loaded run's equations less the unloaded run's torques."""
-    if sorted(runs.loaded) != [False, True]:
-        raise EstimationError(
-            "torques are subtracted between one run with the payload and one without: give two"
-            " runs, or use the procedure `together`",
-            code="RID-PAYLOAD-PROCEDURE",
-        )
-    loaded, unloaded = runs.loaded.index(True), runs.loaded.index(False)
-    a, b = runs.averages[loaded], runs.averages[unloaded]
+    loaded, unloaded = runs.pair()
+    a, b = runs.sources[loaded], runs.sources[unloaded]
     if a.position.shape != b.position.shape or abs(a.period_s - b.period_s) > 1e-9 * a.period_s:
         raise EstimationError(
             f"the runs have periods of {a.period_s:g} s and {b.period_s:g} s: torques are"

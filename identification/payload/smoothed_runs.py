@@ -10,11 +10,10 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
-from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.equations.time_domain import joint_equations, time_runs
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.equations import (
@@ -25,6 +24,7 @@ from identification.payload.equations import (
     condense,
     robot_prior,
 )
+from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.same_motion import torque_difference
 from identification.payload.solution import minimum_norm_of
 from identification.regression.least_squares import Triangle
@@ -34,47 +34,22 @@ SETTLED: Final = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothedRuns:
+class SmoothedRuns(MeasuredRuns):
     """Smoothed recordings, with and without the payload.
 
     Attributes:
-        signals: One a run.
-        loaded: Which runs carried the payload.
         standstill_rad_s: A joint's equation is left out while the joint is slower.
     """
 
-    signals: tuple[SmoothedSignals, ...]
-    loaded: tuple[bool, ...]
+    sources: tuple[SmoothedSignals, ...]
     standstill_rad_s: float
-
-    def __post_init__(self) -> None:
-        if len(self.loaded) != len(self.signals):
-            raise EstimationError(
-                f"loaded says of {len(self.loaded)} runs whether they carry the payload, there are"
-                f" {len(self.signals)}",
-                code="RID-API-ARGUMENT",
-            )
-
-    @property
-    def torque_nm(self) -> FloatArray:
-        """RMS of each joint's torque; see `MeasuredRuns`."""
-        torque = np.vstack([signals.torque_nm for signals in self.signals])
-        return np.asarray(np.sqrt(np.mean(torque**2, axis=0)))
-
-    def part(self, chosen: Sequence[int], *, carrying: bool = False) -> SmoothedRuns:
-        """Return some of the runs; see `MeasuredRuns`."""
-        return replace(
-            self,
-            signals=tuple(self.signals[i] for i in chosen),
-            loaded=tuple(carrying or self.loaded[i] for i in chosen),
-        )
 
     def estimate(
         self, robot: RobotDescription, model: ModelOptions, payload: Sequence[bool]
     ) -> Estimate:
         """Estimate a whole robot; see `MeasuredRuns`."""
         options = EstimationOptions(model, standstill_rad_s=self.standstill_rad_s)
-        return estimate_smoothed(robot, self.signals, options, payload=payload)
+        return fit_smoothed(robot, self.sources, options, payload=payload).estimate()
 
     def equations(
         self,
@@ -90,22 +65,16 @@ class SmoothedRuns:
         of one run. `difference` needs one motion recorded with and without the payload.
         """
         if procedure == "difference":
-            empty = self.part([self.loaded.index(False)])
             equations = self._difference()._equations(model, procedure, None, None)
+            empty = self.part([self.loaded.index(False)])
             return replace(equations, explained_nm=empty.torque_nm)
         return self._equations(model, procedure, robot, standard)
 
     def _difference(self) -> SmoothedRuns:
         """Return the loaded run less the unloaded run's torques, as a run by itself."""
-        if sorted(self.loaded) != [False, True]:
-            raise EstimationError(
-                "torques are subtracted between one run with the payload and one without: give two"
-                " runs, or use the procedure `together`",
-                code="RID-PAYLOAD-PROCEDURE",
-            )
-        loaded = self.loaded.index(True)
-        own = torque_difference(self.signals[loaded], self.signals[1 - loaded])
-        return replace(self, signals=(own,), loaded=(True,))
+        loaded, unloaded = self.pair()
+        own = torque_difference(self.sources[loaded], self.sources[unloaded])
+        return replace(self, sources=(own,), loaded=(True,))
 
     def _equations(
         self,
@@ -116,7 +85,7 @@ class SmoothedRuns:
     ) -> PayloadEquations:
         slopes = 0 if standard is None else len(model.model.nonlinear_names)
         with_robot = procedure != "difference"
-        layout = Layout(model, len(self.signals), with_robot=with_robot, slopes=slopes)
+        layout = Layout(model, len(self.sources), with_robot=with_robot, slopes=slopes)
         width, n = len(layout.names), model.model.chain.n
         known = robot_prior(layout, robot if procedure == "model" else None)
         triangles = [Triangle.empty(width) for _ in range(n)]
@@ -155,7 +124,7 @@ def _clusters(
     model: PayloadModel, runs: SmoothedRuns, standard: FloatArray | None
 ) -> Iterator[tuple[int, list[tuple[FloatArray, FloatArray]]]]:
     """Yield the number of a run and each joint's equations, second by second."""
-    for run, timed in enumerate(time_runs(model.model, runs.signals, runs.loaded)):
+    for run, timed in enumerate(time_runs(model.model, runs.sources, runs.loaded)):
         seconds = joint_equations(model.model, model.base, [timed], runs.standstill_rad_s, standard)
         for rows in seconds:
             yield run, rows

@@ -135,6 +135,6 @@ class MassWatch:
             return new
         return replace(
             self._before,
-            averages=(*self._before.averages, *new.averages),
+            sources=(*self._before.sources, *new.sources),
             loaded=(*self._before.loaded, *new.loaded),
         )
