@@ -40,7 +40,7 @@ from benchmarks.logged_robots import REFUSED, SOUND, WRONG, Arm, Logged, logged
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.torque_prediction import validate
@@ -128,7 +128,7 @@ def held_out(robot: RobotDescription, trained: Samples, judged: Recording) -> Fl
     """Return the relative torque error of each joint on another recording [%]."""
     signals = smooth_nonperiodic(recording(robot, trained), BAND_HZ)
     options = EstimationOptions(model=ModelOptions(friction_terms=("coulomb", "viscous", "offset")))
-    estimate = estimate_smoothed(robot, [signals], options)
+    estimate = fit_smoothed(robot, [signals], options).estimate()
     return validate(estimate, judged, cutoff_hz=BAND_HZ).relative_percent
 
 

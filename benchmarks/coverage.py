@@ -24,7 +24,7 @@ from config.arrays import FloatArray
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, regressor
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.model.base_parameters import base_parameters
 
 CYCLE_S = 0.008
@@ -69,7 +69,7 @@ def coverage(experiments: int) -> Coverage:
         random = np.random.default_rng(seed + 1)
         error = _ripple(position, random) + _coloured(position.shape, random)
         noise = NOISE_NM / np.sqrt(PERIODS) * random.normal(size=position.shape)
-        estimate = estimate_periodic(robot, [_average(position, torque + error + noise)])
+        estimate = fit_periodic(robot, [_average(position, torque + error + noise)]).estimate()
         miss = np.abs(estimate.values - truth)
         sigmas = (estimate.sigma, estimate.sigma_residual, estimate.sigma_noise)
         held.append([miss < 2.0 * np.asarray(sigma) for sigma in sigmas])

@@ -38,7 +38,7 @@ from config.arrays import FloatArray
 from identification.accuracy.identifiability import noiseless_findings
 from identification.choices import BAND_HZ
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 
 BIAS_PERCENT: Final = {1000: 0.02, 500: 0.02, 200: 0.02, 100: 0.08}
 RATES_HZ: Final = (1000, 500, 100)
@@ -129,7 +129,7 @@ def slow_noise(
 
 def identified(exact: Exact, recording: Recording, band_hz: float = BAND_HZ) -> Estimate:
     """Return the estimate of a recording."""
-    return estimate_smoothed(exact.arm.robot, [smooth_nonperiodic(recording, band_hz)])
+    return fit_smoothed(exact.arm.robot, [smooth_nonperiodic(recording, band_hz)]).estimate()
 
 
 def is_friction(estimate: Estimate) -> list[bool]:

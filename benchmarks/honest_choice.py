@@ -32,7 +32,7 @@ from config.arrays import FloatArray
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.channel_choice import KINDS
 from identification.validation.model_choice import ModelChoice, choose_model
 from identification.validation.torque_prediction import validate
@@ -242,9 +242,9 @@ def judge(case: Case, tally: Tally) -> str:
     clocks_known = all(known for _, known in recorded[:2])
     chosen = choose_model(robot, signals, kinds=tuple(KINDS) if clocks_known else ("none",))
     channel = chosen.channel if chosen.channel.changes else None
-    plain = estimate_smoothed(robot, signals)
+    plain = fit_smoothed(robot, signals).estimate()
     known = [replace(run, channel=channel) for run in signals]
-    model = replace(estimate_smoothed(chosen.robot(robot), known), channel=channel)
+    model = replace(fit_smoothed(chosen.robot(robot), known).estimate(), channel=channel)
     same, other = (_ratio(model, plain, run) for run in runs[2:])
     if first == "sines":  # both kinds of motion were in the training runs
         same, other = np.maximum(same, other), np.ones_like(other)

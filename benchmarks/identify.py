@@ -29,7 +29,7 @@ from config.load import load_robot
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import RobotModel, torque
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 
 SAMPLES = 45_000
 STEP_S = 0.002
@@ -79,11 +79,11 @@ def recording(robot: RobotDescription, samples: int) -> SmoothedSignals:
 
 def seconds(robot: RobotDescription, signals: SmoothedSignals, rounds: int) -> float:
     """Return the least time of some rounds [s]; the first compiles and is not counted."""
-    estimate_smoothed(robot, [signals])
+    fit_smoothed(robot, [signals]).estimate()
     times = []
     for _ in range(rounds):
         began_s = time.perf_counter()
-        estimate_smoothed(robot, [signals])
+        fit_smoothed(robot, [signals]).estimate()
         times.append(time.perf_counter() - began_s)
     return min(times)
 
@@ -100,12 +100,12 @@ def one(times: int) -> None:
     """Measure `times` the data in this process, and print time and memory."""
     robot = arm()
     signals = recording(robot, SAMPLES * times)
-    estimate_smoothed(robot, [recording(robot, 5000)])
+    fit_smoothed(robot, [recording(robot, 5000)]).estimate()
     began_s = time.perf_counter()
-    estimate_smoothed(robot, [signals])
+    fit_smoothed(robot, [signals]).estimate()
     spent_s = time.perf_counter() - began_s
     tracemalloc.start()
-    estimate_smoothed(robot, [signals])
+    fit_smoothed(robot, [signals]).estimate()
     print(spent_s, tracemalloc.get_traced_memory()[1] / 2**20)
 
 
@@ -145,7 +145,7 @@ def main() -> int:
     robot = arm()
     signals = recording(robot, SAMPLES)
     value = seconds(robot, signals, 2 if options.quick else 5)
-    estimate = estimate_smoothed(robot, [signals])
+    estimate = fit_smoothed(robot, [signals]).estimate()
     print(f"{SAMPLES} samples, {len(estimate.base)} base parameters: {value:.3f} s")
     rows = [(k, *grown(k)) for k in ((1, 2, 4) if options.quick else (1, 2, 4, 8))]
     for k, spent_s, memory_mb in rows:

@@ -40,7 +40,7 @@ class PeriodicRuns(MeasuredRuns):
     """Averaged periods, with and without the payload.
 
     Attributes:
-        band_hz, standstill_rad_s: As for `estimate_periodic`.
+        band_hz, standstill_rad_s: As in `EstimationOptions`.
     """
 
     sources: tuple[PeriodAverage, ...]

@@ -20,8 +20,8 @@ from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
 from dynamics.model.true_parameters import true_parameters
 from identification.equations.segments import period_signals
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.validation.period_comparison import compare_period
 from identification.validation.presliding_choice import choose_presliding
@@ -119,7 +119,7 @@ def run_story(
         show(told.done_s, "identifying")
         average = excited.measured.average
         remembering = _with_memory(robot, average)
-        estimate = estimate_periodic(remembering, [average], cell_name=cell.name)
+        estimate = fit_periodic(remembering, [average]).estimate(cell_name=cell.name)
         write_estimate(folder.path / f"model_{_name(unmodelled)}.json", estimate)
         chapter = timed = None
         if unmodelled and motions.paths is not None:

@@ -21,8 +21,8 @@ from config.errors import DataQualityError
 from config.load import LoadedCell, to_yaml
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate, predict_base_wrench
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from rid_daq.demo.demo_paths import Precompensation, Record
@@ -124,12 +124,11 @@ def run_timing_chapter(
     on_plate = record("plate", motions.excitation)
     cell = on_plate.measured.cell
     assert cell is not None
-    model = estimate_periodic(
+    model = fit_periodic(
         motions.robot,
         [on_plate.measured.average],
         EstimationOptions(model=ModelOptions(kind="combined")),
-        cell_name=cell.name,
-    )
+    ).estimate(cell_name=cell.name)
     write_estimate(root.path / MODEL, model)
     limits = TimingLimits.of_robot(motions.robot)
     limits = replace(limits, torque_rate=RATE * limits.torque, base=np.array(BASE))

@@ -16,7 +16,7 @@ from identification.accuracy.goals import Goal, GoalState, goal_states, parse_go
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
 from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.running import RunningEstimate, RunningValues
 from identification.model.base_parameters import base_parameters
 from rid_daq.recording.average_so_far import AverageSoFar
@@ -83,7 +83,7 @@ class AccuracyWatch:
             self._follow(new)
             if not self.goals:
                 return False
-            estimate = estimate_periodic(self._robot, [self._average.with_more(new)])
+            estimate = fit_periodic(self._robot, [self._average.with_more(new)]).estimate()
         except (DataQualityError, EstimationError) as error:
             self.trouble = str(error)
             return False

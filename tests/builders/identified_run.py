@@ -23,8 +23,8 @@ from dynamics.model.robot_model import RobotModel, torque
 from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.estimation.fitted_periods import fit_periodic
 
 CYCLE_S = 0.008
 PERIODS = 4
@@ -94,7 +94,9 @@ def identified_run(
     rows["phase"] = Phase.MAIN
     folder = RunFolder.create(root, label)
     recording = _journalled(folder, cell, rows, seed, len(arm.q))
-    estimate = estimate_periodic(cell.robot, [average_periods(recording)], run_ids=(folder.run_id,))
+    estimate = fit_periodic(cell.robot, [average_periods(recording)]).estimate(
+        run_ids=(folder.run_id,)
+    )
     write_estimate(folder.path / "model.json", estimate)
     folder.finish(RunStatus.COMPLETE)
     return estimate

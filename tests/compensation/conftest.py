@@ -17,7 +17,7 @@ from config.load import LoadedCell, load_cell
 from config.robot.robot import RobotDescription
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 
 Drive = Callable[..., Recording]
 
@@ -88,4 +88,4 @@ def identified(cell: LoadedCell, drive: Drive, robot: RobotDescription) -> Estim
         cell.robot, TwoHarmonicOptions(10.0, tries=100, periods=8), cell.config.cycle_time_s
     )
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
-    return estimate_periodic(robot, [average_periods(drive(samples, 2))])
+    return fit_periodic(robot, [average_periods(drive(samples, 2))]).estimate()

@@ -9,7 +9,7 @@ import numpy as np
 from acquisition.processing.periods import PeriodAverage
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.equations import Procedure
@@ -38,7 +38,7 @@ def test_a_model_of_whose_friction_a_share_gives_way_weighs_a_payload(
     chosen = robot.model_copy(
         update={"joints": (*robot.joints[:2], remembering, *robot.joints[3:])}
     )
-    model = estimate_periodic(chosen, [unloaded], EstimationOptions(model=OPTIONS))
+    model = fit_periodic(chosen, [unloaded], EstimationOptions(model=OPTIONS)).estimate()
     assert model.model.nonlinear_names == ("dp_joint3", "sp_joint3")
     given: dict[Procedure, PeriodicRuns] = {
         "model": PeriodicRuns((loaded,), (True,), 10.0, 0.02),

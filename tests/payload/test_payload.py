@@ -16,7 +16,7 @@ from config.errors import ConfigError, EstimationError
 from config.robot.robot import RobotDescription
 from identification.choices import REPORTED, PayloadLimits
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS, PayloadBody
@@ -34,7 +34,7 @@ OPTIONS = ModelOptions(rotors=False)
 
 @pytest.fixture(scope="module")
 def alone(robot: RobotDescription, unloaded: PeriodAverage) -> Estimate:
-    return estimate_periodic(robot, [unloaded], EstimationOptions(model=OPTIONS))
+    return fit_periodic(robot, [unloaded], EstimationOptions(model=OPTIONS)).estimate()
 
 
 def runs(*averages: tuple[PeriodAverage, bool]) -> PeriodicRuns:

@@ -28,8 +28,8 @@ from identification.equations.segments import period_signals, unfiltered_period
 from identification.equations.time_domain import time_runs
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, unsolved_equations
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.still_joints import JERK_SHARE, refuse_still, still_joints
 from identification.validation.asked_terms import asked_findings
@@ -111,14 +111,12 @@ def estimate_runs(
         prior = cad_prior(options.model.build(robot), robot)
         options = replace(options, prior=prior)
     if not data[0].is_periodic:
-        estimate = estimate_smoothed(
+        estimate = fit_smoothed(
             robot,
             warmed(signals_of(data, how, channel), robot, warming),
             options,
             payload=payload,
-            cell_name=cell_name,
-            run_ids=run_ids,
-        )
+        ).estimate(cell_name=cell_name, run_ids=run_ids)
         return Identified(replace(estimate, channel=channel, warming=warming))
     averages = averages_of(data, channel)
     cell = data[0].cell

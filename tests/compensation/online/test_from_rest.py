@@ -26,7 +26,7 @@ from config.load import LoadedCell, load_cell, read_named
 from dynamics.geometry.kinematics import Chain
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.validation.robot_terms import with_friction
 from tests.builders.streamed_arm import streamed
 
@@ -64,7 +64,7 @@ def models(elastic: LoadedCell) -> tuple[Estimate, Estimate]:
         elastic.robot, [(*joint.friction, "presliding") for joint in elastic.robot.joints]
     )
     plain, remembering = (
-        estimate_periodic(robot, [average]) for robot in (elastic.robot, remembers)
+        fit_periodic(robot, [average]).estimate() for robot in (elastic.robot, remembers)
     )
     return plain, remembering
 

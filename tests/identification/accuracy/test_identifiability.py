@@ -11,7 +11,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from identification.accuracy.identifiability import unseen_findings, weak_parameters
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from rid_daq.report.sections.estimate import EstimateSection
 from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
 
@@ -45,7 +45,7 @@ def measured(
         sample_period_s=0.01,
         cutoff_hz=10.0,
     )
-    return estimate_smoothed(robot, [signals])
+    return fit_smoothed(robot, [signals]).estimate()
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +85,9 @@ def test_at_a_bound_of_the_share_that_gives_way_what_the_data_do_not_show_is_lef
     way = motion(20.0, 1)
     for gives_way, term in ((False, "presliding"), (True, "presliding_share")):
         directions = {1: iwan(way[0][:, 1], 0.01)} if gives_way else {}
-        estimate = estimate_smoothed(
+        estimate = fit_smoothed(
             with_presliding((1,), 0.01, share=0.5), [recording(directions, way)]
-        )
+        ).estimate()
         found = [each for each in unseen_findings(estimate) if each.startswith("sp_axis2")]
         assert [f"Leave `{term}` of axis2 out" in each for each in found] == [True]
 

@@ -19,7 +19,7 @@ from identification.design.problem import ExcitationProblem
 from identification.design.search import refine
 from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.raised_codes import raises_code
@@ -35,9 +35,9 @@ WIDE = PlateLimits(force_n=(1e4, 1e4, 1e4), moment_nm=(1e4, 1e4, 1e4))
 @pytest.fixture(scope="module")
 def estimate(arm: KnownArm, weigh: Weigh) -> Estimate:
     average = average_periods(weigh(0))
-    return estimate_periodic(
+    return fit_periodic(
         arm.robot, [average], EstimationOptions(model=ModelOptions(kind="combined"))
-    )
+    ).estimate()
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_without_a_mass_the_weight_is_left_out_and_that_is_said(
 
 
 def test_the_internal_model_cannot_tell(arm: KnownArm, weigh: Weigh, motion: Motion) -> None:
-    internal = estimate_periodic(arm.robot, [average_periods(weigh(0))])
+    internal = fit_periodic(arm.robot, [average_periods(weigh(0))]).estimate()
     with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
         base_load(internal, *motion, WIDE)
 

@@ -16,7 +16,7 @@ from dynamics.terms.conditions import Conditions
 from identification.calibration.drive_gains import drive_gains
 from identification.equations.time_domain import TimeRun, joint_equations, time_runs
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.raised_codes import raises_code
@@ -63,9 +63,9 @@ def measured(arm: KnownArm, payload: bool, seed: int) -> SmoothedSignals:
 def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
     signals = [measured(arm, False, 1), measured(arm, True, 2)]
     carried = [False, True]
-    estimate = estimate_smoothed(
+    estimate = fit_smoothed(
         arm.robot, signals, EstimationOptions(model=OPTIONS), payload=carried
-    )
+    ).estimate()
     return estimate, time_runs(estimate.model, signals, carried)
 
 
@@ -161,7 +161,7 @@ def test_what_cannot_tell_a_gain_is_refused(
     arm: KnownArm, loaded: tuple[Estimate, tuple[TimeRun, ...]]
 ) -> None:
     estimate, runs = loaded
-    empty = estimate_smoothed(arm.robot, [runs[0].signals])
+    empty = fit_smoothed(arm.robot, [runs[0].signals]).estimate()
     with raises_code(EstimationError, "RID-PAYLOAD-RUNS"):
         drive_gains(empty, runs[:1], 15.0, 0.01)
     with raises_code(EstimationError, "RID-OPTION-RANGE"):

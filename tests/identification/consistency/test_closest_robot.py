@@ -29,7 +29,7 @@ from identification.consistency.nominal_robot import nominal_parameters
 from identification.consistency.pseudo_inertia import pseudo_inertia
 from identification.consistency.rigid_body import LinkBody
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 from tests.builders.raised_codes import raises_code
@@ -235,7 +235,7 @@ def test_the_ur10e_can_exist_within_its_intervals(real_robot: Path) -> None:
     layout = load_bundled_or_path("ur10e_31", "maps", ImportMap)
     layout = layout.model_copy(update={"rows": RowRange(first=355, last=5090)})
     recording = import_csv(real_robot / "ur-20_02_12-50sec_12harm.csv", layout)[0]
-    estimate = estimate_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, 9.4)])
+    estimate = fit_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, 9.4)]).estimate()
     free = estimate.base.names.index("Ixx5")
     assert estimate.values[free] < 0.0  # what no robot has
     result = consistent(estimate)

@@ -17,7 +17,7 @@ from identification.cross_checks.agreement import Method, check, cross_checks
 from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from tests.builders.remembering_arm import STEP_S, iwan, motion, recording, with_presliding
 from tests.builders.remembering_arm import measured as written
 
@@ -44,7 +44,7 @@ def measured(
     parts = list(single_periods(measure(seed, periods=2, noise_nm=noise_nm), 10.0).values())
     if change is not None:
         parts = [change(part) for part in parts]
-    return estimate_smoothed(arm.robot, parts), runs_of(parts)
+    return fit_smoothed(arm.robot, parts).estimate(), runs_of(parts)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_what_cannot_be_checked_says_why(arm: KnownArm, measure: Measure) -> Non
     joint = arm.robot.joints[0].model_copy(update={"efficiency": 0.9})
     robot = arm.robot.model_copy(update={"joints": (joint, *arm.robot.joints[1:])})
     parts = list(single_periods(measure(periods=2), 10.0).values())
-    estimate = estimate_smoothed(robot, parts)
+    estimate = fit_smoothed(robot, parts).estimate()
     energies, _, kalman = cross_checks(estimate, runs_of(parts))
     for other in (energies, kalman):
         assert other.agrees is None
@@ -116,7 +116,7 @@ def test_a_late_torque_raises_no_alarm(late_s: float) -> None:
     on_time = written({}, way)
     late = replace(on_time, torque_nm=channel.through(on_time.torque_nm, STEP_S))
     signals = replace(smooth_nonperiodic(late, 10.0), channel=channel)
-    estimate = estimate_smoothed(with_presliding((), 0.03), [signals])
+    estimate = fit_smoothed(with_presliding((), 0.03), [signals]).estimate()
     energies, by_link, kalman = cross_checks(estimate, runs_of([signals]))
     assert by_link.agrees, by_link.sentence
     for other in (energies, kalman):
@@ -136,6 +136,6 @@ def test_energies_follow_friction_that_remembers() -> None:
     way = motion(60.0, 3)
     directions = {j: iwan(way[0][:, j], 0.03) for j in range(3)}
     signals = recording(directions, way)
-    estimate = estimate_smoothed(with_presliding((0, 1, 2), 0.03), [signals])
+    estimate = fit_smoothed(with_presliding((0, 1, 2), 0.03), [signals]).estimate()
     energies = check(Method.ENERGY, estimate, runs_of([signals]))
     assert energies.agrees, energies.sentence

@@ -16,7 +16,7 @@ from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
 from identification.equations.segments import cut, thinned, unfiltered_period
 from identification.equations.time_domain import TimeRun, rows_of, time_blocks
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.validation.model_choice import choose_model
@@ -102,7 +102,7 @@ def test_parts_of_a_recording_see_beyond_their_ends(signals: SmoothedSignals) ->
 
 
 def test_friction_is_estimated_without_bias(signals: SmoothedSignals) -> None:
-    found = estimate_smoothed(arm(), [signals])
+    found = fit_smoothed(arm(), [signals]).estimate()
     values = dict(zip(found.base.names, found.values, strict=True))
     for joint in arm().joint_names:
         assert values[f"fc_{joint}"] == pytest.approx(20.0, rel=1e-5)
@@ -126,7 +126,9 @@ def test_temperature_passes_the_filter_with_its_columns() -> None:
         torque_nm=torque(model, *motion[1:], truth, Conditions(temperature_k=warmth)),
         temperature_k=warmth,
     )
-    found = estimate_smoothed(robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions())
+    found = fit_smoothed(
+        robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions()
+    ).estimate()
     expected = found.base.from_standard(truth)
     own = [i for i, name in enumerate(found.base.names) if name.startswith("f")]
     np.testing.assert_allclose(found.values[own], expected[own], rtol=1e-4)
@@ -140,7 +142,7 @@ def test_columns_are_held_for_the_rows_that_a_torque_is(rows: int) -> None:
     held = smooth_nonperiodic(replace(whole, torque_nm=torque), 10.0)
     assert misfit(held) < 1e-6
     assert misfit(cut(thinned(held), 3)[1]) < 1e-6
-    found = estimate_smoothed(arm(), [held])
+    found = fit_smoothed(arm(), [held]).estimate()
     values = dict(zip(found.base.names, found.values, strict=True))
     for joint in arm().joint_names:
         assert values[f"fc_{joint}"] == pytest.approx(20.0, rel=1e-5)

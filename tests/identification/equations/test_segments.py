@@ -10,7 +10,7 @@ from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, torque
 from identification.equations.segments import ROWS_PER_PERIOD, thinned
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 
 STEP_S = 0.0005
 CUTOFF_HZ = 10.0
@@ -46,7 +46,7 @@ def test_rows_far_denser_than_the_cut_off_needs_hardly_change_an_estimate() -> N
     robot, signals = load_robot("ir361"), dense()
     fewer = thinned(signals)
     assert len(signals) == 25 * len(fewer)
-    every, few = (estimate_smoothed(robot, [each]) for each in (signals, fewer))
+    every, few = (fit_smoothed(robot, [each]).estimate() for each in (signals, fewer))
     assert (
         np.max(np.abs(few.values - every.values) / every.sigma) < 0.5
     )  # where joints turn round, it matters which rows are there

@@ -16,7 +16,7 @@ from dynamics.model.robot_model import regressor
 from dynamics.terms.conditions import Conditions
 from identification.estimation.at_temperature import at_temperature, by_temperature
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.robot_terms import with_friction
 from tests.builders.raised_codes import raises_code
 from tests.builders.remembering_arm import arm
@@ -38,7 +38,7 @@ def identified(terms: tuple[FrictionTerm, ...]) -> Estimate:
     robot = with_friction(arm(), [terms, ("coulomb", "viscous"), terms])
     signals = recording(30.0, (None, None, None))
     rise = np.linspace(0.0, 20.0, len(signals))[:, np.newaxis] * np.array([1.0, 0.5, 0.8])
-    return estimate_smoothed(robot, [replace(signals, temperature_k=298.15 + rise)])
+    return fit_smoothed(robot, [replace(signals, temperature_k=298.15 + rise)]).estimate()
 
 
 @pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
@@ -80,7 +80,7 @@ def test_terms_that_were_asked_of_every_joint_are_kept() -> None:
     of_all = with_friction(arm(), [TERMS["coulomb and viscous"]] * 3)
     signals = recording(30.0, (None, None, None))
     rise = np.linspace(298.15, 318.0, len(signals))[:, np.newaxis] * np.ones(3)
-    named = estimate_smoothed(of_all, [replace(signals, temperature_k=rise)])
+    named = fit_smoothed(of_all, [replace(signals, temperature_k=rise)]).estimate()
     by_option = replace(
         named,
         robot=arm(),

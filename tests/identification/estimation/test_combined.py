@@ -20,9 +20,9 @@ from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.equations.segments import period_signals
 from identification.estimation.estimate import Estimate, predict_base_wrench
-from identification.estimation.estimators import estimate_periodic, estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic, model_of
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import ModelKind
 from identification.model.options import ModelOptions
@@ -42,9 +42,9 @@ def truth_of(kind: ModelKind, cell: Any, arm: KnownArm) -> NDArray[np.float64]:
 
 
 def identify(arm: KnownArm, recording: Recording, kind: ModelKind = "combined") -> Estimate:
-    return estimate_periodic(
+    return fit_periodic(
         arm.robot, [average_periods(recording)], EstimationOptions(model=ModelOptions(kind=kind))
-    )
+    ).estimate()
 
 
 def fitted(arm: KnownArm, recording: Recording) -> FittedPeriods:
@@ -129,9 +129,9 @@ class TestEstimate:
             average_periods(weigh(seed, torque_filter=FILTER, plate={"delay_s": delay_s}))
             for seed, delay_s in ((0, 0.002), (1, 0.010))
         ]
-        both = estimate_periodic(
+        both = fit_periodic(
             arm.robot, runs, EstimationOptions(model=ModelOptions(kind="combined"))
-        )
+        ).estimate()
         assert both.plate is not None
         np.testing.assert_allclose(both.plate.delay_s, [0.002, 0.010], atol=50e-6)
 
@@ -174,11 +174,11 @@ class TestEstimate:
     def test_other_weightings_find_the_same_robot(
         self, arm: KnownArm, recordings: list[Recording], combined: list[Estimate], weighting: Any
     ) -> None:
-        other = estimate_periodic(
+        other = fit_periodic(
             arm.robot,
             [average_periods(recordings[0])],
             EstimationOptions(model=ModelOptions(kind="combined"), weighting=weighting),
-        )
+        ).estimate()
         moved = (other.values - combined[0].values) / (3.0 * other.sigma + 1e-9)
         assert np.mean(np.abs(moved) < 1.0) > 0.9
 
@@ -189,9 +189,9 @@ class TestEstimate:
     def test_needs_periods(self, arm: KnownArm, weigh: Weigh) -> None:
         signals = period_signals(average_periods(weigh(0)), 10.0)
         with raises_code(EstimationError, "RID-MODEL-KIND"):
-            estimate_smoothed(
+            fit_smoothed(
                 arm.robot, [signals], EstimationOptions(model=ModelOptions(kind="combined"))
-            )
+            ).estimate()
 
     def test_a_plate_of_another_motion_is_not_believed(
         self, arm: KnownArm, recordings: list[Recording]

@@ -20,7 +20,8 @@ from dynamics.model.robot_model import torque
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.equations import time_domain as time_equations
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_periodic, estimate_smoothed
+from identification.estimation.fitted_periods import fit_periodic
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.raised_codes import raises_code
@@ -45,7 +46,7 @@ def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray
 class TestPeriodic:
     def test_without_noise_the_truth_comes_back(self, arm: KnownArm, measure: Measure) -> None:
         recording = measure(noise_nm=0.0, encoder_step_rad=0.0, torque_filter=FILTER)
-        estimate = estimate_periodic(arm.robot, [average_periods(recording)])
+        estimate = fit_periodic(arm.robot, [average_periods(recording)]).estimate()
         scale = np.abs(arm.base) + 0.1
         np.testing.assert_allclose(estimate.values / scale, arm.base / scale, atol=2e-4)
 
@@ -55,11 +56,11 @@ class TestPeriodic:
     ) -> None:
         """Friction changes sign between samples, and the 40 Hz filter delays it by 20 ms."""
         estimates = [
-            estimate_periodic(
+            fit_periodic(
                 arm.robot,
                 [average_periods(measure(seed, torque_filter=FILTER))],
                 EstimationOptions(standstill_rad_s=standstill_rad_s),
-            )
+            ).estimate()
             for seed in range(8)
         ]
         z = deviations(estimates, arm.base)
@@ -69,7 +70,9 @@ class TestPeriodic:
     def test_the_intervals_by_residuals_agree_where_the_model_is_true(
         self, arm: KnownArm, measure: Measure
     ) -> None:
-        estimate = estimate_periodic(arm.robot, [average_periods(measure(1, torque_filter=FILTER))])
+        estimate = fit_periodic(
+            arm.robot, [average_periods(measure(1, torque_filter=FILTER))]
+        ).estimate()
         assert estimate.sigma_noise is not None
         assert estimate.noise_nm is not None
         ratio = estimate.sigma_residual / estimate.sigma_noise
@@ -81,9 +84,9 @@ class TestPeriodic:
     ) -> None:
         """A robot measured with its spring, identified without: noise alone would be believed."""
         average = average_periods(measure(1))
-        estimate = estimate_periodic(
+        estimate = fit_periodic(
             arm.robot, [average], EstimationOptions(model=ModelOptions(spring=False))
-        )
+        ).estimate()
         assert estimate.sigma_noise is not None
         assert np.median(estimate.sigma_residual / estimate.sigma_noise) > 2.0
         assert np.median(estimate.sigma / estimate.sigma_noise) > 10.0
@@ -100,7 +103,8 @@ class TestPeriodic:
         )
         samples = motion.plan(arm.robot, 0.008)
         estimates = [
-            estimate_periodic(arm.robot, [average_periods(run(samples, seed))]) for seed in range(4)
+            fit_periodic(arm.robot, [average_periods(run(samples, seed))]).estimate()
+            for seed in range(4)
         ]
         z = deviations(estimates, arm.base)
         assert np.mean(np.abs(z) < 2.0) >= 0.9
@@ -115,9 +119,9 @@ class TestPeriodic:
         trusting, careful = (
             deviations(
                 [
-                    estimate_periodic(
+                    fit_periodic(
                         arm.robot, [average], EstimationOptions(standstill_rad_s=speed)
-                    )
+                    ).estimate()
                 ],
                 arm.base,
             )
@@ -129,8 +133,8 @@ class TestPeriodic:
         self, arm: KnownArm, measure: Measure
     ) -> None:
         averages = [average_periods(measure(seed)) for seed in (1, 2)]
-        one = estimate_periodic(arm.robot, averages[:1])
-        both = estimate_periodic(arm.robot, averages)
+        one = fit_periodic(arm.robot, averages[:1]).estimate()
+        both = fit_periodic(arm.robot, averages).estimate()
         assert both.sigma_noise is not None
         assert one.sigma_noise is not None
         assert np.median(both.sigma_noise / one.sigma_noise) == pytest.approx(
@@ -148,7 +152,7 @@ class TestPeriodic:
         drifting = replace(steady, torque_nm=steady.torque_nm + 2.0 * drift * np.sign(velocity))
         sigma = {}
         for name, recording in (("steady", steady), ("drifting", drifting)):
-            estimate = estimate_periodic(arm.robot, [average_periods(recording)])
+            estimate = fit_periodic(arm.robot, [average_periods(recording)]).estimate()
             assert estimate.sigma_noise is not None
             sigma[name] = dict(zip(estimate.base.names, estimate.sigma_noise, strict=True))
         assert sigma["drifting"]["fc_axis2"] > 1.5 * sigma["steady"]["fc_axis2"]
@@ -163,7 +167,7 @@ class TestPeriodic:
             kind="fourier", robot="ir361", period_s=5.0, joints=(still, *arm.motion.joints[1:])
         )
         average = average_periods(measure(motion=motion))
-        estimate = estimate_periodic(arm.robot, [average])
+        estimate = fit_periodic(arm.robot, [average]).estimate()
         assert [each.joint for each in estimate.still] == ["axis1"]
         assert "fc_axis1" in estimate.base.unseen
         assert "fc_axis2" in estimate.base.names
@@ -193,7 +197,7 @@ class TestSmoothed:
     def test_the_truth_lies_within_the_intervals(
         self, arm: KnownArm, signals: SmoothedSignals
     ) -> None:
-        estimate = estimate_smoothed(arm.robot, [signals])
+        estimate = fit_smoothed(arm.robot, [signals]).estimate()
         z = (estimate.values - arm.base) / estimate.sigma
         assert np.mean(np.abs(z) < 2.5) >= 0.9
         assert estimate.covariance_noise is None
@@ -206,7 +210,7 @@ class TestSmoothed:
         slow = np.abs(signals.velocity) < 0.05
         spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
         clean, other = (
-            estimate_smoothed(arm.robot, [s], EstimationOptions(standstill_rad_s=0.05))
+            fit_smoothed(arm.robot, [s], EstimationOptions(standstill_rad_s=0.05)).estimate()
             for s in (signals, spoilt)
         )
         np.testing.assert_array_equal(clean.values, other.values)
@@ -215,9 +219,9 @@ class TestSmoothed:
     def test_small_blocks_give_the_same_estimate(
         self, arm: KnownArm, signals: SmoothedSignals, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        whole = estimate_smoothed(arm.robot, [signals, signals])
+        whole = fit_smoothed(arm.robot, [signals, signals]).estimate()
         monkeypatch.setattr(time_equations, "BLOCK_ROWS", 137)
-        blocks = estimate_smoothed(arm.robot, [signals, signals])
+        blocks = fit_smoothed(arm.robot, [signals, signals]).estimate()
         np.testing.assert_allclose(blocks.values, whole.values, rtol=1e-7)
         np.testing.assert_allclose(blocks.sigma_residual, whole.sigma_residual, rtol=1e-7)
 
@@ -226,11 +230,11 @@ class TestSmoothed:
     ) -> None:
         renamed = replace(signals, joint_names=("a", "b", "c"))
         with raises_code(EstimationError, "RID-ROBOT-OTHER"):
-            estimate_smoothed(arm.robot, [renamed])
+            fit_smoothed(arm.robot, [renamed]).estimate()
 
 
 def test_a_prediction_is_the_model_s_torque(arm: KnownArm, measure: Measure) -> None:
-    estimate = estimate_periodic(arm.robot, [average_periods(measure())])
+    estimate = fit_periodic(arm.robot, [average_periods(measure())]).estimate()
     exact = replace(estimate, values=arm.base)
     q, v, a = np.random.default_rng(0).normal(size=(3, 5000, 3))  # more rows than one block
     np.testing.assert_allclose(
@@ -241,6 +245,6 @@ def test_a_prediction_is_the_model_s_torque(arm: KnownArm, measure: Measure) -> 
 def test_an_estimate_with_the_wrong_number_of_values_is_refused(
     arm: KnownArm, measure: Measure
 ) -> None:
-    estimate = estimate_periodic(arm.robot, [average_periods(measure())])
+    estimate = fit_periodic(arm.robot, [average_periods(measure())]).estimate()
     with raises_code(EstimationError, "RID-API-ARGUMENT", "estimate values", "(3,)"):
         replace(estimate, values=np.zeros(3))

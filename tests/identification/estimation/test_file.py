@@ -15,8 +15,8 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, EstimationError, RecordingError
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import EstimateDocument, read_estimate, write_estimate
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from tests.builders.changed_json import NASTY, changed, places
@@ -28,13 +28,11 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def estimate(arm: KnownArm, measure: Callable[..., Recording]) -> Estimate:
-    return estimate_periodic(
+    return fit_periodic(
         arm.robot,
         [average_periods(measure())],
         EstimationOptions(model=ModelOptions(sign_smoothing_rad_s=0.01)),
-        cell_name="ir361",
-        run_ids=("01ABC",),
-    )
+    ).estimate(cell_name="ir361", run_ids=("01ABC",))
 
 
 @pytest.fixture

@@ -29,7 +29,6 @@ from identification.accuracy.plate_benefit import improvement
 from identification.calibration.torque_scale import torque_consistency
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
@@ -244,8 +243,8 @@ def test_the_plate_alone_finds_the_robot_too(
     cell: LoadedCell, robot: RobotOnPlate, samples: MotionSamples
 ) -> None:
     average = average_periods(robot.run(samples, 0))
-    estimate = estimate_periodic(
+    estimate = fit_periodic(
         cell.robot, [average], EstimationOptions(model=ModelOptions(kind="external"))
-    )
+    ).estimate()
     inside = np.abs(estimate.values - truth_of(estimate, cell)) < 2.0 * estimate.sigma
     assert inside.mean() >= 0.9

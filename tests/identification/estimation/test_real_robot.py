@@ -14,7 +14,7 @@ from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.load import load_bundled_or_path, load_robot
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.torque_prediction import validate
 
 CUTOFF_HZ = 9.4
@@ -37,13 +37,13 @@ def read(real_robot: Path) -> Read:
 @pytest.fixture(scope="module")
 def long_run(read: Read) -> Estimate:
     recording = read("20_02_12-50sec_12harm", 355, 5090)
-    return estimate_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, CUTOFF_HZ)])
+    return fit_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, CUTOFF_HZ)]).estimate()
 
 
 @pytest.fixture(scope="module")
 def short_run(read: Read) -> Estimate:
     recording = read("20_02_10-30sec_12harm", 635, 3510)
-    return estimate_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, CUTOFF_HZ)])
+    return fit_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, CUTOFF_HZ)]).estimate()
 
 
 def test_a_model_of_one_motion_predicts_another(long_run: Estimate, read: Read) -> None:
@@ -75,7 +75,7 @@ def test_friction_with_memory_tells_what_holds_a_joint_at_rest(
     wrist = [joint.model_copy(update=partly) for joint in robot.joints[3:]]
     with_memory = robot.model_copy(update={"joints": (*robot.joints[:3], *wrist)})
     recording = read("20_02_12-50sec_12harm", 355, 5090)
-    estimate = estimate_smoothed(with_memory, [smooth_nonperiodic(recording, CUTOFF_HZ)])
+    estimate = fit_smoothed(with_memory, [smooth_nonperiodic(recording, CUTOFF_HZ)]).estimate()
     found, sigma = estimate.model.nonlinear_values, estimate.nonlinear_sigma
     distances, shares = np.split(found, 2)
     assert np.all((distances > 7e-4) & (distances < 2.5e-3)), distances

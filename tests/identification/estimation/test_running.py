@@ -15,7 +15,7 @@ from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
 from identification.equations.segments import cut, single_periods
 from identification.equations.time_domain import TimeRun
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.running import RunningEstimate
 from tests.builders.raised_codes import raises_code
 
@@ -36,7 +36,7 @@ def test_it_is_the_estimate_of_all_rows_at_once(arm: KnownArm, measure: Measure)
     for signals in periods:
         running = running.add(run(signals))
     now = running.look()
-    whole = estimate_smoothed(arm.robot, periods)
+    whole = fit_smoothed(arm.robot, periods).estimate()
     np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(now.residual_nm, whole.residual_nm, rtol=1e-6)
 
@@ -47,7 +47,7 @@ def test_parts_of_a_recording_give_its_honest_intervals(arm: KnownArm, measure: 
     for part in cut(period, 7):
         running = running.add(run(part))
     now = running.look()
-    whole = estimate_smoothed(arm.robot, [period])
+    whole = fit_smoothed(arm.robot, [period]).estimate()
     np.testing.assert_allclose(now.values, whole.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(now.sigma, whole.sigma, rtol=1e-6)
 

@@ -16,7 +16,7 @@ from config.load import load_robot
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from identification.estimation.estimate import predict
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import held
 from identification.model.base_parameters import base_parameters
@@ -94,9 +94,9 @@ def run() -> Run:
 def test_ordinary_least_squares_is_that_of_all_rows_stacked(robot, truth, run) -> None:
     model = RobotModel.from_description(robot)
     signals = run(model, truth(model))
-    found = estimate_smoothed(
+    found = fit_smoothed(
         robot, [signals], EstimationOptions(weighting="ls", standstill_rad_s=0.0)
-    )
+    ).estimate()
     phi = found.base.columns(
         regressor(model, signals.position, signals.velocity, signals.acceleration)
     )
@@ -114,7 +114,7 @@ def test_weighting_takes_the_quieter_joints_word(robot, truth, run) -> None:
     expected = base_parameters(model).from_standard(truth(model))
     errors = {
         weighting: np.abs(
-            estimate_smoothed(robot, [noisy], EstimationOptions(weighting=weighting)).values
+            fit_smoothed(robot, [noisy], EstimationOptions(weighting=weighting)).estimate().values
             - expected
         )
         for weighting in ("ml", "ls")
@@ -128,9 +128,9 @@ def test_huber_holds_gross_errors_down(robot, truth, run) -> None:
     random = np.random.default_rng(1)
     hit = random.random(signals.torque_nm.shape) < 0.03
     knocked = replace(signals, torque_nm=signals.torque_nm + np.where(hit, 300.0, 0.0))
-    clean = estimate_smoothed(robot, [signals])
-    robust = estimate_smoothed(robot, [knocked], EstimationOptions(weighting="huber"))
-    plain = estimate_smoothed(robot, [knocked])
+    clean = fit_smoothed(robot, [signals]).estimate()
+    robust = fit_smoothed(robot, [knocked], EstimationOptions(weighting="huber")).estimate()
+    plain = fit_smoothed(robot, [knocked]).estimate()
     off = [np.abs(e.values - clean.values) / clean.sigma for e in (robust, plain)]
     assert np.median(off[0]) < 3.0
     assert np.median(off[1]) > 3.0 * np.median(off[0])
@@ -143,9 +143,9 @@ class TestNonlinearParameters:
         arm = friction(robot, ("coulomb", "viscous", "stribeck"))
         model = RobotModel.from_description(arm).with_nonlinear([0.08, 0.15, 0.1])
         signals = run(model, truth(model), samples=1500)
-        found = estimate_smoothed(
+        found = fit_smoothed(
             arm, [signals], EstimationOptions(standstill_rad_s=0.0, weighting="ls")
-        )
+        ).estimate()
         base = found.base
         q, v, a = signals.position, signals.velocity, signals.acceleration
 
@@ -172,7 +172,7 @@ class TestNonlinearParameters:
             options = ModelOptions(rotors=False)
             model = options.build(arm).with_nonlinear(shape)
             signals = run(model, truth(model), samples=6000)
-            found = estimate_smoothed(arm, [signals], EstimationOptions(model=options))
+            found = fit_smoothed(arm, [signals], EstimationOptions(model=options)).estimate()
             assert found.options.nonlinear is not None
             off = np.abs(np.array(found.options.nonlinear) - shape) / found.nonlinear_sigma
             # The first axis is vertical: it carries no gravity and tells little.
@@ -183,7 +183,7 @@ class TestNonlinearParameters:
         plain = RobotModel.from_description(friction(robot, ("coulomb", "viscous")))
         signals = run(plain, truth(plain))
         arm = friction(robot, ("coulomb", "viscous", "stribeck"))
-        found = estimate_smoothed(arm, [signals])
+        found = fit_smoothed(arm, [signals]).estimate()
         q, v, a = signals.position, signals.velocity, signals.acceleration
         error = predict(found, q, v, a) - torque(plain, q, v, a, truth(plain))
         assert np.sqrt(np.mean(error[np.abs(v) >= 0.02] ** 2)) < 0.1
@@ -195,15 +195,15 @@ class TestPrior:
         signals = [run(model, truth(model))]
         nothing = held(base_parameters(model), {})
         np.testing.assert_allclose(
-            estimate_smoothed(robot, signals, EstimationOptions(prior=nothing)).values,
-            estimate_smoothed(robot, signals).values,
+            fit_smoothed(robot, signals, EstimationOptions(prior=nothing)).estimate().values,
+            fit_smoothed(robot, signals).estimate().values,
         )
 
     def test_a_parameter_can_be_held(self, robot, truth, run) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
         known = held(base_parameters(model), {"fc_axis1": (33.0, 0.0)})
-        found = estimate_smoothed(robot, signals, EstimationOptions(prior=known))
+        found = fit_smoothed(robot, signals, EstimationOptions(prior=known)).estimate()
         index = found.base.names.index("fc_axis1")
         assert found.values[index] == pytest.approx(33.0, abs=1e-6)
         assert np.sqrt(found.covariance_residual[index, index]) < 1e-6
@@ -211,12 +211,12 @@ class TestPrior:
     def test_it_is_the_mean_of_knowledge_and_measurement(self, robot, truth, run) -> None:
         model = RobotModel.from_description(robot)
         signals = [run(model, truth(model))]
-        free = estimate_smoothed(robot, signals)
+        free = fit_smoothed(robot, signals).estimate()
         index = free.base.names.index("fv_axis2")
         sigma = float(np.sqrt(free.covariance_residual[index, index]))
         value = float(free.values[index])
         prior = held(free.base, {"fv_axis2": (value + 2.0 * sigma, sigma)})
-        found = estimate_smoothed(robot, signals, EstimationOptions(prior=prior))
+        found = fit_smoothed(robot, signals, EstimationOptions(prior=prior)).estimate()
         assert found.values[index] == pytest.approx(value + sigma, abs=0.02 * sigma)
 
     def test_an_unknown_name_is_told(self, robot) -> None:
@@ -234,9 +234,9 @@ def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:
     signals = [
         run(model, values, seed=seed, payload=loaded) for seed, loaded in ((1, False), (2, True))
     ]
-    found = estimate_smoothed(
+    found = fit_smoothed(
         robot, signals, EstimationOptions(model=options), payload=[False, True]
-    )
+    ).estimate()
     expected = found.base.from_standard(values)
     off = np.abs(found.values - expected) / found.sigma
     payload = [name.endswith("L") for name in found.base.names]
@@ -247,5 +247,5 @@ def test_runs_with_and_without_show_the_payload(robot, truth, run) -> None:
 def test_the_model_file_s_words_hold_for_every_term(robot, truth, run) -> None:
     arm = friction(robot, ("coulomb", "viscous", "stribeck"))
     model = RobotModel.from_description(arm)
-    found = estimate_smoothed(arm, [run(model, truth(model))])
+    found = fit_smoothed(arm, [run(model, truth(model))]).estimate()
     assert found.options.build(arm).nonlinear_values == pytest.approx(found.options.nonlinear)

@@ -19,8 +19,9 @@ from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, torque
 from identification.accuracy.identifiability import still_findings
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_periodic, estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.fitted_periods import fit_periodic
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
@@ -60,7 +61,7 @@ def signals(arm: KnownArm, motion: tuple[Array, Array, Array]) -> SmoothedSignal
 
 @pytest.fixture(scope="module")
 def smoothed(arm: KnownArm) -> Estimate:
-    return estimate_smoothed(arm.robot, [signals(arm, sines(0, STOOD))])
+    return fit_smoothed(arm.robot, [signals(arm, sines(0, STOOD))]).estimate()
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +73,7 @@ def periodic(arm: KnownArm, measure: Callable[..., Recording]) -> Estimate:
         for each in arm.motion.joints
     )
     motion: FourierMotion = arm.motion.model_copy(update={"joints": joints})
-    return estimate_periodic(arm.robot, [average_periods(measure(motion=motion))])
+    return fit_periodic(arm.robot, [average_periods(measure(motion=motion))]).estimate()
 
 
 @pytest.mark.parametrize("kind", ["smoothed", "periodic"])
@@ -110,14 +111,14 @@ def test_a_file_keeps_where_the_joint_stood(smoothed: Estimate, tmp_path: Path) 
 
 def test_a_second_run_that_moves_the_joint_shows_all(arm: KnownArm) -> None:
     runs = [signals(arm, sines(0, STOOD)), signals(arm, sines(2, 0.0, amplitude=0.4))]
-    estimate = estimate_smoothed(arm.robot, runs)
+    estimate = fit_smoothed(arm.robot, runs).estimate()
     assert estimate.still == ()
     assert "fc_axis3" in estimate.base.names
 
 
 def test_two_positions_show_more_than_one(arm: KnownArm, smoothed: Estimate) -> None:
     runs = [signals(arm, sines(0, STOOD)), signals(arm, sines(2, STOOD - 1.0))]
-    estimate = estimate_smoothed(arm.robot, runs)
+    estimate = fit_smoothed(arm.robot, runs).estimate()
     (still,) = estimate.still
     assert still.positions == pytest.approx((STOOD, STOOD - 1.0))
     assert len(estimate.base) > len(smoothed.base)
@@ -133,7 +134,7 @@ def test_prior_knowledge_makes_nothing_up_of_a_joint_without_friction(arm: Known
     options = EstimationOptions(
         model=ModelOptions(friction=False), prior=(known, np.maximum(np.abs(known), 0.1))
     )
-    estimate = estimate_smoothed(arm.robot, [still], options)
+    estimate = fit_smoothed(arm.robot, [still], options).estimate()
     assert "Im3" in estimate.base.unseen
     np.testing.assert_allclose(estimate.values, estimate.base.from_standard(known), rtol=1e-3)
 
@@ -142,6 +143,6 @@ def test_a_jerk_of_another_joint_does_not_count_as_motion(arm: KnownArm) -> None
     q, v, a = sines(0, STOOD)
     v[1000:1005, 2] = 0.07
     q[1000:, 2] += 0.003
-    estimate = estimate_smoothed(arm.robot, [signals(arm, (q, v, a))])
+    estimate = fit_smoothed(arm.robot, [signals(arm, (q, v, a))]).estimate()
     assert [each.joint for each in estimate.still] == ["axis3"]
     assert estimate.left_out_fraction[2] == 1.0

@@ -19,7 +19,7 @@ from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
 from identification.choices import STANDSTILL_RAD_S
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.procedures import identify_payload
@@ -77,23 +77,25 @@ def keeps_estimate(name: str, estimate: Estimate) -> None:
 
 
 def test_two_motions(ur10e: RobotDescription, read: Read) -> None:
-    keeps_estimate("two motions", estimate_smoothed(ur10e, [read(LONG), read(SHORT)]))
+    keeps_estimate("two motions", fit_smoothed(ur10e, [read(LONG), read(SHORT)]).estimate())
 
 
 def test_outliers_held_down(ur10e: RobotDescription, read: Read) -> None:
     options = EstimationOptions(weighting="huber")
-    keeps_estimate("outliers held down", estimate_smoothed(ur10e, [read(SHORT)], options))
+    keeps_estimate("outliers held down", fit_smoothed(ur10e, [read(SHORT)], options).estimate())
 
 
 def test_friction_that_is_not_linear(ur10e: RobotDescription, read: Read) -> None:
     robot = with_friction(ur10e, [("coulomb", "viscous", "offset", "load")] * 6)
-    keeps_estimate("load friction", estimate_smoothed(robot, [read(SHORT)]))
+    keeps_estimate("load friction", fit_smoothed(robot, [read(SHORT)]).estimate())
 
 
 def test_a_payload_as_part_of_the_model(ur10e: RobotDescription, read: Read) -> None:
     options = EstimationOptions(model=ModelOptions(payload=True))
     signals = [read(UNLOADED), read(LOADED)]
-    keeps_estimate("payload", estimate_smoothed(ur10e, signals, options, payload=[False, True]))
+    keeps_estimate(
+        "payload", fit_smoothed(ur10e, signals, options, payload=[False, True]).estimate()
+    )
 
 
 def test_a_payload_weighed(ur10e: RobotDescription, read: Read) -> None:

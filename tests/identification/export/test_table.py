@@ -12,7 +12,7 @@ import pytest
 
 from acquisition.processing.periods import average_periods
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
 
@@ -20,7 +20,7 @@ from identification.export.table import csv_table, json_table
 @pytest.fixture(scope="module")
 def estimate(arm, measure) -> Estimate:
     averages = [average_periods(measure(noise_nm=0.5))]
-    return estimate_periodic(arm.robot, averages, cell_name="ir361", run_ids=("a, b",))
+    return fit_periodic(arm.robot, averages).estimate(cell_name="ir361", run_ids=("a, b",))
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.export.model import ExportModel
 from identification.export.text import head
 from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
@@ -11,7 +11,7 @@ from tests.builders.remembering_arm import iwan, motion, recording, with_preslid
 def test_distance_and_share_of_what_friction_remembers_are_named_as_left_out() -> None:
     way = motion(20.0, 1)
     measured = recording({1: iwan(way[0][:, 1], 0.01)}, way)
-    estimate = estimate_smoothed(with_presliding((1,), 0.01, share=0.5), [measured])
+    estimate = fit_smoothed(with_presliding((1,), 0.01, share=0.5), [measured]).estimate()
     said = " ".join(head(ExportModel.identified(estimate)))
     assert "Left out: presliding (dp_axis2 = 0.01" in said
     assert " rad, sp_axis2 = 0.9" in said or " rad, sp_axis2 = 1)" in said

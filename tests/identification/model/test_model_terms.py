@@ -15,7 +15,7 @@ from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
@@ -77,10 +77,10 @@ def test_a_coupled_robot_is_identified_from_actuator_torques(arm: KnownArm) -> N
     model = RobotModel.from_description(robot)
     theta = truth(arm, model)
     signals = measured(arm, model, theta)
-    estimate = estimate_smoothed(robot, [signals])
+    estimate = fit_smoothed(robot, [signals]).estimate()
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
     np.testing.assert_allclose(estimate.residual_nm, NOISE_NM, rtol=0.06)
-    blind = estimate_smoothed(arm.robot, [signals])
+    blind = fit_smoothed(arm.robot, [signals]).estimate()
     assert np.all(blind.residual_nm > 3.0 * NOISE_NM)
 
 
@@ -93,7 +93,7 @@ def test_a_coupled_actuator_stands_still_where_its_own_speed_is_zero(arm: KnownA
     slow = np.abs(speed) < 0.05
     spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
     clean, other = (
-        estimate_smoothed(robot, [s], EstimationOptions(standstill_rad_s=0.05))
+        fit_smoothed(robot, [s], EstimationOptions(standstill_rad_s=0.05)).estimate()
         for s in (signals, spoilt)
     )
     np.testing.assert_allclose(clean.left_out_fraction, slow.mean(axis=0))
@@ -121,14 +121,14 @@ class TestTemperature:
     def test_friction_that_falls_with_warmth_is_recovered(
         self, robot: RobotDescription, theta: np.ndarray, signals: SmoothedSignals
     ) -> None:
-        estimate = estimate_smoothed(robot, [signals])
+        estimate = fit_smoothed(robot, [signals]).estimate()
         assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
         np.testing.assert_allclose(estimate.residual_nm, NOISE_NM, rtol=0.06)
 
     def test_validation_predicts_at_the_recorded_temperature(
         self, robot: RobotDescription, theta: np.ndarray, signals: SmoothedSignals
     ) -> None:
-        estimate = estimate_smoothed(robot, [signals])
+        estimate = fit_smoothed(robot, [signals]).estimate()
         recording = Recording(
             joint_names=signals.joint_names,
             time_s=signals.time_s,
@@ -153,9 +153,9 @@ def test_a_payload_is_told_from_the_last_link_by_runs_with_and_without(arm: Know
     theta = truth(arm, model, **body)
     carried = Conditions(payload=True)
     signals = [measured(arm, model, theta), measured(arm, model, theta, carried, seed=1)]
-    estimate = estimate_smoothed(
+    estimate = fit_smoothed(
         arm.robot, signals, EstimationOptions(model=options), payload=[False, True]
-    )
+    ).estimate()
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9
     found = dict(zip(estimate.base.names, deviations(estimate, theta), strict=True))
     assert any(name.endswith("L") for name in found)
@@ -166,7 +166,7 @@ def test_a_gears_efficiency_is_recovered(arm: KnownArm) -> None:
     robot = with_joints(arm.robot, efficiency=0.95, rotor=None)
     model = RobotModel.from_description(robot).with_nonlinear([0.7, 0.8, 0.75])
     theta = truth(arm, model)
-    estimate = estimate_smoothed(robot, [measured(arm, model, theta)])
+    estimate = fit_smoothed(robot, [measured(arm, model, theta)]).estimate()
     assert estimate.options.nonlinear is not None
     np.testing.assert_allclose(estimate.options.nonlinear, [0.7, 0.8, 0.75], atol=0.02)
     assert np.mean(np.abs(deviations(estimate, theta)) < 2.5) >= 0.9

@@ -14,7 +14,7 @@ from config.errors import DataQualityError, EstimationError
 from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.validation.base_wrench_validation import validate_base_wrench
@@ -30,9 +30,9 @@ FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 @pytest.fixture(scope="module")
 def estimate(arm: KnownArm, weigh: Weigh) -> Estimate:
     average = average_periods(weigh(0, torque_filter=FILTER))
-    return estimate_periodic(
+    return fit_periodic(
         arm.robot, [average], EstimationOptions(model=ModelOptions(kind="combined"))
-    )
+    ).estimate()
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +96,6 @@ def test_needs_a_plate_and_a_model_that_knows_it(
 ) -> None:
     with raises_code(DataQualityError, "RID-PLATE-MISSING"):
         validate_base_wrench(estimate, replace(other, reaction=None))
-    internal = estimate_periodic(arm.robot, [average_periods(other)])
+    internal = fit_periodic(arm.robot, [average_periods(other)]).estimate()
     with raises_code(EstimationError, "RID-MODEL-NOT-COMBINED"):
         validate_base_wrench(internal, other)

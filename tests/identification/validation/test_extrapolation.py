@@ -9,7 +9,7 @@ import pytest
 
 from config.load import load_robot
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.extrapolation import extrapolation_findings
 from tests.builders.remembering_arm import motion, signals_of
 
@@ -22,7 +22,7 @@ def fourier() -> Estimate:
     q, v, a = motion(20.0, 1)
     tau = np.random.default_rng(0).normal(size=q.shape)
     signals = signals_of(q, v, a, tau)
-    return estimate_smoothed(robot.model_copy(update={"spring": spring}), [signals])
+    return fit_smoothed(robot.model_copy(update={"spring": spring}), [signals]).estimate()
 
 
 def test_the_estimate_remembers_its_positions(fourier: Estimate) -> None:
@@ -42,6 +42,6 @@ def test_positions_outside_are_named_with_their_joint(fourier: Estimate) -> None
 
 def test_a_spring_between_two_points_is_none(fourier: Estimate) -> None:
     robot = load_robot("ir361")
-    physical = estimate_smoothed(robot, [signals_of(*motion(20.0, 1), motion(20.0, 1)[0])])
+    physical = fit_smoothed(robot, [signals_of(*motion(20.0, 1), motion(20.0, 1)[0])]).estimate()
     assert extrapolation_findings(physical, 2.0 * motion(20.0, 1)[0]) == ()
     assert extrapolation_findings(replace(fourier, position_range=None), motion(20.0, 1)[0]) == ()

@@ -25,8 +25,8 @@ from benchmarks.known_arms import ARMS, STEP_S, drive
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.equations.candidate_equations import Reach
-from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation import common_filter
 from identification.validation.model_choice import ModelChoice, choose_model
 from tests.builders.remembering_arm import arm, with_presliding
@@ -153,7 +153,9 @@ def test_tuning_and_judging_share_no_seed() -> None:
 
 def test_an_estimate_keeps_its_channel(tmp_path: Path) -> None:
     way = remembering_motion(30.0, 1)
-    estimate = estimate_smoothed(with_presliding((1,), 0.01), [remembering_recording({}, way)])
+    estimate = fit_smoothed(
+        with_presliding((1,), 0.01), [remembering_recording({}, way)]
+    ).estimate()
     a, b, c, d, e, f = values = [np.full(3, 1e-3 * k) for k in range(1, 7)]
     channel = TorqueChannel(a, b, c, d, e, f, order=2)
     write_estimate(tmp_path / "model.json", replace(estimate, channel=channel))

@@ -15,7 +15,7 @@ from acquisition.signals.bins import from_bins, to_bins
 from config.cell.cell import ButterworthFilter
 from identification.equations.segments import period_signals
 from identification.estimation.estimate import predict
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.validation.period_comparison import compare_period
 from rid_daq.report.sections.curves import TorqueCurves
 
@@ -27,7 +27,7 @@ def test_a_true_model_leaves_noise_and_no_more(
     arm: KnownArm, measure: Callable[..., Recording]
 ) -> None:
     average = average_periods(measure(torque_filter=ButterworthFilter(order=8, cutoff_hz=40.0)))
-    comparison = compare_period(estimate_periodic(arm.robot, [average]), average)
+    comparison = compare_period(fit_periodic(arm.robot, [average]).estimate(), average)
     samples, bins = average.samples_per_period, len(comparison.frequency_hz)
     assert comparison.frequency_hz[-1] == 10.0
     assert comparison.measured_nm.shape == comparison.predicted_nm.shape == (samples, 3)
@@ -63,7 +63,7 @@ def test_what_gears_lose_is_in_the_prediction(
         for joint in arm.robot.joints
     )
     average = average_periods(measure())
-    estimate = estimate_periodic(arm.robot.model_copy(update={"joints": joints}), [average])
+    estimate = fit_periodic(arm.robot.model_copy(update={"joints": joints}), [average]).estimate()
     lossy = replace(estimate, options=replace(estimate.options, nonlinear=(0.2, 0.2, 0.2)))
     drawn = compare_period(lossy, average).predicted_nm
     signals = period_signals(average, 10.0)
@@ -80,7 +80,7 @@ def test_what_is_fitted_leaves_the_residual_of_the_estimate(
     arm: KnownArm, measure: Callable[..., Recording]
 ) -> None:
     average = average_periods(measure())
-    estimate = estimate_periodic(arm.robot, [average])
+    estimate = fit_periodic(arm.robot, [average]).estimate()
     comparison = compare_period(estimate, average)
     left = comparison.measured_nm - comparison.fitted_nm
     np.testing.assert_allclose(np.sqrt(np.mean(left**2, axis=0)), estimate.residual_nm, rtol=1e-3)
@@ -96,7 +96,7 @@ def test_the_figure_states_the_rms_of_the_samples_that_it_draws_as_counted(
     arm: KnownArm, measure: Callable[..., Recording]
 ) -> None:
     average = average_periods(measure())
-    estimate = estimate_periodic(arm.robot, [average])
+    estimate = fit_periodic(arm.robot, [average]).estimate()
     curves = TorqueCurves.of_period(estimate, compare_period(estimate, average), 4)
     for axis, residual in zip(curves.axes, estimate.residual_nm, strict=True):
         counted = np.array(axis.counted, dtype=bool)

@@ -19,7 +19,6 @@ from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, torque
 from identification.equations.bins import with_free_reversals
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.fitted_periods import fit_periodic
 from identification.validation.period_delays import choose_period_delays
 from identification.validation.robot_terms import with_presliding
@@ -139,8 +138,8 @@ def test_a_period_in_time_gives_the_estimate_of_one_that_never_was_late(
     in_time = channel.undelayed_period(delayed)
     whole = average_periods(sticking)
     np.testing.assert_allclose(in_time.torque_nm, whole.torque_nm, atol=0.5)
-    right = estimate_periodic(robot_of(cell), [whole])
-    made, wrong = (estimate_periodic(robot_of(cell), [a]) for a in (in_time, delayed))
+    right = fit_periodic(robot_of(cell), [whole]).estimate()
+    made, wrong = (fit_periodic(robot_of(cell), [a]).estimate() for a in (in_time, delayed))
     np.testing.assert_array_less(np.abs(made.values - right.values), 0.1 * right.sigma)
     assert np.any(np.abs(wrong.values - right.values) > 5.0 * right.sigma)
 

@@ -10,7 +10,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from dynamics.kernels.presliding import AT_ONCE
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
 from tests.builders.raised_codes import raises_code
 from tests.builders.remembering_arm import (
@@ -96,7 +96,7 @@ def recovered(seed: int) -> tuple[FloatArray, FloatArray]:
     q = way[0]
     directions = {1: iwan(q[:, 1], DISTANCE), 2: iwan(q[:, 2], DISTANCE / 4.0)}
     measured = recording(directions, way, noise_nm=6.0, seed=seed)
-    estimate: Estimate = estimate_smoothed(with_presliding((1, 2), 0.01), [measured])
+    estimate: Estimate = fit_smoothed(with_presliding((1, 2), 0.01), [measured]).estimate()
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
 
 
@@ -105,7 +105,7 @@ def shared(seed: int) -> tuple[FloatArray, FloatArray]:
     way = motion(40.0, seed)
     measured = recording({1: partly(way[0][:, 1], 0.5)}, way, noise_nm=6.0, seed=seed)
     robot = with_presliding((1,), 0.01, share=0.7)
-    estimate = estimate_smoothed(robot, [measured])
+    estimate = fit_smoothed(robot, [measured]).estimate()
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
 
 
@@ -157,7 +157,7 @@ def test_a_pause_counts_the_same_however_long_it_is() -> None:
     measured = recording({1: iwan(q[:, 1], DISTANCE)}, WAY)
     robot = with_presliding((1,), 0.01)
     short_rest, long_rest = (
-        estimate_smoothed(robot, [paused(measured, seconds)]) for seconds in (1.0, 60.0)
+        fit_smoothed(robot, [paused(measured, seconds)]).estimate() for seconds in (1.0, 60.0)
     )
     np.testing.assert_allclose(long_rest.values, short_rest.values, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(

@@ -13,7 +13,7 @@ from acquisition.processing.periods import average_periods
 from acquisition.recording.recording import Recording
 from config.errors import DataQualityError, EstimationError
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from identification.validation.torque_prediction import Validation, validate
 from tests.builders.raised_codes import raises_code
 
@@ -26,9 +26,9 @@ Run = Callable[[MotionSamples, int], Recording]
 
 @pytest.fixture(scope="module")
 def identified(arm: KnownArm, run: Run) -> Estimate:
-    return estimate_periodic(
+    return fit_periodic(
         arm.robot, [average_periods(run(arm.motion.plan(arm.robot, 0.008), 0))]
-    )
+    ).estimate()
 
 
 @pytest.fixture(scope="module")

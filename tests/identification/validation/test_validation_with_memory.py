@@ -8,7 +8,7 @@ import pytest
 from config.arrays import FloatArray
 from config.errors import DataQualityError
 from identification.estimation.estimate import Estimate
-from identification.estimation.estimators import estimate_smoothed
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import Validation, relative_of_both, validate
 from rid_daq.report.sections.curves import TorqueCurves
@@ -53,7 +53,9 @@ def directions(q: FloatArray) -> dict[int, FloatArray]:
 def identified() -> Estimate:
     """Of an arm whose second axis remembers."""
     way = motion(40.0, 1)
-    return estimate_smoothed(with_presliding([1], DISTANCE), [recording(directions(way[0]), way)])
+    return fit_smoothed(
+        with_presliding([1], DISTANCE), [recording(directions(way[0]), way)]
+    ).estimate()
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +137,7 @@ def test_two_models_are_compared_on_what_counts_for_both(
     identified: Estimate, begun_in_motion: Validation
 ) -> None:
     way = motion(40.0, 1)
-    plain = estimate_smoothed(arm(), [recording(directions(way[0]), way)])
+    plain = fit_smoothed(arm(), [recording(directions(way[0]), way)]).estimate()
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
     sliding = validate(plain, later, cutoff_hz=5.0)
     assert sliding.known.all()

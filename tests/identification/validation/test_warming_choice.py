@@ -13,8 +13,8 @@ from config.arrays import FloatArray
 from dynamics.terms.conditions import Conditions
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.warming_choice import choose_warming
 from tests.builders.remembering_arm import arm
 from tests.builders.warming_arm import (
@@ -44,7 +44,7 @@ def found(warm: SmoothedSignals) -> Warming:
 
 def fitted(warming: Warming, signals: SmoothedSignals) -> Estimate:
     robot = warming.robot(arm())
-    estimate = estimate_smoothed(robot, [warming.warmed(robot, signals)])
+    estimate = fit_smoothed(robot, [warming.warmed(robot, signals)]).estimate()
     return replace(estimate, warming=warming)
 
 
@@ -81,7 +81,7 @@ def test_the_time_constant_is_that_of_friction_that_heats_less_as_it_falls(
 
 def test_another_recording_is_predicted_better(found: Warming, warm: SmoothedSignals) -> None:
     other = recording(240.0, TIME_CONSTANTS_S, seed=1, copper_w=COPPER_W)
-    plain = error_nm(estimate_smoothed(arm(), [warm]), other)
+    plain = error_nm(fit_smoothed(arm(), [warm]).estimate(), other)
     better = error_nm(fitted(found, warm), other)
     assert np.all(better[[0, 2]] < 0.75 * plain[[0, 2]])
     assert better[1] == pytest.approx(plain[1], rel=0.02)

@@ -12,8 +12,8 @@ from acquisition.processing.dead_torque import dead_torques
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.load import to_yaml
-from identification.estimation.estimators import estimate_smoothed
 from identification.estimation.file import write_estimate
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from rid_daq.app import run
@@ -57,7 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dead")
     sound = recorded(folder, SOUND)
     options = EstimationOptions(ModelOptions(friction_terms=("viscous",)))
-    estimate = estimate_smoothed(ROBOT, [smooth_nonperiodic(sound, 5.0)], options)
+    estimate = fit_smoothed(ROBOT, [smooth_nonperiodic(sound, 5.0)], options).estimate()
     write_estimate(folder / "model.json", estimate)
     recorded(folder, with_dead(6))
     words = [str(folder / "rec.csv"), "--map", str(folder / "map.yaml"), "--label", "dead"]

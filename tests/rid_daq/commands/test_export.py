@@ -26,8 +26,8 @@ from dynamics.model.true_parameters import true_parameters
 from identification.consistency.closest_robot import consistent
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate, predict
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.estimation.fitted_periods import fit_periodic
 from identification.model.options import ModelOptions
 from rid_daq.app import run
 
@@ -61,7 +61,7 @@ def estimate() -> Estimate:
         sample_period_s=CYCLE_S,
         samples_per_period=len(times),
     )
-    return estimate_periodic(cell.robot, [average_periods(recording)], run_ids=("made */ up",))
+    return fit_periodic(cell.robot, [average_periods(recording)]).estimate(run_ids=("made */ up",))
 
 
 @pytest.fixture

@@ -40,7 +40,7 @@ from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript, RegisterFault
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
-from identification.estimation.estimators import estimate_periodic
+from identification.estimation.fitted_periods import fit_periodic
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
@@ -179,7 +179,7 @@ class TestACoupledRobot:
     ) -> None:
         assert loaded.plant is not None
         _, recording, _ = excited
-        estimate = estimate_periodic(wrist, [average_periods(recording)])
+        estimate = fit_periodic(wrist, [average_periods(recording)]).estimate()
         model = RobotModel.from_description(wrist)
         truth = true_parameters(model, wrist, loaded.plant)
         deviation = (estimate.values - estimate.base.from_standard(truth)) / estimate.sigma
@@ -200,7 +200,7 @@ class TestACoupledRobot:
         assert loaded.plant is not None
         _, recording, _ = excited
         blind = wrist.model_copy(update={"coupling": None})
-        estimate = estimate_periodic(blind, [average_periods(recording)])
+        estimate = fit_periodic(blind, [average_periods(recording)]).estimate()
         model = RobotModel.from_description(blind)
         truth = estimate.base.from_standard(true_parameters(model, blind, loaded.plant))
         friction = [name.startswith(("fc_", "fv_")) for name in estimate.base.names]

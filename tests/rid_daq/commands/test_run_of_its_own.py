@@ -23,8 +23,8 @@ from config.load import load_cell, to_yaml
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.model.true_parameters import true_parameters
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
-from identification.estimation.estimators import estimate_periodic
 from identification.estimation.file import write_estimate
+from identification.estimation.fitted_periods import fit_periodic
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.told import document
@@ -98,7 +98,9 @@ def make(workshop: Path) -> Made:
                 writer.abandon()
         if status is not None:
             average = average_periods(read_journal(folder.file(RECORDING)).recording())
-            write_estimate(folder.path / "model.json", estimate_periodic(cell.robot, [average]))
+            write_estimate(
+                folder.path / "model.json", fit_periodic(cell.robot, [average]).estimate()
+            )
             folder.finish(status, {"rows": count})
         return folder
 
